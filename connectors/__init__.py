@@ -1,0 +1,1 @@
+"""Where recordings come from: one connector per kind of source, all behind one protocol."""

@@ -1,0 +1,97 @@
+"""The seam to every source of data: ``Connector``, what it is asked, and how it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Protocol, runtime_checkable
+
+from stemwatch.models.recording import Recording, Role
+
+
+class ConnectorError(Exception):
+    """A source could not be read. The text names the source, what was found, what was expected,
+    and what to do about it."""
+
+
+class UnreadableSource(ConnectorError):
+    """The source as a whole makes no sense: not there, not text, no time column, no numbers."""
+
+
+class MappingNeeded(ConnectorError):
+    """The source is readable, but which tag is OP or MV must be said by a person."""
+
+
+class UnknownTag(ConnectorError):
+    """A tag was asked for that the source does not have; the text lists the nearest ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TagMapping:
+    """One tag of a valve: where the signal is, and what turns it into percent.
+
+    ``low`` and ``high`` are the engineering values at 0 % and 100 %; without them the values are
+    taken as they are, as percent where ``unit`` is ``%`` or empty.
+    """
+
+    tag: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValveTags:
+    """A valve's name and the tag of each role the source should deliver. OP is required."""
+
+    valve: str
+    tags: Mapping[Role, TagMapping]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """A time window, both ends timezone aware; ``None`` is open."""
+
+    start: datetime | None = None
+    stop: datetime | None = None
+
+    def __post_init__(self) -> None:
+        for name, instant in (("start", self.start), ("stop", self.stop)):
+            if instant is not None and instant.tzinfo is None:
+                raise ValueError(f"window {name} must be timezone aware, received {instant}")
+
+
+WHOLE = Window()
+
+
+@dataclass(frozen=True, kw_only=True)
+class TagInfo:
+    """What a source says of one of its tags, before anyone has given it a role."""
+
+    tag: str
+    unit: str = ""
+    description: str = ""
+    samples: int = 0
+    proposed_role: Role | None = None  # only where tag and description leave no doubt
+    proposed_valve: str = ""  # the loop the tag seems to belong to
+    remark: str = ""  # why a role was or was not proposed
+    facts: Mapping[str, float] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Connector(Protocol):
+    """One source of recordings, opened and ready.
+
+    An implementation must
+    1. list its tags without reading more than it has to,
+    2. give one ``Recording`` for a valve's tags and a window: percent of span where ranges are
+       given, one even clock, UTC, bad samples masked with their reason, nothing interpolated,
+    3. raise ``UnknownTag`` for a tag it does not have and ``ConnectorError`` for what it cannot
+       read, and never return samples outside the window,
+    4. only ever read.
+    """
+
+    def tags(self) -> Sequence[TagInfo]: ...
+
+    def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording: ...

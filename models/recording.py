@@ -1,0 +1,204 @@
+"""``Recording``: one valve's signals on one clock. The rest of the code knows recordings, never files.
+
+Every signal is a pair of arrays of the same length: ``values`` (NaN wherever no honest number is
+known) and ``quality`` (why). Nothing is interpolated; a hole in the source is a hole here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from enum import IntEnum, StrEnum
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+QualityCodes = NDArray[np.uint8]
+
+PERCENT = "%"
+
+
+class Role(StrEnum):
+    """What a signal is to its valve."""
+
+    OP = "op"  # controller output, the command to the valve
+    MV = "mv"  # measured valve position (stem or flow standing for it); never guessed from a tag
+    PV = "pv"  # process variable, the controlled measurement
+    SP = "sp"  # set point
+    MODE = "mode"  # controller mode: 1 automatic, 0 manual
+
+
+class Quality(IntEnum):
+    """Why a sample is or is not to be believed."""
+
+    GOOD = 0
+    HELD = 1  # the archive repeated the last value and says so
+    BAD = 2  # a status word or a quality code said bad
+    MISSING = 3  # no sample at this instant: a gap in the source
+    CODE = 4  # a state code in a value slot (a denormal float, a digital state number)
+    RANGE = 5  # outside what the signal can be
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One role's samples.
+
+    ``values`` (n,) float64, NaN where ``quality`` is not GOOD or HELD; ``quality`` (n,) uint8 of
+    ``Quality``. ``unit`` is ``%`` when the values are percent of span or of travel. ``interval_s``
+    is the signal's own rate of change in the source where that is slower than the clock's.
+    """
+
+    values: Floats
+    quality: QualityCodes
+    tag: str
+    unit: str = PERCENT
+    interval_s: float | None = None
+
+    def __post_init__(self) -> None:
+        values = np.ascontiguousarray(self.values, dtype=np.float64)
+        quality = np.ascontiguousarray(self.quality, dtype=np.uint8)
+        if values.ndim != 1 or values.shape != quality.shape:
+            raise ValueError(
+                f"{self.tag}: values and quality must be one-dimensional and equally long; "
+                f"received shapes {values.shape} and {quality.shape}"
+            )
+        values = np.where(quality <= Quality.HELD, values, np.nan)
+        values.flags.writeable = False
+        quality.flags.writeable = False
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "quality", quality)
+
+    @classmethod
+    def good(cls, values: Floats, tag: str, unit: str = PERCENT) -> Signal:
+        """A signal whose finite samples are all good; NaN becomes MISSING."""
+        values = np.asarray(values, dtype=np.float64)
+        quality = np.where(np.isfinite(values), Quality.GOOD, Quality.MISSING)
+        return cls(values=values, quality=quality.astype(np.uint8), tag=tag, unit=unit)
+
+    @property
+    def usable(self) -> Bools:
+        """(n,) True where a fit may use the sample: good and finite."""
+        return np.asarray((self.quality == Quality.GOOD) & np.isfinite(self.values))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockFacts:
+    """What the source's clock was like before the samples were laid on the even one."""
+
+    jitter_s: float = 0.0  # median absolute deviation of the steps from the interval
+    gaps: int = 0  # steps longer than 1.5 intervals
+    longest_gap_s: float = 0.0
+    repeated_times: int = 0
+    backward_steps: int = 0
+    zone: str = ""  # how times became UTC, in one sentence; empty when the source had no times
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Where a recording came from."""
+
+    source: str  # the path or address as the user gave it
+    digest: str = ""  # sha256 of the source's bytes, hexadecimal
+    layout: str = ""  # what the reader understood, in words
+    decisions: tuple[str, ...] = ()  # each choice the reader made, one sentence each
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """One valve's signals on one even clock of ``interval_s`` seconds.
+
+    ``start`` is the UTC time of sample 0, or ``None`` where the source's zone is not known (then
+    durations are right and the date is not). OP is always there; MV, PV, SP and mode may not be.
+    Raises ``ValueError`` on unequal lengths, a naive start or an interval that is not positive.
+    """
+
+    valve: str
+    signals: Mapping[Role, Signal]
+    interval_s: float
+    start: datetime | None = None
+    clock: ClockFacts = field(default_factory=ClockFacts)
+    provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
+
+    def __post_init__(self) -> None:
+        if Role.OP not in self.signals:
+            raise ValueError(f"{self.valve}: a recording needs the controller output (OP)")
+        lengths = {role.value: signal.values.size for role, signal in self.signals.items()}
+        if len(set(lengths.values())) != 1:
+            raise ValueError(f"{self.valve}: signals of one length expected, received {lengths}")
+        if not (np.isfinite(self.interval_s) and self.interval_s > 0):
+            raise ValueError(f"{self.valve}: interval_s must be positive: {self.interval_s}")
+        if self.start is not None and self.start.tzinfo is None:
+            raise ValueError(f"{self.valve}: start must be timezone aware, received {self.start}")
+        if self.start is not None:
+            object.__setattr__(self, "start", self.start.astimezone(UTC))
+        object.__setattr__(self, "signals", MappingProxyType(dict(self.signals)))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # A mapping proxy cannot be pickled, and recordings travel to worker processes.
+        state = {
+            "valve": self.valve,
+            "signals": dict(self.signals),
+            "interval_s": self.interval_s,
+            "start": self.start,
+            "clock": self.clock,
+            "provenance": self.provenance,
+        }
+        return (_rebuild, (state,))
+
+    def __len__(self) -> int:
+        return int(self.signals[Role.OP].values.size)
+
+    def get(self, role: Role) -> Signal | None:
+        """The signal of ``role``, or ``None`` where the source has none."""
+        return self.signals.get(role)
+
+    @property
+    def op(self) -> Signal:
+        return self.signals[Role.OP]
+
+    @property
+    def mv(self) -> Signal | None:
+        return self.signals.get(Role.MV)
+
+    @property
+    def usable(self) -> Bools:
+        """(n,) True where OP and, if there is one, MV may be used by a fit."""
+        ok = self.op.usable
+        return ok & self.mv.usable if self.mv is not None else ok
+
+    @property
+    def time_s(self) -> Floats:
+        """(n,) seconds since the first sample."""
+        return np.arange(len(self), dtype=np.float64) * self.interval_s
+
+    @property
+    def duration_s(self) -> float:
+        return len(self) * self.interval_s
+
+    @property
+    def end(self) -> datetime | None:
+        """UTC time just after the last sample."""
+        if self.start is None:
+            return None
+        return self.start + timedelta(seconds=self.duration_s)
+
+    def part(self, first: int, last: int) -> Recording:
+        """Samples ``first`` (inclusive) to ``last`` (exclusive)."""
+        signals = {
+            role: replace(
+                signal, values=signal.values[first:last], quality=signal.quality[first:last]
+            )
+            for role, signal in self.signals.items()
+        }
+        start = self.start
+        if start is not None:
+            start += timedelta(seconds=first * self.interval_s)
+        return replace(self, signals=signals, start=start)
+
+
+def _rebuild(state: dict[str, object]) -> Recording:
+    return Recording(**state)  # type: ignore[arg-type]

@@ -1,0 +1,23 @@
+"""The words a screening ends in."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Verdict(StrEnum):
+    """What the recording says about the valve."""
+
+    HEALTHY = "healthy"
+    WATCH = "watch"
+    STICKY = "sticky"
+    UNDETERMINED = "undetermined"
+
+
+class Shape(StrEnum):
+    """The four shapes of the OP-MV loop (Choudhury 2005; Zabiri et al., section IV)."""
+
+    DEADBAND = "deadband"  # J = 0
+    UNDERSHOOT = "undershoot"  # S > J > 0
+    NO_OFFSET = "no offset"  # S = J
+    OVERSHOOT = "overshoot"  # S < J
