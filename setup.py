@@ -1,4 +1,4 @@
-"""Import each top-level folder as ``stemwatch.<folder>``; everything else stands in pyproject.toml."""
+"""Import each top-level folder as ``stemwatch.<folder>``; the rest stands in pyproject.toml."""
 
 from setuptools import find_namespace_packages, setup
 

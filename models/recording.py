@@ -1,4 +1,4 @@
-"""``Recording``: one valve's signals on one clock. The rest of the code knows recordings, never files.
+"""``Recording``: one valve's signals on one clock. The rest of the code never sees files.
 
 Every signal is a pair of arrays of the same length: ``values`` (NaN wherever no honest number is
 known) and ``quality`` (why). Nothing is interpolated; a hole in the source is a hole here.
