@@ -28,13 +28,15 @@ def _zero(values: Floats) -> float:
 def noise_sigma(values: Floats) -> float:
     """Standard deviation of white measurement noise, in the signal's own unit.
 
-    ``1.4826 MAD(diff) / sqrt(2)``: slips are few, so the median does not see them. A quantised or
-    noiseless signal gives 0; widen by ``quantum / sqrt(12)`` where that matters.
+    ``1.4826 MAD(y[k+1] - 2 y[k] + y[k-1]) / sqrt(6)``: second differences do not see a steady
+    motion and the median does not see slips. A quantised or noiseless signal gives 0; widen by
+    ``quantum / sqrt(12)`` where that matters.
     """
-    steps = _steps(values)
-    if steps.size < 2:
+    bends = np.diff(values, n=2)
+    bends = bends[np.isfinite(bends)]
+    if bends.size < 3:
         return 0.0
-    return float(1.4826 * np.median(np.abs(steps - np.median(steps))) / np.sqrt(2.0))
+    return float(1.4826 * np.median(np.abs(bends - np.median(bends))) / np.sqrt(6.0))
 
 
 def quantum(values: Floats) -> float:

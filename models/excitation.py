@@ -1,0 +1,70 @@
+"""How much a recording could have shown: reversals, travel, swing, slips."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from stemwatch.models.recording import Floats
+
+
+@njit(cache=True)
+def _turning_points(values: Floats, threshold: float, out: NDArray[np.int64]) -> int:
+    """Zigzag: indices of extremes that are followed by a move of at least ``threshold``."""
+    count = high = low = direction = 0
+    for k in range(1, values.size):
+        if direction >= 0 and values[k] > values[high]:
+            high = k
+        if direction <= 0 and values[k] < values[low]:
+            low = k
+        if direction >= 0 and values[high] - values[k] >= threshold:
+            if direction > 0:
+                out[count] = high
+                count += 1
+            direction, low = -1, k
+        elif direction <= 0 and values[k] - values[low] >= threshold:
+            if direction < 0:
+                out[count] = low
+                count += 1
+            direction, high = 1, k
+    return count
+
+
+def reversals(values: Floats, threshold: float) -> NDArray[np.int64]:
+    """Indices at which ``values`` (n,), finite, turns round by at least ``threshold``.
+
+    Noise smaller than the threshold makes no reversal.
+    """
+    out = np.empty(values.size, dtype=np.int64)
+    count = _turning_points(np.ascontiguousarray(values), max(threshold, 1e-12), out)
+    return np.asarray(out[:count])
+
+
+def travel(values: Floats, threshold: float) -> float:
+    """Sum of the moves between reversals, in the unit of ``values``: wear, without the noise."""
+    if values.size < 2:
+        return 0.0
+    turns = reversals(values, threshold)
+    points = np.concatenate((values[:1], values[turns], values[-1:]))
+    moves = np.abs(np.diff(points))
+    return float(moves[moves >= threshold].sum())
+
+
+def slips(values: Floats, sigma: float) -> int:
+    """Number of jumps: runs of steps beyond ``5 sqrt(2) sigma`` that follow a step within it.
+
+    A valve that follows smoothly moves by less than this per sample, or without a pause before.
+    """
+    steps = np.abs(np.diff(values))
+    jump = steps > 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
+    return int(np.sum(jump[1:] & ~jump[:-1]))
+
+
+def swing(values: Floats) -> float:
+    """Range from the 1st to the 99th percentile, ignoring NaN; 0 where nothing is finite."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.0
+    low, high = np.percentile(finite, (1.0, 99.0))
+    return float(high - low)

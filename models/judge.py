@@ -1,0 +1,227 @@
+"""From the evidence to a verdict, in words for someone who holds a spanner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import Residual
+from stemwatch.models.limits import Limits
+from stemwatch.models.quality import Obstacle
+from stemwatch.models.recording import Floats
+from stemwatch.models.verdict import Shape, Verdict
+
+# J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).
+DEADBAND_BELOW = 0.1
+NO_OFFSET = (0.85, 1.15)
+# Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
+FRICTION_MEAN, FRICTION_T = 0.05, 2.0
+EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
+NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
+
+NEXT = {
+    Shape.DEADBAND: (
+        "The stem follows late but does not jump: look first for play in the linkage, the "
+        "actuator coupling and the positioner's feedback arm, then for tight packing. Step OP by "
+        "1 % up and down to confirm."
+    ),
+    Shape.UNDERSHOOT: (
+        "The stem sticks and jumps: check packing (over-tightened, dry or hardened), stem and "
+        "guide for scoring, and the positioner and its air supply. Step OP by 1 % to confirm."
+    ),
+    Shape.NO_OFFSET: (
+        "The stem sticks and jumps right to the command: static friction is high and sliding "
+        "friction low. Check packing and lubrication, then seat and guide. Step OP by 1 % to "
+        "confirm."
+    ),
+    Shape.OVERSHOOT: (
+        "The stem jumps past the command, which friction alone cannot do: check the positioner's "
+        "tuning (gain too high) and the actuator's size and air supply, then the packing."
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What the judge is shown of one valve. S and J in percent of OP span."""
+
+    S: Estimate
+    J: Estimate
+    S_draws: Floats  # bootstrap draws of S
+    friction_mean: float  # held-out advantage of a model with friction over one without
+    friction_t: float
+    stiction: Residual | None
+    narx: Residual | None
+    sigma: float  # measurement noise of the position, percent
+    baseline_ratio: float | None
+    cycling_s: float | None  # period of the loop's regular oscillation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """The verdict with its reason, the next step, its rank and its confidence."""
+
+    verdict: Verdict
+    reason: str
+    advice: str
+    shape: Shape | None = None
+    severity: float = 0.0
+    confidence: float | None = None
+
+
+def shape_of(S: float, J: float) -> Shape:
+    """The shape of the OP-MV loop by its ratio J/S."""
+    ratio = J / S if S > 0 else 0.0
+    if ratio < DEADBAND_BELOW:
+        return Shape.DEADBAND
+    if ratio < NO_OFFSET[0]:
+        return Shape.UNDERSHOOT
+    return Shape.NO_OFFSET if ratio <= NO_OFFSET[1] else Shape.OVERSHOOT
+
+
+def undetermined(obstacles: tuple[Obstacle, ...]) -> Judgement:
+    """No verdict, because of the first obstacle; all of them count, the first is said."""
+    first = obstacles[0]
+    more = f" (and {len(obstacles) - 1} more, see data quality)" if len(obstacles) > 1 else ""
+    return Judgement(
+        verdict=Verdict.UNDETERMINED,
+        reason=f"Cannot tell: {first.reason}{more}.",
+        advice=first.remedy,
+        severity=15.0,
+    )
+
+
+def _percent(value: float | None) -> str:
+    return "?" if value is None else f"{value:.1f} %"
+
+
+def _width(evidence: Evidence) -> str:
+    S = evidence.S
+    return f"{_percent(S.value)} ({_percent(S.low)} to {_percent(S.high)})"
+
+
+def _unexplained(evidence: Evidence, limits: Limits) -> str | None:
+    """Why S and J do not describe this valve, or ``None`` where they do."""
+    residual = evidence.stiction
+    if residual is None or residual.rmse <= max(3.0 * evidence.sigma, NEGLIGIBLE_PERCENT):
+        return None
+    if residual.fit_percent >= limits.min_fit_percent:
+        return None
+    best = evidence.sigma
+    text = f"friction explains only {max(residual.fit_percent, 0.0):.0f} % of how the stem moves"
+    if evidence.narx is not None:
+        best = max(best, evidence.narx.rmse)
+        if evidence.narx.fit_percent > residual.fit_percent + 10.0:
+            text += f", while a neural network follows {evidence.narx.fit_percent:.0f} %"
+    return text if residual.rmse > EXPLAINS_AS_WELL * best or residual.fit_percent < 20 else None
+
+
+def _sticky(evidence: Evidence, limits: Limits) -> Judgement:
+    S, J = float(evidence.S.value or 0.0), float(evidence.J.value or 0.0)
+    shape = shape_of(S, J)
+    jump = f", then jumps {_percent(J)}" if shape is not Shape.DEADBAND else " and then follows"
+    cycle = ""
+    if evidence.cycling_s is not None:
+        cycle = f"; the loop cycles every {evidence.cycling_s:.0f} s"
+    return Judgement(
+        verdict=Verdict.STICKY,
+        reason=(
+            f"The stem sticks: after a reversal OP must move {_width(evidence)} before the stem "
+            f"lets go{jump}{cycle}."
+        ),
+        advice=NEXT[shape],
+        shape=shape,
+        severity=50.0 + 50.0 * float(1.0 - np.exp(-(S + J) / 8.0)),
+        confidence=float(np.mean(evidence.S_draws >= limits.sticky_S_percent)),
+    )
+
+
+def _watch(evidence: Evidence, limits: Limits, why: str, confidence: float) -> Judgement:
+    S, J = float(evidence.S.value or 0.0), float(evidence.J.value or 0.0)
+    return Judgement(
+        verdict=Verdict.WATCH,
+        reason=why,
+        advice=(
+            "Screen it again next week; plan a check of packing and positioner if S grows or the "
+            "loop begins to cycle."
+        ),
+        shape=shape_of(S, J) if S >= limits.watch_S_percent else None,
+        severity=25.0 + 20.0 * float(1.0 - np.exp(-(S + J) / 3.0)),
+        confidence=confidence,
+    )
+
+
+def _healthy(evidence: Evidence, limits: Limits) -> Judgement:
+    text = f"The stem follows: S is {_width(evidence)}."
+    advice = "Nothing to do at the valve."
+    if evidence.cycling_s is not None:
+        text += f" The loop oscillates all the same, every {evidence.cycling_s:.0f} s."
+        advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
+    S = float(evidence.S.value or 0.0)
+    return Judgement(
+        verdict=Verdict.HEALTHY,
+        reason=text,
+        advice=advice,
+        severity=10.0 * min(S / limits.watch_S_percent, 1.0),
+        confidence=float(np.mean(evidence.S_draws < limits.sticky_S_percent)),
+    )
+
+
+def _cannot_tell(reason: str, advice: str) -> Judgement:
+    return Judgement(
+        verdict=Verdict.UNDETERMINED,
+        reason=f"Cannot tell: {reason}.",
+        advice=advice,
+        severity=20.0,
+    )
+
+
+def judge(evidence: Evidence, limits: Limits) -> Judgement:
+    """Weigh the evidence of a recording that has no obstacle.
+
+    sticky: even the low end of S reaches the limit, and a valve without friction fits worse on
+    data that neither model was fitted to. watch: S itself reaches the lower limit, or the valve
+    has moved away from its baseline. healthy: even the high end of S stays below the sticky limit.
+    """
+    unexplained = _unexplained(evidence, limits)
+    if unexplained is not None:
+        return _cannot_tell(
+            f"{unexplained}, so S and J would mean nothing",
+            "Something else moves this stem (positioner, actuator, air supply, the reading "
+            "itself): look at the residual plots, and do a stroke test with small steps.",
+        )
+    S, low, high = evidence.S.value, evidence.S.low, evidence.S.high
+    if S is None or low is None or high is None:
+        return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
+    friction = evidence.friction_mean >= FRICTION_MEAN and evidence.friction_t >= FRICTION_T
+    if low >= limits.sticky_S_percent:
+        if friction:
+            return _sticky(evidence, limits)
+        return _cannot_tell(
+            f"S of {_width(evidence)} would fit, but a slow actuator without friction fits as well",
+            "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
+            "the larger one.",
+        )
+    if S >= limits.watch_S_percent:
+        if high > 3.0 * limits.sticky_S_percent and low < limits.watch_S_percent:
+            return _cannot_tell(
+                f"S lies anywhere between {_percent(low)} and {_percent(high)}",
+                "Record a longer window, or one in which OP reverses more often.",
+            )
+        share = float(np.mean(evidence.S_draws >= limits.watch_S_percent))
+        return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
+    ratio = evidence.baseline_ratio
+    if ratio is not None and ratio > limits.baseline_ratio_watch:
+        why = (
+            f"The stem still follows (S {_width(evidence)}), but {ratio:.1f} times worse than in "
+            "its baseline window."
+        )
+        return _watch(evidence, limits, why, 0.5)
+    if high >= limits.sticky_S_percent:
+        return _cannot_tell(
+            f"S is probably {_percent(S)} but may be {_percent(high)}",
+            "Record a longer window, or one in which OP reverses more often.",
+        )
+    return _healthy(evidence, limits)

@@ -1,0 +1,34 @@
+"""The limits a verdict is measured against, each of which ``plant.toml`` may set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Limits of a screening, each with the unit in its name.
+
+    ``watch_S_percent`` and ``sticky_S_percent`` are compared with the interval of S, not with its
+    value: a valve is called sticky when even the low end of S reaches the limit. A dead band and
+    resolution of about 1 % together is what specifications for good control valves ask for
+    (EnTech Control Valve Dynamic Specification 3.0, quoted from memory).
+    """
+
+    watch_S_percent: float = 0.75
+    sticky_S_percent: float = 1.5
+    min_reversals: float = 4.0  # reversals of OP that are larger than its noise
+    min_samples_per_cycle: float = 6.0  # samples per cycle of the OP's own movement
+    min_duration_s: float = 300.0
+    min_samples: float = 200.0
+    max_bad_share: float = 0.3  # share of OP, MV pairs that may be unusable
+    max_interpolated_share: float = 0.35  # share of samples that a historian drew, not measured
+    min_fit_percent: float = 40.0  # held-out fit below which S and J describe nothing
+    baseline_ratio_watch: float = 1.8  # how much worse than its baseline a valve may follow
+
+    def __post_init__(self) -> None:
+        if not 0 < self.watch_S_percent <= self.sticky_S_percent:
+            raise ValueError(
+                "expected 0 < watch_S_percent <= sticky_S_percent, received "
+                f"{self.watch_S_percent} and {self.sticky_S_percent}"
+            )

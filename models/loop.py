@@ -1,0 +1,84 @@
+"""What the loop shows with or without a valve position: does it oscillate, and how regularly?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.recording import Floats, Recording, Role
+
+MIN_CROSSINGS = 6  # zero crossings of the autocorrelation that make a period
+# Regularity above 1 is the usual criterion for an oscillation (Thornhill, Huang and Zhang 2003,
+# quoted from memory): the spread of the half periods is below a third of their mean.
+REGULAR = 1.0
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """Period in seconds and regularity of a signal's oscillation."""
+
+    period_s: float
+    regularity: float
+
+    @property
+    def regular(self) -> bool:
+        return self.regularity > REGULAR
+
+
+def _autocorrelation(values: Floats) -> Floats:
+    centred = values - values.mean()
+    size = 1 << int(np.ceil(np.log2(2 * centred.size)))
+    spectrum = np.fft.rfft(centred, size)
+    acf = np.fft.irfft(spectrum * np.conj(spectrum), size)[: centred.size]
+    return np.asarray(acf / acf[0])
+
+
+def _high_pass(values: Floats, interval_s: float) -> Floats:
+    """Take out what is slower than a quarter of the record: drift is no oscillation."""
+    spectrum = np.fft.rfft(values - values.mean())
+    frequency = np.fft.rfftfreq(values.size, interval_s)
+    spectrum[frequency < 4.0 / (values.size * interval_s)] = 0.0
+    return np.asarray(np.fft.irfft(spectrum, values.size))
+
+
+def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
+    """Oscillation of a signal (n,) without holes, or ``None`` where there is nothing to measure.
+
+    Zero crossings of the autocorrelation give half periods ``h``; the period is ``2 mean(h)`` and
+    the regularity ``mean(h) / (3 std(h)) * sqrt(...)`` in the common form ``T / (3 std(T))`` over
+    full periods.
+    """
+    if values.size < 64 or float(np.std(values)) < 1e-9 * (1.0 + float(np.abs(values).max())):
+        return None
+    acf = _autocorrelation(_high_pass(values, interval_s))[: values.size // 2]
+    sign = np.signbit(acf)
+    crossings = np.flatnonzero(sign[1:] != sign[:-1])[: 2 * MIN_CROSSINGS]
+    if crossings.size < MIN_CROSSINGS:
+        return None
+    left, right = acf[crossings], acf[crossings + 1]
+    exact = crossings + left / (left - right)
+    half = np.diff(exact)
+    period = 2.0 * float(half.mean()) * interval_s
+    scatter = float(half.std(ddof=1)) * interval_s * 2.0
+    return Oscillation(period_s=period, regularity=period / (3.0 * scatter + 1e-9))
+
+
+def _filled(values: Floats) -> Floats | None:
+    finite = np.isfinite(values)
+    if finite.sum() < 64:
+        return None
+    index = np.arange(values.size)
+    return np.interp(index, index[finite], values[finite])
+
+
+def loop_oscillation(recording: Recording) -> dict[Role, Oscillation]:
+    """The oscillation of each signal of the loop that has one, regular or not."""
+    found: dict[Role, Oscillation] = {}
+    for role in (Role.OP, Role.PV, Role.MV):
+        signal = recording.get(role)
+        filled = None if signal is None else _filled(np.asarray(signal.values))
+        seen = None if filled is None else oscillation(filled, recording.interval_s)
+        if seen is not None:
+            found[role] = seen
+    return found
