@@ -12,7 +12,7 @@ always taken from the simplest hypothesis that the recording cannot reject in fa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,11 @@ SEED = 20051
 # without need costs a little precision, taking ``sticking`` in spite of a lag costs the truth.
 MIN_GAIN = 0.03
 MIN_T = 0.5
+
+# When a moving stem sticks again, %/s of the actuator.
+CANONICAL, ALWAYS, ONLY_WHEN_TURNING = 0.0, np.inf, -1e-9
+COARSE_COMMAND = 0.05  # share of repeated commands from which a held command may be a coarse one
+CLEARLY = 0.9  # share of the canonical reading's loss that another reading must reach
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,7 @@ class Workbench:
     problem: Problem
     bounds: Bounds
     delta: float  # scale of the robust loss, percent
-    hold_stops: bool
+    restick: float  # %/s, see the kernel
     free_gain: bool
 
     def loss(self, blocks: Bools) -> Loss:
@@ -75,10 +80,11 @@ class Workbench:
         return value
 
     def block_losses(self, candidates: Floats) -> tuple[Floats, Floats]:
-        return self.problem.losses(to_kernel(candidates, self.hold_stops), self.delta)
+        return self.problem.losses(to_kernel(candidates, self.restick), self.delta)
 
-    def simulate(self, candidate: Floats) -> Floats:
-        return self.problem.simulate(to_kernel(candidate, self.hold_stops)[0])
+    def simulate(self, candidate: Floats, *, resynced: bool = False) -> Floats:
+        q = to_kernel(candidate, self.restick)[0]
+        return self.problem.simulate(q, resynced=resynced)
 
     def spread(self, free: tuple[int, ...], scale: float) -> Floats:
         """(9,) widths of a search over the free coordinates and the reading's own."""
@@ -243,16 +249,15 @@ class StickSlipFit:
     def J(self) -> float:
         return float(self.candidate[at.S_PERCENT] * self.candidate[at.RATIO])
 
-    def simulated(self) -> Floats:
-        """(n,) free run of MV with the parameters of the whole record."""
-        return self.bench.simulate(self.candidate)
+    def heldout(self, *, resynced: bool = False) -> Floats:
+        """(n,) free run of MV with the parameters of the training part.
 
-    def heldout(self) -> Floats:
-        """(n,) free run of MV with the parameters of the training part."""
-        return self.bench.simulate(self.trained)
+        ``resynced``: put right at the start of each block of time, as in the fit.
+        """
+        return self.bench.simulate(self.trained, resynced=resynced)
 
 
-def _workbench(problem: Problem, base: Floats, hold_stops: bool, delta: float) -> Workbench:
+def _workbench(problem: Problem, base: Floats, delta: float) -> Workbench:
     free_gain = not problem.mv_is_percent
     limits = bounds(problem.swing, problem.interval_s, float(base[at.ZERO]), free_gain)
     if free_gain:
@@ -262,7 +267,7 @@ def _workbench(problem: Problem, base: Floats, hold_stops: bool, delta: float) -
         limits.low[at.ZERO] = base[at.ZERO] - reach
         limits.high[at.ZERO] = base[at.ZERO] + reach
     return Workbench(
-        problem=problem, bounds=limits, delta=delta, hold_stops=hold_stops, free_gain=free_gain
+        problem=problem, bounds=limits, delta=delta, restick=CANONICAL, free_gain=free_gain
     )
 
 
@@ -278,22 +283,28 @@ def _first_bench(problem: Problem) -> tuple[Workbench, Floats]:
     base = np.zeros(at.N_COORDINATES)
     base[at.GAIN], base[at.ZERO] = _reading(problem)
     spread = float(np.std(problem.mv[problem.scored]))
-    bench = _workbench(problem, base, True, max(3.0 * problem.sigma, 0.1 * spread, 0.05))
+    bench = _workbench(problem, base, max(3.0 * problem.sigma, 0.1 * spread, 0.05))
     everything = np.ones(problem.n_blocks, dtype=bool)
     look = best_of(bench.loss(everything), _sticking_grid(bench, base))[0]
     delta = _scale(problem, bench.simulate(look.candidate))
-    return _workbench(problem, base, True, min(delta, bench.delta * 3.0)), base
+    return _workbench(problem, base, min(delta, bench.delta * 3.0)), base
 
 
-def _holding(bench: Workbench, base: Floats, blocks: Bools) -> Workbench:
-    """Let the recording say whether a held command stops the stem, where commands repeat at all."""
-    if repeat_share(bench.problem.op) < 0.05:
-        return bench
-    other = Workbench(bench.problem, bench.bounds, bench.delta, False, bench.free_gain)
-    grid = _sticking_grid(bench, base)
-    stops = best_of(bench.loss(blocks), grid)[0].loss
-    slides = best_of(other.loss(blocks), grid)[0].loss
-    return other if slides < stops else bench
+def _resticking(bench: Workbench, base: Floats, blocks: Bools) -> Workbench:
+    """Let the recording say when a moving stem sticks again: the reading of S and J that fits.
+
+    The canonical element unless another reading is clearly better on the training part.
+    """
+    readings = [bench, replace(bench, restick=ALWAYS)]
+    if repeat_share(bench.problem.op) >= COARSE_COMMAND:
+        readings.append(replace(bench, restick=ONLY_WHEN_TURNING))
+    losses = []
+    for reading in readings:
+        loss = reading.loss(blocks)
+        starts = best_of(loss, _sticking_grid(reading, base), keep=2)
+        losses.append(_search(reading, loss, starts, at.STICKING, 0.06, 5).loss)
+    best = int(np.argmin(losses))
+    return readings[best] if losses[best] < CLEARLY * losses[0] else bench
 
 
 def fit_stickslip(recording: Recording) -> StickSlipFit:
@@ -307,7 +318,7 @@ def fit_stickslip(recording: Recording) -> StickSlipFit:
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
     bench, base = _first_bench(problem)
     train = problem.blocks_before(TRAIN_SHARE)
-    bench = _holding(bench, base, train)
+    bench = _resticking(bench, base, train)
     trained = _fit_all(bench, train, base)
     names = list(trained)
     losses, counts = bench.block_losses(np.array([trained[name].candidate for name in names]))

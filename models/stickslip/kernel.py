@@ -8,9 +8,10 @@ stopped, so that noise on the command does not reset the accumulated force.
 
 In front of it stands the actuator: a dead time, a first-order lag and a speed limit, which may
 differ by direction. At their neutral values (0, 0, inf) the chain *is* the canonical element.
-``HOLD_STOPS`` says whether a command that is merely held stops the stem (1, the canonical element)
-or only one that turns does (0): a coarsely recorded command seems to hold where the true one does
-not::
+``RESTICK`` (%/s) is the speed of the actuator below which a moving stem sticks again: 0 is the
+canonical element (it sticks when the command holds or turns), infinity is He's model (2007: it
+sticks at every sample), and anything negative lets only a command that turns stop the stem, for
+coarsely recorded commands that seem to hold where the true one does not::
 
     OP --dead time--> uc --lag, rate limit--> p --stick-slip--> x --gain, zero--> MV
 
@@ -24,11 +25,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.recording import Floats
 
 # Order of the parameter vector (n_parameters,) of every kernel here.
-S, J, DEAD_TIME_S, LAG_UP_S, LAG_DOWN_S, RATE_UP, RATE_DOWN, ZERO, GAIN, HOLD_STOPS = range(10)
+S, J, DEAD_TIME_S, LAG_UP_S, LAG_DOWN_S, RATE_UP, RATE_DOWN, ZERO, GAIN, RESTICK = range(10)
 N_PARAMETERS = 10
+
+# What is taken from the measurement at a sample.
+START, RESYNC = 1, 2
+Marks = NDArray[np.uint8]
 
 
 @njit(cache=True)
@@ -55,7 +60,7 @@ def _advance(
     a_dn: float,
     most_up: float,
     most_dn: float,
-    hold_stops: bool,
+    restick: float,
 ) -> tuple[float, float, float, bool]:
     """One sample: the actuator ``p`` follows ``uc``, the stem ``x`` sticks or slides after it."""
     error = uc - p
@@ -63,8 +68,7 @@ def _advance(
     p += step
     # The step is compared, not the difference of p: without a lag they differ by rounding, and a
     # command that is held must stop the stem.
-    onward = d * step
-    if moving and (onward < 0.0 or (onward == 0.0 and hold_stops)):
+    if moving and d * step <= restick:
         moving = False
     force = p - x
     if not moving and abs(force) > fs:
@@ -77,30 +81,33 @@ def _advance(
 
 @njit(cache=True)
 def _rest(op: float, mv: float, fs: float, zero: float, gain: float) -> float:
-    """Stem position at a restart: as measured, but within the stick band around the command."""
+    """Stem position by the measurement, but within the stick band around the actuator."""
     return min(max((mv - zero) / gain, op - abs(fs)), op + abs(fs))
 
 
 @njit(cache=True)
-def simulate(op: Floats, mv: Floats, start: Bools, dt: float, q: Floats, out: Floats) -> None:
+def simulate(op: Floats, mv: Floats, start: Marks, dt: float, q: Floats, out: Floats) -> None:
     """Free run of the chain over ``op`` (n,) into ``out`` (n,), percent.
 
-    ``start`` (n,) bool marks samples at which the run (re)starts from the measured ``mv``: the
-    first sample and each first sample after a gap. ``q`` (10,) are the parameters in the order
-    above. ``op`` must be finite; holes are bridged before.
+    ``start`` (n,) marks samples at which something is taken from the measurement ``mv``: START the
+    whole state (the first sample, and the first after a gap), RESYNC only the place where a resting
+    stem rests. ``q`` (10,) are the parameters in the order above. ``op`` must be finite; holes are
+    bridged before.
     """
     fs, fd, a_up, a_dn, most_up, most_dn, whole, late = _constants(q, dt)
-    hold_stops = q[9] != 0.0
+    restick = q[9] * dt
     p, x, d, moving, first = op[0], op[0], 1.0, False, 0
     for k in range(op.size):
-        if start[k]:
+        if start[k] == START:
             first, p, d, moving = k, op[k], 1.0, False
             x = _rest(op[k], mv[k], fs, q[7], q[8])
         else:
             i = max(k - whole, first)
             uc = op[i] + late * (op[max(i - 1, first)] - op[i])
+            if start[k] == RESYNC and not moving:
+                x = _rest(p, mv[k - 1], fs, q[7], q[8])
             p, x, d, moving = _advance(
-                p, x, d, moving, uc, fs, fd, a_up, a_dn, most_up, most_dn, hold_stops
+                p, x, d, moving, uc, fs, fd, a_up, a_dn, most_up, most_dn, restick
             )
         out[k] = q[8] * x + q[7]
 
@@ -109,7 +116,7 @@ def simulate(op: Floats, mv: Floats, start: Bools, dt: float, q: Floats, out: Fl
 def block_losses(
     op: Floats,
     mv: Floats,
-    start: Bools,
+    start: Marks,
     block: NDArray[np.int64],
     dt: float,
     delta: float,
@@ -133,19 +140,21 @@ def block_losses(
     for m in range(candidates.shape[0]):
         q = candidates[m]
         fs, fd, a_up, a_dn, most_up, most_dn, whole, late = _constants(q, dt)
-        zero, gain, hold_stops = q[7], q[8], q[9] != 0.0
+        zero, gain, restick = q[7], q[8], q[9] * dt
         p, x, d, moving, first = op[0], op[0], 1.0, False, 0
         # One logarithm serves many samples: the logarithm of the product of 1 + (r/delta)^2.
         product, current = 1.0, -1
         for k in range(op.size):
-            if start[k]:
+            if start[k] == START:
                 first, p, d, moving = k, op[k], 1.0, False
                 x = _rest(op[k], mv[k], fs, zero, gain)
             else:
                 i = max(k - whole, first)
                 uc = op[i] + late * (op[max(i - 1, first)] - op[i])
+                if start[k] == RESYNC and not moving:
+                    x = _rest(p, mv[k - 1], fs, zero, gain)
                 p, x, d, moving = _advance(
-                    p, x, d, moving, uc, fs, fd, a_up, a_dn, most_up, most_dn, hold_stops
+                    p, x, d, moving, uc, fs, fd, a_up, a_dn, most_up, most_dn, restick
                 )
             b = block[k]
             if b < 0:

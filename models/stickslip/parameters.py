@@ -46,7 +46,7 @@ def bounds(swing: float, interval_s: float, zero: float, free_gain: bool) -> Bou
     return Bounds(low=np.array(low), high=np.array(high))
 
 
-def to_kernel(candidates: Floats, hold_stops: bool) -> Floats:
+def to_kernel(candidates: Floats, restick: float) -> Floats:
     """Coordinates (m, 9) to kernel parameters (m, 10): J = S ratio, speed limit = 1 / slowness."""
     c = np.atleast_2d(candidates)
     q = np.empty((c.shape[0], kernel.N_PARAMETERS))
@@ -60,5 +60,5 @@ def to_kernel(candidates: Floats, hold_stops: bool) -> Floats:
         q[:, kernel.RATE_DOWN] = np.where(c[:, SLOW_DOWN] > 1e-3, 1.0 / c[:, SLOW_DOWN], np.inf)
     q[:, kernel.ZERO] = c[:, ZERO]
     q[:, kernel.GAIN] = 1.0 + c[:, GAIN]
-    q[:, kernel.HOLD_STOPS] = 1.0 if hold_stops else 0.0
+    q[:, kernel.RESTICK] = restick
     return q

@@ -11,8 +11,11 @@ from stemwatch.models.forensics import noise_sigma, quantum
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip import kernel
 
-BLOCK_S = 90.0  # long against a slip, short against a record: neighbours are nearly independent
-MIN_BLOCKS = 24
+# A block of time is long against a slip and short against a record, so that neighbours are nearly
+# independent, and long enough in samples to hold a cycle.
+BLOCK_S = 90.0
+BLOCK_SAMPLES = 40
+MIN_BLOCKS = 8
 # After a restart the stem's history is unknown until it has slipped once; nothing is scored there.
 WARM_UP_S = 30.0
 LONGEST_BRIDGE_SAMPLES = 3  # a longer hole restarts the free run
@@ -23,12 +26,15 @@ class Problem:
     """OP and MV of one valve with everything a free run needs to know.
 
     ``op`` and ``mv`` (n,) have short holes bridged by the last value; ``start`` (n,) marks
-    restarts; ``block`` (n,) is the block of time of each sample or -1 where it is not scored.
+    restarts after gaps; ``block`` (n,) is the block of time of each sample or -1 where it is not
+    scored. For fitting, the resting stem is put where it was measured at the start of each block:
+    no two breakaways are equal, and one that a free run misses would cost it minutes in which it
+    learns nothing about S and J.
     """
 
     op: Floats
     mv: Floats
-    start: Bools
+    start: kernel.Marks
     block: NDArray[np.int64]
     n_blocks: int
     interval_s: float
@@ -47,7 +53,7 @@ class Problem:
         kernel.block_losses(
             self.op,
             self.mv,
-            self.start,
+            self._resynced(),
             self.block,
             self.interval_s,
             delta,
@@ -57,10 +63,19 @@ class Problem:
         )
         return losses, counts
 
-    def simulate(self, q: Floats) -> Floats:
-        """(n,) simulated MV, percent."""
+    def _resynced(self) -> kernel.Marks:
+        """``start`` with a resynchronisation at the beginning of each block of time."""
+        n = self.op.size
+        marks = self.start.copy()
+        begins = np.arange(1, self.n_blocks) * n // self.n_blocks
+        marks[begins[marks[begins] == 0]] = kernel.RESYNC
+        return marks
+
+    def simulate(self, q: Floats, *, resynced: bool = False) -> Floats:
+        """(n,) MV by a free run, percent; only gaps restart it, or also each block of time."""
         out = np.empty(self.op.size)
-        kernel.simulate(self.op, self.mv, self.start, self.interval_s, q, out)
+        marks = self._resynced() if resynced else self.start
+        kernel.simulate(self.op, self.mv, marks, self.interval_s, q, out)
         return out
 
     def blocks_before(self, share: float) -> Bools:
@@ -102,8 +117,8 @@ def make_problem(recording: Recording) -> Problem:
         raise ValueError(f"{recording.valve}: a stick-slip fit needs the valve position (MV)")
     usable = recording.usable
     n = len(recording)
-    n_blocks = max(MIN_BLOCKS, round(recording.duration_s / BLOCK_S))
-    n_blocks = max(1, min(n_blocks, n // 4))
+    length = max(BLOCK_S / recording.interval_s, BLOCK_SAMPLES)
+    n_blocks = max(MIN_BLOCKS, round(n / length))
     start = _restarts(usable)
     warm_up = min(round(WARM_UP_S / recording.interval_s), n // 10)
     scored = _scored(usable, start, max(warm_up, 1))
@@ -116,7 +131,7 @@ def make_problem(recording: Recording) -> Problem:
     return Problem(
         op=op,
         mv=mv,
-        start=start,
+        start=np.where(start, kernel.START, 0).astype(np.uint8),
         block=block,
         n_blocks=n_blocks,
         interval_s=recording.interval_s,

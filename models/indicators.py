@@ -1,0 +1,139 @@
+"""The health indicators of one screening: numbers a planner can trend, each saying what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.excitation import reversals, slips, swing, travel
+from stemwatch.models.findings import Indicator, Residual
+from stemwatch.models.loop import loop_oscillation
+from stemwatch.models.recording import Recording, Role
+from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip.fit import StickSlipFit
+
+
+def _one(
+    name: str, value: float | None, unit: str, meaning: str, worse: str = "up"
+) -> list[Indicator]:
+    """The indicator, or nothing where the number is not known."""
+    if value is None or not np.isfinite(value):
+        return []
+    return [Indicator(name=name, value=float(value), unit=unit, meaning=meaning, worse=worse)]
+
+
+def _estimated(name: str, estimate: Estimate, meaning: str) -> list[Indicator]:
+    if estimate.value is None:
+        return []
+    return [
+        Indicator(
+            name=name,
+            value=estimate.value,
+            unit=estimate.unit,
+            meaning=meaning,
+            low=estimate.low,
+            high=estimate.high,
+        )
+    ]
+
+
+def of_recording(recording: Recording) -> list[Indicator]:
+    """What every recording has: movement, oscillation, share of usable samples."""
+    op = recording.op.values[np.isfinite(recording.op.values)]
+    far = swing(op)
+    threshold = max(0.1 * far, 0.2)
+    usable = 100.0 * float(recording.usable.mean())
+    found = [
+        *_one("op_swing_percent", far, "%", "Range of OP, 1st to 99th percentile", "none"),
+        *_one("op_reversals", float(reversals(op, threshold).size), "", "Times OP turned round"),
+        *_one("usable_percent", usable, "%", "Share of samples a fit could use", "down"),
+    ]
+    cycle = loop_oscillation(recording).get(Role.OP)
+    if cycle is not None and cycle.regular:
+        found += _one("loop_period_s", cycle.period_s, "s", "Period of OP's oscillation", "none")
+        text = "Regularity of OP's oscillation, above 1 is regular"
+        found += _one("loop_regularity", cycle.regularity, "", text)
+    return found
+
+
+def of_fit(fit: StickSlipFit, S: Estimate, J: Estimate) -> list[Indicator]:
+    """S, J, what they mean for this loop, and what stood before the stem."""
+    problem = fit.bench.problem
+    hours = problem.op.size * problem.interval_s / 3600.0
+    threshold = max(5.0 * problem.sigma, 0.1)
+    far = travel(problem.mv, threshold)
+    count = float(slips(problem.mv, problem.sigma))
+    share = 100.0 * fit.S / problem.swing if problem.swing > 0 else None
+    found = [
+        *_estimated("S_percent", S, "Deadband plus stickband, percent of OP span"),
+        *_estimated("J_percent", J, "Slip jump, percent of OP span"),
+        *_one("S_of_swing_percent", share, "%", "S in percent of OP's own swing"),
+        *_one("dead_band_percent", max(fit.S - fit.J, 0.0), "%", "Dead band, S - J"),
+        *_one("slip_count", count, "", "Jumps of the stem"),
+        *_one("slips_per_hour", count / hours, "1/h", "Jumps of the stem per hour"),
+        *_one(
+            "mv_reversals",
+            float(reversals(problem.mv, threshold).size),
+            "",
+            "Times the stem turned round",
+        ),
+        *_one("travel_percent", far, "%", "Way of the stem, noise left out"),
+        *_one("travel_per_hour_percent", far / hours, "%/h", "Way of the stem per hour"),
+        *_one("naive_S_percent", float(fit.naive[at.S_PERCENT]), "%", "S of S and J alone", "none"),
+        *_one(
+            "naive_J_percent",
+            float(fit.naive[at.S_PERCENT] * fit.naive[at.RATIO]),
+            "%",
+            "J of S and J alone",
+            "none",
+        ),
+        *_one(
+            "position_zero_percent",
+            float(fit.candidate[at.ZERO]),
+            "%",
+            "Position minus OP, at rest",
+            "none",
+        ),
+        *_one(
+            "position_noise_percent", problem.sigma, "%", "Noise of the position reading", "none"
+        ),
+    ]
+    return [*found, *(_of_actuator(fit) if fit.hypothesis == "both" else [])]
+
+
+def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
+    """Only where the recording asks for more than friction."""
+    c = fit.candidate
+    found = [
+        *_one("dead_time_s", float(c[at.DEAD_TIME_S]), "s", "Command to stem, or a clock skew"),
+        *_one("lag_rising_s", float(c[at.LAG_UP_S]), "s", "Actuator lag, position rising"),
+        *_one("lag_falling_s", float(c[at.LAG_DOWN_S]), "s", "Actuator lag, position falling"),
+    ]
+    for name, where in (("rising", at.SLOW_UP), ("falling", at.SLOW_DOWN)):
+        if c[where] > 0.02:  # faster than 50 %/s is no limit that a recording could show
+            text = f"Top speed of the stem, position {name}"
+            found += _one(f"speed_{name}_percent_per_s", 1.0 / float(c[where]), "%/s", text, "down")
+    return found
+
+
+def of_residuals(residuals: Mapping[str, Residual | None], ratio: float | None) -> list[Indicator]:
+    """What the models leave unexplained on data they were not fitted to."""
+    words = {
+        "stiction": "the stick-slip model",
+        "narx": "the NARX network",
+        "baseline": "the baseline network",
+    }
+    found: list[Indicator] = []
+    for name, residual in residuals.items():
+        if residual is None:
+            continue
+        text = f"Residual of {words[name]}, free run, held out"
+        found += _one(f"{name}_rmse_percent", residual.rmse, "%", text)
+        text = f"Fit of {words[name]}, free run, held out"
+        found += _one(f"{name}_fit_percent", residual.fit_percent, "%", text, "down")
+        text = f"Residual of {words[name]}, one step ahead"
+        found += _one(f"{name}_one_step_rmse_percent", residual.one_step, "%", text)
+    text = "Residual of the baseline network against its own window"
+    return [*found, *_one("baseline_ratio", ratio, "", text)]

@@ -1,0 +1,86 @@
+"""What can still be said of a recording that carries no verdict: facts, one sentence each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stemwatch.models.excitation import swing
+from stemwatch.models.forensics import longest_repeat, quantum, repeat_share
+from stemwatch.models.loop import Oscillation, loop_oscillation
+from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
+
+NAMES = {Role.OP: "OP", Role.MV: "The position", Role.PV: "PV", Role.SP: "The set point"}
+
+
+def _unit(signal: Signal) -> str:
+    return f" {signal.unit}" if signal.unit else ""
+
+
+def _coarse(name: str, signal: Signal) -> list[str]:
+    """Resolution, repeats, codes: what the archive left of the signal."""
+    said = []
+    finite = signal.values[np.isfinite(signal.values)]
+    codes = float(np.mean(signal.quality == Quality.CODE))
+    if codes > 0.01:
+        said.append(f"{name} holds state codes instead of values in {codes:.0%} of the samples.")
+    if finite.size < 10:
+        return [*said, f"{name} has hardly any usable sample."]
+    if float(np.ptp(finite)) == 0.0:
+        return [*said, f"{name} is constant at {finite[0]:.4g}{_unit(signal)}."]
+    repeats = repeat_share(signal.values)
+    if repeats > 0.3:
+        run = longest_repeat(signal.values)
+        said.append(
+            f"{name} repeats its last value in {repeats:.0%} of the samples, up to {run} in a row: "
+            "it is coarse, compressed or held."
+        )
+    step, far = quantum(signal.values), swing(signal.values)
+    if step > 0.02 * far:
+        said.append(f"{name} is recorded in steps of {step:.3g}{_unit(signal)}.")
+    return said
+
+
+def _cycles(found: dict[Role, Oscillation]) -> list[str]:
+    regular = {role: seen for role, seen in found.items() if seen.regular}
+    if not regular:
+        return ["No regular oscillation was found."]
+    said = []
+    for role, seen in regular.items():
+        said.append(
+            f"{NAMES[role]} oscillates regularly, every {seen.period_s:.3g} s (regularity "
+            f"{seen.regularity:.1f}, above 1 is regular)."
+        )
+    if Role.OP in regular:
+        said.append("A sticking valve, tight tuning and a disturbance can all do this.")
+    return said
+
+
+def _limits(recording: Recording) -> list[str]:
+    if recording.op.unit != PERCENT:
+        return [f"OP is in {recording.op.unit or 'an unknown unit'}, not in percent."]
+    op = recording.op.values[np.isfinite(recording.op.values)]
+    said = []
+    for share, where in ((np.mean(op <= 0.0), "lower"), (np.mean(op >= 100.0), "upper")):
+        if share > 0.05:
+            said.append(f"OP is at its {where} limit for {share:.0%} of the time.")
+    if op.size and (op.min() < -10.0 or op.max() > 110.0):
+        said.append(f"OP runs from {op.min():.4g} to {op.max():.4g}: it is not in percent.")
+    return said
+
+
+def still_seen(recording: Recording) -> tuple[str, ...]:
+    """Sentences that hold without a verdict: movement, oscillation, limits, archive."""
+    said = [
+        f"OP moved over {swing(recording.op.values):.3g}{_unit(recording.op)} in "
+        f"{recording.duration_s / 60:.0f} minutes.",
+        *_cycles(loop_oscillation(recording)),
+        *_limits(recording),
+    ]
+    for role in (Role.OP, Role.PV, Role.MV):
+        signal = recording.get(role)
+        if signal is not None:
+            said += _coarse(NAMES[role], signal)
+    set_point = recording.get(Role.SP)
+    if set_point is not None and swing(set_point.values) > 0.0:
+        said.append("The set point moved during the recording.")
+    return tuple(said)
