@@ -34,7 +34,7 @@ MIN_T = 0.5
 # When a moving stem sticks again, %/s of the actuator.
 CANONICAL, ALWAYS, ONLY_WHEN_TURNING = 0.0, np.inf, -1e-9
 COARSE_COMMAND = 0.05  # share of repeated commands from which a held command may be a coarse one
-CLEARLY = 0.9  # share of the canonical reading's loss that another reading must reach
+CLEARLY = 0.97  # share of the canonical reading's loss that another reading must reach
 
 
 @dataclass(frozen=True)
@@ -99,10 +99,12 @@ def _reading(problem: Problem) -> tuple[float, float]:
     """First guess of (gain - 1, zero) from the axes of the OP-MV loop."""
     op, mv = problem.op[problem.scored], problem.mv[problem.scored]
     if problem.mv_is_percent:
-        return 0.0, float(np.median(mv) - np.median(op))
-    low, high = np.percentile(op, (2.0, 98.0)), np.percentile(mv, (2.0, 98.0))
-    span = low[1] - low[0]
-    gain = float((high[1] - high[0]) / span) if span > 0 else 1.0
+        # Friction holds the stem within a band around the command that is as wide above as below.
+        # The medians would be led astray by a stem that rests long on one side of it.
+        low, high = np.percentile(mv - op, (2.0, 98.0))
+        return 0.0, float(low + high) / 2.0
+    span = float(np.ptp(np.percentile(op, (2.0, 98.0))))
+    gain = float(np.ptp(np.percentile(mv, (2.0, 98.0)))) / span if span > 0 else 1.0
     if np.corrcoef(op, mv)[0, 1] < 0:
         gain = -gain
     return gain - 1.0, float(np.median(mv) - gain * np.median(op))
@@ -113,7 +115,9 @@ def _sticking_grid(bench: Workbench, base: Floats) -> Floats:
     # Widths below the swing matter most, and a valve of a wide swing may still have a small S.
     widths = bench.bounds.high[at.S_PERCENT] * np.linspace(0.0, 1.0, 23) ** 1.6
     ratios = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3])
-    zeros = bench.problem.swing * np.array([-0.06, 0.0, 0.06])
+    zeros = bench.problem.swing * np.array([-0.06, 0.0, 0.06, 0.0])
+    if bench.problem.mv_is_percent:
+        zeros[3] = -base[at.ZERO]  # a reading without an offset is worth a try of its own
     grid = np.array(np.meshgrid(widths, ratios, zeros, indexing="ij")).reshape(3, -1).T
     candidates = np.tile(base, (grid.shape[0], 1))
     candidates[:, at.S_PERCENT] = grid[:, 0]
@@ -171,7 +175,7 @@ def _joint_grid(bench: Workbench, sticking: Floats) -> Floats:
 
 def _both_starts(sticking: Found, actuator: Found, loss: Loss, bench: Workbench) -> list[Found]:
     """Starts for the joint search: each part alone, and each with the other laid over it."""
-    over_actuator = _sticking_grid(bench, actuator.candidate)[1::3]  # the middle zero only
+    over_actuator = _sticking_grid(bench, actuator.candidate)[1::4]  # its own zero only
     over_sticking = _joint_grid(bench, sticking.candidate)
     return [
         sticking,
@@ -293,18 +297,22 @@ def _first_bench(problem: Problem) -> tuple[Workbench, Floats]:
 def _resticking(bench: Workbench, base: Floats, blocks: Bools) -> Workbench:
     """Let the recording say when a moving stem sticks again: the reading of S and J that fits.
 
-    The canonical element unless another reading is clearly better on the training part.
+    The canonical element unless another reading is better on the training part. The scale of the
+    loss is then that of the best reading's own residual.
     """
     readings = [bench, replace(bench, restick=ALWAYS)]
     if repeat_share(bench.problem.op) >= COARSE_COMMAND:
         readings.append(replace(bench, restick=ONLY_WHEN_TURNING))
-    losses = []
+    found = []
     for reading in readings:
         loss = reading.loss(blocks)
         starts = best_of(loss, _sticking_grid(reading, base), keep=2)
-        losses.append(_search(reading, loss, starts, at.STICKING, 0.06, 5).loss)
-    best = int(np.argmin(losses))
-    return readings[best] if losses[best] < CLEARLY * losses[0] else bench
+        found.append(_search(reading, loss, starts, at.STICKING, 0.06, 5))
+    best = int(np.argmin([one.loss for one in found]))
+    if found[best].loss >= CLEARLY * found[0].loss:
+        best = 0
+    simulated = readings[best].simulate(found[best].candidate, resynced=True)
+    return replace(readings[best], delta=min(bench.delta, _scale(bench.problem, simulated)))
 
 
 def fit_stickslip(recording: Recording) -> StickSlipFit:

@@ -1,0 +1,82 @@
+# Everything here needs Python 3.11 or later and make, no compiler: `make help` lists the targets.
+
+PYTHON ?= python3
+VENV ?= .venv
+OUT ?= demo
+# An editable install sees every change of the sources; EDITABLE=no installs as a plant would.
+EDITABLE ?= yes
+# STRICT=1 turns skipped browser and database tests into failures.
+STRICT ?=
+WORKERS ?= 2
+
+# Wheels only: a plant computer has no compiler. The environment may say otherwise.
+export PIP_ONLY_BINARY ?= :all:
+export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
+export STRICT
+# Tests run side by side; each stays on its own core, and all share one cache of compiled kernels.
+test: export OMP_NUM_THREADS ?= 1
+test: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
+
+BIN := $(VENV)/bin
+LOG := $(VENV)/log.txt
+INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
+SOURCE := $(if $(filter no,$(EDITABLE)),.,--editable .)
+PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find service models connectors -type f \
+	-not -path '*/__pycache__/*'))
+INPUTS := pyproject.toml constraints.txt setup.py $(PACKAGE_FILES)
+
+# $(call step,what is done,command): one line with its seconds; the command's own words on failure.
+define step
+	@printf '%s ... ' '$(1)'; began=$$(date +%s); \
+	if ( $(2) ) > $(LOG) 2>&1 < /dev/null; then echo "$$(( $$(date +%s) - began )) s"; \
+	else echo 'failed:'; cat $(LOG); exit 1; fi
+endef
+
+.PHONY: demo test check clean help
+.DEFAULT_GOAL := help
+
+demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write its report into demo/
+	@$(BIN)/stemwatch demo --out $(OUT)
+
+test: check ## All checks and all tests; sets up what they need
+	@echo 'Running the tests ...'
+	@$(BIN)/pytest -n $(WORKERS) -q -rsfE
+
+check: $(VENV)/can-test .typed/stemwatch ## Style, import rules and types, without the tests
+	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
+	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports)
+	$(call step,Checking the types of the packages (mypy),$(BIN)/mypy)
+	$(call step,Checking the types of the tests (mypy),$(BIN)/mypy tests)
+
+clean: ## Remove the environment, caches and build folders
+	rm -rf $(VENV) .typed build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis \
+		.import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+help: ## This list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST)
+
+$(VENV)/made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo 'stemwatch needs \
+	Python 3.11 or later; $(PYTHON) is older or absent. Say which: make PYTHON=python3.12'; exit 1; }
+	@mkdir -p $(VENV)
+	$(call step,Making the environment $(VENV),$(PYTHON) -m venv $(VENV) || { echo 'On Debian and \
+	Ubuntu: apt install python3-venv'; exit 1; })
+	@touch $@
+
+$(VENV)/can-run: $(VENV)/made $(INPUTS)
+	@rm -rf build
+	$(call step,Installing stemwatch (minutes the first time),$(INSTALL) $(SOURCE))
+	@touch $@
+
+$(VENV)/can-test: $(VENV)/made $(INPUTS)
+	@rm -rf build
+	$(call step,Bringing pip up to date,$(INSTALL) pip setuptools)
+	$(call step,Installing stemwatch and what checks it (minutes the first time),\
+	$(INSTALL) $(SOURCE) --group dev)
+	@touch $@ $(VENV)/can-run
+
+# Type checkers cannot follow an editable install; these links show them the packages.
+.typed/stemwatch:
+	@mkdir -p $@
+	@for folder in service connectors models; do ln -sfn ../../$$folder $@/$$folder; done

@@ -1,0 +1,218 @@
+"""The source's clock: what it was like, and the even grid the samples are laid on.
+
+A sample goes to the grid's nearest instant and keeps its value; nothing is interpolated. Instants
+without a sample are MISSING.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
+
+MAX_SAMPLES = 50_000_000
+_GAP = 1.5  # intervals
+_EXCEPTION_SPREAD = 3.0  # steps' 90th percentile over their median: reported by exception
+_HOLD = 4.0  # of the tag's own intervals
+
+
+@dataclass(frozen=True)
+class Grid:
+    """``size`` instants ``origin_ns + (first + k) * interval_ns``."""
+
+    origin_ns: int
+    interval_ns: float
+    first: int
+    size: int
+
+    @property
+    def start_ns(self) -> int:
+        return self.origin_ns + round(self.first * self.interval_ns)
+
+    @property
+    def interval_s(self) -> float:
+        return self.interval_ns / 1e9
+
+    @property
+    def instants(self) -> Ints:
+        steps = np.arange(self.first, self.first + self.size, dtype=np.float64)
+        return self.origin_ns + np.round(steps * self.interval_ns).astype(np.int64)
+
+
+def clock_facts(file_ns: Ints, zone: str) -> ClockFacts:
+    """What the times of one series, in file order, were like."""
+    steps = np.diff(file_ns)
+    ordered = np.unique(file_ns)
+    forward = np.diff(ordered).astype(np.float64)
+    if not forward.size:
+        return ClockFacts(zone=zone, repeated_times=int(file_ns.size - ordered.size))
+    interval = float(np.median(forward))
+    gaps = forward[forward > _GAP * interval]
+    return ClockFacts(
+        jitter_s=float(np.median(np.abs(forward - interval))) / 1e9,
+        gaps=int(gaps.size),
+        longest_gap_s=float(gaps.max()) / 1e9 if gaps.size else 0.0,
+        repeated_times=int(file_ns.size - ordered.size),
+        backward_steps=int((steps < 0).sum()),
+        zone=zone,
+    )
+
+
+def by_exception(ns: Ints) -> bool:
+    """Whether a tag's samples come when it changes, not at even steps."""
+    steps = np.diff(np.unique(ns)).astype(np.float64)
+    if steps.size < 10:
+        return False
+    usual = float(np.median(steps))
+    off = np.abs(steps - usual) > 0.2 * usual
+    return bool(np.percentile(steps, 90) > _EXCEPTION_SPREAD * usual or off.mean() > 0.5)
+
+
+def interval_ns(ns: Ints) -> float:
+    """The clock's interval from the times of OP.
+
+    The median step; where the steps are rounded (33, 33, 34 ms) their mean, so that the grid does
+    not drift away from the samples; of a tag reported by exception its tenth shortest step,
+    rounded to 1, 2 or 5.
+    """
+    steps = np.diff(np.unique(ns)).astype(np.float64)
+    if by_exception(ns):
+        return _round_125(float(np.percentile(steps, 10)))
+    median = float(np.median(steps))
+    even = steps[steps <= _GAP * median]
+    mean = float(even.mean())
+    drifts = abs(mean - median) * even.size > 0.5 * median
+    return mean if drifts and abs(mean - median) < 0.05 * median else median
+
+
+def _round_125(value: float) -> float:
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(step - value / power)))
+
+
+def make_grid(ns: Ints, tag: str, source: str, window_ns: tuple[int | None, int | None]) -> Grid:
+    """The even grid of ``ns``, cut to the window. Raises ``ConnectorError`` where there is none."""
+    distinct = np.unique(ns)
+    if distinct.size < 2:
+        raise ConnectorError(
+            f"{source}: {tag}: {distinct.size} samples; at least two at different times are "
+            "needed to tell the interval"
+        )
+    step = interval_ns(ns)
+    origin, end = int(distinct[0]), int(distinct[-1])
+    last = int(np.floor((end - origin) / step + 0.5))
+    start_ns, stop_ns = window_ns
+    first = 0 if start_ns is None else max(0, int(np.ceil((start_ns - origin) / step)))
+    stop = last + 1 if stop_ns is None else min(last + 1, int(np.ceil((stop_ns - origin) / step)))
+    if stop - first > MAX_SAMPLES:
+        raise ConnectorError(
+            f"{source}: {tag}: {stop - first} samples of {step / 1e9:g} s would be needed for the "
+            f"time from first to last sample, more than {MAX_SAMPLES}; read it in windows or split "
+            "the file"
+        )
+    return Grid(origin, step, first, max(0, stop - first))
+
+
+@dataclass(frozen=True)
+class Laid:
+    """A column on the grid: (n,) values and quality."""
+
+    values: Floats
+    quality: NDArray[np.uint8]
+    decision: str = ""
+
+
+def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> Laid:
+    """``column`` on ``grid``: at the nearest instants where it has the grid's rate, else held."""
+    if column.ns.size == 0:
+        return Laid(np.full(grid.size, np.nan), np.full(grid.size, Quality.MISSING, np.uint8))
+    exception = by_exception(column.ns)
+    own = _median_step(column.ns, grid)
+    if not exception and (is_clock or own <= 1.1 * grid.interval_ns):
+        return _lay_nearest(column, grid)
+    return _lay_held(column, grid, own, exception)
+
+
+def _median_step(ns: Ints, grid: Grid) -> float:
+    distinct = np.unique(ns)
+    return float(np.median(np.diff(distinct))) if distinct.size > 1 else grid.interval_ns
+
+
+def _lay_nearest(column: Column, grid: Grid) -> Laid:
+    index = nearest_index(column.ns, grid)
+    index, moved = _repeated_to_hole(column.ns, index)
+    values = np.full(grid.size, np.nan)
+    quality = np.full(grid.size, Quality.MISSING, dtype=np.uint8)
+    inside = (index >= grid.first) & (index < grid.first + grid.size)
+    at = index[inside] - grid.first
+    # Of several samples at one instant numpy keeps the last written, which is the last in time.
+    values[at] = column.values[inside]
+    quality[at] = column.quality[inside]
+    decision = (
+        f"{moved} rows repeat the time before them and leave the next instant empty; their time "
+        "was stamped early, so they were laid on that instant."
+        if moved
+        else ""
+    )
+    return Laid(values, quality, decision)
+
+
+def nearest_index(ns: Ints, grid: Grid) -> Ints:
+    """Nearest instant of each sample, counted within its own gap-free stretch.
+
+    After a gap a source often goes on off the old grid; by counting from the stretch's first
+    sample, samples half an interval off do not fall on one instant two by two.
+    """
+    steps = np.diff(ns)
+    begins = np.concatenate(([True], steps > _GAP * grid.interval_ns))
+    stretch = np.cumsum(begins) - 1
+    first_ns = ns[begins][stretch]
+    base = np.floor((first_ns - grid.origin_ns) / grid.interval_ns + 0.5)
+    within = np.floor((ns - first_ns) / grid.interval_ns + 0.5)
+    return np.asarray((base + within).astype(np.int64))
+
+
+def _repeated_to_hole(ns: Ints, index: Ints) -> tuple[Ints, int]:
+    """The second of two rows with one time moves to the next instant where that is empty."""
+    if index.size < 3:
+        return index, 0
+    twin = np.zeros(index.size, dtype=bool)
+    twin[1:-1] = (ns[1:-1] == ns[:-2]) & (index[2:] == index[1:-1] + 2)
+    return np.where(twin, index + 1, index), int(twin.sum())
+
+
+def _lay_held(column: Column, grid: Grid, own: float, exception: bool) -> Laid:
+    instants = grid.instants
+    last = np.searchsorted(column.ns, instants, side="right") - 1
+    age = instants - column.ns[np.maximum(last, 0)]
+    limit = _hold_limit(column.ns, own, exception)
+    there = (last >= 0) & (age <= limit)
+    at = np.maximum(last, 0)
+    old = there & (age > _GAP * max(grid.interval_ns, own))
+    quality = np.where(there, column.quality[at], Quality.MISSING)
+    quality = np.where(old & (quality == Quality.GOOD), Quality.HELD, quality)
+    values = np.where(quality <= Quality.HELD, column.values[at], np.nan)
+    kind = "is reported when it changes" if exception else f"has a sample each {own / 1e9:g} s"
+    decision = (
+        f"{column.tag} {kind}; its last value is held for at most {limit / 1e9:g} s and marked as "
+        f"held when older than {_GAP * max(grid.interval_ns, own) / 1e9:g} s."
+    )
+    return Laid(values, quality.astype(np.uint8), decision)
+
+
+def _hold_limit(ns: Ints, own: float, exception: bool) -> float:
+    """A few of the tag's own intervals; by exception as long as it usually stays silent."""
+    if not exception:
+        return _HOLD * own
+    return max(_HOLD * own, float(np.percentile(np.diff(np.unique(ns)), 99)))
+
+
+def on_rows(column: Column) -> Bools:
+    """(n,) mask of samples whose value a fit may use."""
+    return np.asarray(column.quality == Quality.GOOD)

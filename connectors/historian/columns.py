@@ -1,0 +1,189 @@
+"""Text cells of one tag to values with a quality each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.historian import faults
+from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.numbers import parse_numbers
+from stemwatch.connectors.historian.qualitycodes import quality_of
+from stemwatch.connectors.historian.raw import RawColumn
+from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.times import Instants
+from stemwatch.connectors.historian.words import mode_value, says_truncated, word_quality
+from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes
+
+_SHOWN = 30
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One tag's samples in order of time, rows with an empty cell left out.
+
+    ``ns``, ``values``, ``quality`` (n,). ``reasons`` counts what was written where no good value
+    is: the raw words and codes, for the planner who asks why.
+    """
+
+    tag: str
+    unit: str
+    description: str
+    ns: Ints
+    values: Floats
+    quality: QualityCodes
+    file_ns: Ints  # the same rows' times in file order, empty cells included
+    reasons: dict[str, int] = field(default_factory=dict)
+    decisions: tuple[str, ...] = ()
+
+
+def convert(
+    raw: RawColumn,
+    instants: Instants,
+    *,
+    decimal: str,
+    good: tuple[str, ...],
+    name: str,
+    as_mode: bool = False,
+) -> Column:
+    """Values and quality of ``raw``; with ``as_mode`` words such as AUTO and MAN count as 1 and 0.
+
+    Raises ``UnreadableSource`` where a quality column's codes cannot be understood.
+    """
+    notes = Notes()
+    values = parse_numbers(raw.cells, decimal)
+    quality, reasons = _words(raw, values, notes)
+    if as_mode:
+        values, quality = _modes(raw, values, quality)
+    quality = _coded(raw, quality, good, name, notes, reasons)
+    quality = _held(raw, quality)
+    rows = slice(None) if raw.rows is None else raw.rows
+    ns, ok = instants.ns[rows], instants.ok[rows]
+    ns, values, quality, file_ns = _in_order(ns, ok, values, quality)
+    quality = _faulty(raw.tag, values, quality, notes, reasons)
+    return Column(
+        tag=raw.tag,
+        unit=raw.unit,
+        description=raw.description,
+        ns=ns,
+        values=np.where(quality <= Quality.HELD, values, np.nan),
+        quality=quality,
+        file_ns=file_ns,
+        reasons=dict(reasons),
+        decisions=tuple(notes.decisions),
+    )
+
+
+def _words(raw: RawColumn, values: Floats, notes: Notes) -> tuple[NDArray[np.uint8], Counter[str]]:
+    quality = np.zeros(values.size, dtype=np.uint8)
+    reasons: Counter[str] = Counter()
+    for row in np.flatnonzero(~np.isfinite(values)).tolist():
+        text = raw.cells[row]
+        quality[row] = word_quality(text)
+        if text.strip():
+            reasons[text.strip()[:_SHOWN]] += 1
+        if says_truncated(text):
+            notes.decide(
+                f"{raw.tag}: a cell says {text.strip()!r}: the sheet was too small, so the record "
+                "is truncated and later samples are missing; export it again with a larger array."
+            )
+    return quality, reasons
+
+
+def _modes(
+    raw: RawColumn, values: Floats, quality: NDArray[np.uint8]
+) -> tuple[Floats, NDArray[np.uint8]]:
+    known = {text: mode_value(text) for text in set(raw.cells)}
+    words = np.array([known[text] for text in raw.cells], dtype=np.float64)
+    values = np.where(np.isfinite(words), words, values)
+    odd = np.isfinite(values) & (values != 0.0) & (values != 1.0)
+    quality = np.where(np.isfinite(words), Quality.GOOD, quality).astype(np.uint8)
+    return values, np.where(odd, Quality.CODE, quality).astype(np.uint8)
+
+
+def _coded(
+    raw: RawColumn,
+    quality: NDArray[np.uint8],
+    good: tuple[str, ...],
+    name: str,
+    notes: Notes,
+    reasons: Counter[str],
+) -> NDArray[np.uint8]:
+    if raw.quality_codes is None:
+        return quality
+    verdict = quality_of(
+        raw.quality_codes,
+        quality == Quality.GOOD,
+        column=raw.quality_name,
+        good=good,
+        family=raw.quality_family,
+        name=name,
+        notes=notes,
+    )
+    bad = (verdict == Quality.BAD) & (quality == Quality.GOOD)
+    for row in np.flatnonzero(bad).tolist():
+        reasons[f"{raw.quality_name} {raw.quality_codes[row].strip()}"[:_SHOWN]] += 1
+    return np.where(bad, Quality.BAD, quality).astype(np.uint8)
+
+
+def _held(raw: RawColumn, quality: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    if raw.held is None:
+        return quality
+    flagged = parse_numbers(raw.held, ".") == 1.0
+    return np.where(flagged & (quality == Quality.GOOD), Quality.HELD, quality).astype(np.uint8)
+
+
+def _in_order(
+    ns: Ints, ok: Bools, values: Floats, quality: NDArray[np.uint8]
+) -> tuple[Ints, Floats, NDArray[np.uint8], Ints]:
+    """By time, without untimed rows and empty cells; equal times keep their order."""
+    ns, values, quality = ns[ok], values[ok], quality[ok]
+    steps = np.diff(ns)
+    if (steps < 0).sum() > (steps > 0).sum():
+        # Newest first: turned round, so that of equal times the later row stays the later.
+        ns, values, quality = ns[::-1], values[::-1], quality[::-1]
+    file_ns = ns
+    there = quality != Quality.MISSING
+    if not there.all():
+        ns, values, quality = ns[there], values[there], quality[there]
+    if (np.diff(ns) < 0).any():
+        order = np.argsort(ns, kind="stable")
+        ns, values, quality = ns[order], values[order], quality[order]
+    return ns, values, quality, file_ns
+
+
+def _faulty(
+    tag: str,
+    values: Floats,
+    quality: NDArray[np.uint8],
+    notes: Notes,
+    reasons: Counter[str],
+) -> NDArray[np.uint8]:
+    """Numbers that are no measurements, each kind with its sentence."""
+    kinds = (
+        (faults.codes, Quality.CODE, "are non-zero but below 1e-37, a state code in a value slot"),
+        (faults.beyond, Quality.RANGE, "are 1e30 or more, which no signal can be"),
+        (
+            faults.pi_states,
+            Quality.CODE,
+            "are numbers of PI system states far outside the tag's own range",
+        ),
+        (
+            faults.zero_dropouts,
+            Quality.RANGE,
+            "are exactly 0 for a moment between values far from 0: dropouts without a flag",
+        ),
+    )
+    for find, verdict, what in kinds:
+        usable = quality <= Quality.HELD
+        found = find(np.where(usable, values, np.nan)) & usable
+        if found.any():
+            shown = ", ".join(f"{v:g}" for v in np.unique(values[found])[:4])
+            n = int(found.sum())
+            notes.decide(f"{tag}: {n} samples ({shown}) {what}; they are left out.")
+            reasons[f"{verdict.name.lower()} {shown}"[:_SHOWN]] += n
+            quality = np.where(found, verdict, quality).astype(np.uint8)
+    return quality

@@ -1,0 +1,191 @@
+"""Bytes to lines of text: compression, encoding, line ends, repaired degree signs."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.notes import Notes
+
+MAX_TEXT_BYTES = 4 * 1024**3
+_CHUNK = 1 << 16
+_GZIP = b"\x1f\x8b"
+_BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+_FOREIGN = (
+    (b"PK\x03\x04", "is a zip archive or an Excel workbook; save the sheet as CSV"),
+    (b"\xd0\xcf\x11\xe0", "is an old Excel workbook; save the sheet as CSV"),
+    (b"%PDF", "is a PDF document; export the data as CSV"),
+)
+_HIGH_RUN = re.compile(rb"[\x80-\xff]+")
+_CONTROL = bytes(set(range(32)) - {9, 10, 12, 13, 26})
+# A sign outside ASCII that was read as cp1252 and saved again as UTF-8: "Â°C" for "°C".
+_TWICE_ENCODED = re.compile("Â([°²³µ%·±])")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """One file as text. ``lines[i]`` is line ``i + 1``, without its end."""
+
+    path: Path
+    lines: list[str]
+    encoding: str
+    digest: str
+    ends_whole: bool  # the last line ends with a line end, so that it cannot have been cut
+
+    @property
+    def name(self) -> str:
+        return str(self.path)
+
+
+def open_document(path: Path, encoding: str | None, notes: Notes) -> Document:
+    """The file at ``path`` as lines. Raises ``UnreadableSource`` where it is not text."""
+    return read_document(_read(path), path, encoding, notes)
+
+
+def read_document(raw: bytes, path: Path, encoding: str | None, notes: Notes) -> Document:
+    """The bytes of a file as lines.
+
+    Order: gzip by its magic bytes, byte order mark, the caller's encoding, NULs of UTF-16, strict
+    UTF-8, GB18030 where the bytes fit it, cp1252.
+    """
+    digest = hashlib.sha256(raw).hexdigest()
+    data = _inflate(raw, path, notes)
+    _refuse_foreign(data, path)
+    chosen = encoding or _detect(data)
+    text = _clean(_decode(data, chosen, path, notes), notes)
+    if not text.strip():
+        raise UnreadableSource(f"{path}: the file is empty; expected a header and rows of data")
+    lines = text.split("\n")
+    ends_whole = lines[-1] == ""
+    return Document(
+        path=path,
+        lines=lines[:-1] if ends_whole else lines,
+        encoding=chosen,
+        digest=digest,
+        ends_whole=ends_whole,
+    )
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UnreadableSource(
+            f"{path}: cannot be opened ({error.strerror or error}); check path and permissions"
+        ) from error
+
+
+def _inflate(raw: bytes, path: Path, notes: Notes) -> bytes:
+    """Gzip members unpacked; of a damaged archive as much as can be had."""
+    if not raw.startswith(_GZIP):
+        return raw
+    parts: list[bytes] = []
+    try:
+        _unpack(raw, parts, path)
+    except zlib.error as error:
+        if not any(parts):
+            raise UnreadableSource(
+                f"{path}: the gzip archive is damaged ({error}); copy it again from its source"
+            ) from error
+        notes.problem(f"the gzip archive is damaged ({error}); only its readable start was used")
+    notes.decide("The file is compressed with gzip.")
+    return b"".join(parts)
+
+
+def _unpack(raw: bytes, parts: list[bytes], path: Path) -> None:
+    """Append the text of every member of ``raw`` to ``parts``, in small steps of the input."""
+    unpacker = zlib.decompressobj(wbits=31)
+    size = at = 0
+    while at < len(raw):
+        chunk = raw[at : at + _CHUNK]
+        parts.append(unpacker.decompress(chunk))
+        at += len(chunk) - len(unpacker.unused_data)
+        size += len(parts[-1])
+        if size > MAX_TEXT_BYTES:
+            raise UnreadableSource(
+                f"{path}: unpacks to more than {MAX_TEXT_BYTES >> 30} GiB; split the export"
+            )
+        if unpacker.eof:
+            if not raw.startswith(_GZIP, at):
+                return
+            unpacker = zlib.decompressobj(wbits=31)
+    if not unpacker.eof:
+        raise zlib.error("it ends early")
+
+
+def _refuse_foreign(data: bytes, path: Path) -> None:
+    for magic, what in _FOREIGN:
+        if data.startswith(magic):
+            raise UnreadableSource(f"{path}: {what}.")
+
+
+def _detect(data: bytes) -> str:
+    for mark, name in _BOMS:
+        if data.startswith(mark):
+            return name
+    head = data[:4096]
+    if head.count(0) > 0.3 * len(head) and len(head) > 3:
+        return "utf-16-le" if head[1::2].count(0) > head[::2].count(0) else "utf-16-be"
+    try:
+        data.decode("utf-8")
+        return "utf-8"
+    except UnicodeDecodeError as error:
+        # A file cut inside its last character is still UTF-8.
+        if error.start >= len(data) - 3 and error.reason == "unexpected end of data":
+            return "utf-8"
+    return "gb18030" if _looks_chinese(data) else "cp1252"
+
+
+def _looks_chinese(data: bytes) -> bool:
+    """Chinese writes runs of byte pairs; western text has single high bytes among ASCII."""
+    runs = _HIGH_RUN.findall(data[: 1 << 20])
+    paired = sum(len(run) % 2 == 0 and _decodes(run, "gb2312") for run in runs)
+    return bool(runs) and paired >= 0.8 * len(runs) and _decodes(data, "gb18030")
+
+
+def _decodes(data: bytes, encoding: str) -> bool:
+    try:
+        data.decode(encoding)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _decode(data: bytes, encoding: str, path: Path, notes: Notes) -> str:
+    try:
+        text = data.decode(encoding)
+    except (UnicodeDecodeError, UnicodeError, LookupError) as error:
+        text = _decode_damaged(data, encoding, error, notes)
+    controls = text[:65536].encode("utf-8", "replace").translate(None, _CONTROL)
+    lost = len(text[:65536].encode("utf-8", "replace")) - len(controls) - text[:65536].count("\0")
+    if lost > 0.02 * max(1, len(text[:65536])):
+        raise UnreadableSource(
+            f"{path}: is not text ({lost} control characters in its first part); expected a CSV "
+            "or text export"
+        )
+    notes.decide(f"The text is {encoding}.")
+    return text
+
+
+def _decode_damaged(data: bytes, encoding: str, error: Exception, notes: Notes) -> str:
+    # Latin-1 maps every byte, so a damaged byte stays visible in its cell and spoils no other.
+    fallback = "latin-1" if encoding in ("cp1252",) else encoding
+    text = data.decode(fallback, errors="strict" if fallback == "latin-1" else "replace")
+    notes.problem(f"some bytes are not {encoding} ({error}); their cells are unreadable")
+    return text
+
+
+def _clean(text: str, notes: Notes) -> str:
+    if "\0" in text:
+        notes.problem(f"{text.count(chr(0))} NUL characters were removed")
+        text = text.replace("\0", "")
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
+    if "Â" in text:
+        text, repaired = _TWICE_ENCODED.subn(r"\1", text)
+        if repaired:
+            notes.decide(f"{repaired} signs written as in 'Â°' were read as '°' (encoded twice).")
+    return text

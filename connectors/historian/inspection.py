@@ -1,0 +1,165 @@
+"""``Inspection``: what the reader understood of a file and how good its data is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stemwatch.connectors.historian.clock import by_exception, clock_facts
+from stemwatch.connectors.historian.columns import Column
+from stemwatch.models import forensics
+from stemwatch.models.recording import ClockFacts, Quality
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.historian.opened import OpenedFile
+    from stemwatch.connectors.historian.roles import Candidate
+
+# A signal that repeats one value for this share of the record, after having moved, is frozen.
+_FROZEN_SHARE = 0.25
+_FROZEN_SAMPLES = 60
+_LINES_SHARE = 0.2  # more interior points on straight lines than this: a compressed archive
+
+
+@dataclass(frozen=True, kw_only=True)
+class TagInspection:
+    """One tag: what it seems to be, and the evidence of what recorder and archive did to it."""
+
+    tag: str
+    unit: str
+    description: str
+    role: str  # op, mv, pv, sp, mode, or empty where nothing is proposed
+    valve: str
+    remark: str
+    samples: int  # with a value that can be used
+    bad_share: float  # of the tag's rows, 0 to 1
+    interval_s: float | None  # median step between its samples
+    own_interval_s: float | None  # between new values, where slower
+    low: float | None
+    high: float | None
+    noise_sigma: float  # unit of the tag
+    quantum: float  # unit of the tag; 0: none seen
+    repeat_share: float  # neighbouring samples that are exactly equal, 0 to 1
+    longest_repeat_s: float
+    line_share: float  # samples on a straight line between their neighbours, 0 to 1
+    compressed: bool  # lines instead of samples, or reported by exception
+    frozen: bool  # one value for a quarter of the record or more
+    reasons: Mapping[str, int] = field(default_factory=dict)  # what stood where no value is
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspection:
+    """One file. ``start`` and ``end`` are UTC, ``None`` where the zone is not known."""
+
+    source: str
+    digest: str
+    layout: str
+    encoding: str
+    separator: str
+    decimal: str
+    zone: str  # how times became UTC, in one sentence
+    zone_name: str  # the zone that was given, IANA; empty where none was
+    rows: int
+    interval_s: float | None
+    start: datetime | None
+    end: datetime | None
+    clock: ClockFacts
+    tags: tuple[TagInspection, ...]
+    decisions: tuple[str, ...]
+    problems: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; times in ISO form."""
+        out = asdict(self)
+        for name in ("start", "end"):
+            instant = getattr(self, name)
+            out[name] = None if instant is None else instant.isoformat()
+        return out
+
+    def plant_toml(self, name: str = "historian") -> str:
+        """A proposed mapping to paste into ``plant.toml``; ``name`` is the source's name in it."""
+        from stemwatch.connectors.historian.planttoml import plant_toml
+
+        return plant_toml(self, name)
+
+
+def inspect_file(opened: OpenedFile) -> Inspection:
+    """Look at every tag of an opened file."""
+    instants, table = opened.instants, opened.table
+    ns = np.unique(instants.ns[instants.ok])
+    tags = tuple(_inspect(opened.column(one.tag), one) for one in opened.roles())
+    decisions = list(opened.notes.decisions)
+    for one in table.columns:
+        decisions += opened.column(one.tag).decisions
+    busiest = max((opened.column(c.tag) for c in table.columns), key=lambda c: c.file_ns.size)
+    return Inspection(
+        source=str(opened.path),
+        digest=opened.digest,
+        layout=table.layout,
+        encoding=opened.encoding,
+        separator=table.separator,
+        decimal=opened.decimal,
+        zone=instants.zone,
+        zone_name=opened.options.zone or "",
+        rows=len(table.numbers),
+        interval_s=_interval_s(busiest),
+        start=_utc(int(ns[0])) if instants.known else None,
+        end=_utc(int(ns[-1])) if instants.known else None,
+        clock=clock_facts(busiest.file_ns, instants.zone),
+        tags=tags,
+        decisions=tuple(dict.fromkeys(decisions)),
+        problems=tuple(opened.notes.problems),
+    )
+
+
+def _utc(ns: int) -> datetime:
+    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=ns // 1000)
+
+
+def _interval_s(column: Column) -> float | None:
+    distinct = np.unique(column.file_ns)
+    return float(np.median(np.diff(distinct))) / 1e9 if distinct.size > 1 else None
+
+
+def _inspect(column: Column, one: Candidate) -> TagInspection:
+    values = column.values
+    finite = values[np.isfinite(values)]
+    steps = np.diff(np.unique(column.ns))
+    interval_s = float(np.median(steps)) / 1e9 if steps.size else None
+    lines = float(np.mean(forensics.interpolated(values))) if values.size > 2 else 0.0
+    longest = forensics.longest_repeat(values) if values.size > 1 else 1
+    return TagInspection(
+        tag=one.tag,
+        unit=one.unit,
+        description=one.description,
+        role="" if one.role is None else one.role.value,
+        valve=one.valve,
+        remark=one.remark,
+        samples=int(finite.size),
+        bad_share=_bad_share(column),
+        interval_s=interval_s,
+        own_interval_s=one.own_interval_s,
+        low=float(finite.min()) if finite.size else None,
+        high=float(finite.max()) if finite.size else None,
+        noise_sigma=forensics.noise_sigma(values),
+        quantum=forensics.quantum(values),
+        repeat_share=forensics.repeat_share(values),
+        longest_repeat_s=longest * (interval_s or 0.0) if longest > 1 else 0.0,
+        line_share=lines,
+        compressed=lines > _LINES_SHARE or by_exception(column.ns),
+        frozen=_frozen(longest, finite.size),
+        reasons=dict(column.reasons),
+    )
+
+
+def _bad_share(column: Column) -> float:
+    rows = column.file_ns.size
+    usable = int((column.quality == Quality.GOOD).sum())
+    return 1.0 - usable / rows if rows else 1.0
+
+
+def _frozen(longest: int, samples: int) -> bool:
+    return longest >= _FROZEN_SAMPLES and longest >= _FROZEN_SHARE * samples

@@ -1,0 +1,41 @@
+"""The layouts of text exports, one file each. A new one is a new file with a ``LAYOUT`` in it."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Protocol
+
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.source import Source
+
+
+class Layout(Protocol):
+    """One way of writing samples as text.
+
+    ``matches`` looks for the layout's signature in the first lines and must not be fooled by
+    another layout; ``parse`` may then read the whole file. The lowest ``order`` is asked first.
+    ``parse`` raises ``UnreadableSource`` with file, line, what was found and what was expected.
+    """
+
+    name: str
+    order: int
+
+    def matches(self, head: list[str]) -> bool: ...
+
+    def parse(self, source: Source) -> RawTable: ...
+
+
+@cache
+def layouts() -> tuple[Layout, ...]:
+    """Every layout in this package, the most particular first."""
+    names = sorted(module.name for module in iter_modules(__path__))
+    found: list[Layout] = [import_module(f"{__name__}.{name}").LAYOUT for name in names]
+    return tuple(sorted(found, key=lambda layout: (layout.order, layout.name)))
+
+
+def parse_source(source: Source) -> RawTable:
+    """The table of ``source`` by the first layout that knows it; the generic one knows all."""
+    chosen = next(layout for layout in layouts() if layout.matches(source.head))
+    return chosen.parse(source)

@@ -1,0 +1,48 @@
+"""AVEVA (Wonderware) Historian, rows of the History table.
+
+``DateTime,TagName,Value,vValue,Quality,QualityDetail``; seven fractional digits. ``Quality`` 0 is
+good here; ``QualityDetail`` and ``OPCQuality`` are OPC codes, 192 good, and preferred.
+"""
+
+from __future__ import annotations
+
+from stemwatch.connectors.historian.headed import needed, read_headed
+from stemwatch.connectors.historian.narrow import NarrowColumns, narrow_table, pick
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.source import Source
+
+
+class AvevaHistory:
+    name = "AVEVA history table"
+    order = 50
+
+    def matches(self, head: list[str]) -> bool:
+        first = head[0].replace('"', "").lower() if head else ""
+        names = {cell.strip() for cell in first.replace(";", ",").replace("\t", ",").split(",")}
+        own = names & {"vvalue", "qualitydetail", "opcquality", "wwretrievalmode"}
+        return {"datetime", "tagname", "value"} <= names and bool(own) and "operation" not in names
+
+    def parse(self, source: Source) -> RawTable:
+        separator = source.separator()
+        table = read_headed(source, source.rows(separator))
+        detail = pick(table.header, ("QualityDetail", "OPCQuality"))
+        quality = pick(table.header, ("Quality",)) if detail is None else detail
+        return narrow_table(
+            source,
+            table.columns,
+            table.numbers,
+            table.header,
+            NarrowColumns(
+                tag=needed(table.header, ("TagName",), source, 1),
+                time=(needed(table.header, ("DateTime",), source, 1),),
+                value=needed(table.header, ("Value",), source, 1),
+                quality=quality,
+                second_value=pick(table.header, ("vValue",)),
+            ),
+            separator=separator,
+            layout="AVEVA Historian, history table",
+            family="opc" if detail is not None else "aveva",
+        )
+
+
+LAYOUT = AvevaHistory()

@@ -1,0 +1,45 @@
+"""AVEVA Insight, narrow CSV: ``Operation?,TagName,DateTime,Format?,Value,OpcQuality?``, any order.
+
+UTF-8, ISO 8601 with ``Z`` or offset, decimal point, no thousands marks.
+"""
+
+from __future__ import annotations
+
+from stemwatch.connectors.historian.headed import needed, read_headed
+from stemwatch.connectors.historian.narrow import NarrowColumns, narrow_table, pick
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.source import Source
+
+_OPTIONAL = {"operation", "format", "opcquality"}
+
+
+class AvevaInsight:
+    name = "AVEVA Insight"
+    order = 45
+
+    def matches(self, head: list[str]) -> bool:
+        names = {c.strip().strip('"').lower() for c in head[0].split(",")} if head else set()
+        needed = {"tagname", "datetime", "value"}
+        return needed <= names <= needed | _OPTIONAL and bool(names & _OPTIONAL)
+
+    def parse(self, source: Source) -> RawTable:
+        table = read_headed(source, source.rows(","))
+        return narrow_table(
+            source,
+            table.columns,
+            table.numbers,
+            table.header,
+            NarrowColumns(
+                tag=needed(table.header, ("TagName",), source, 1),
+                time=(needed(table.header, ("DateTime",), source, 1),),
+                value=needed(table.header, ("Value",), source, 1),
+                quality=pick(table.header, ("OpcQuality",)),
+            ),
+            separator=",",
+            layout="AVEVA Insight narrow CSV",
+            family="opc",
+            decimal=".",
+        )
+
+
+LAYOUT = AvevaInsight()

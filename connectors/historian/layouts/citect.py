@@ -1,0 +1,25 @@
+"""Citect / Plant SCADA Process Analyst: the milliseconds are a column of their own."""
+
+from __future__ import annotations
+
+import re
+
+from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.source import Source
+
+_HEADER = re.compile(r'^"?(?:Date ?/? ?)?Time"?\s*[,;\t|]\s*"?Milliseconds"?\s*[,;\t|]', re.I)
+
+
+class Citect:
+    name = "Citect Process Analyst"
+    order = 35
+
+    def matches(self, head: list[str]) -> bool:
+        return any(_HEADER.match(line.strip()) for line in head[:10])
+
+    def parse(self, source: Source) -> RawTable:
+        return parse_table(source, "Citect Process Analyst export (milliseconds apart)")
+
+
+LAYOUT = Citect()

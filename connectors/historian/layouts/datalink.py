@@ -1,0 +1,32 @@
+"""PI DataLink sheets saved as CSV: tags across, any cell may hold a message, headers may return.
+
+Recognised by PI's own messages or by up to three header rows over Korean times; the reading is
+that of any wide table.
+"""
+
+from __future__ import annotations
+
+import re
+
+from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.source import Source
+
+_SIGNS = re.compile(
+    r"오전|오후|\[-110\d\d\]|No Good Data For Calculation|Resize to show all values|"
+    r"I/O Timeout|Not Enough Values For Calculation"
+)
+
+
+class DataLink:
+    name = "PI DataLink"
+    order = 900
+
+    def matches(self, head: list[str]) -> bool:
+        return any(_SIGNS.search(line) for line in head)
+
+    def parse(self, source: Source) -> RawTable:
+        return parse_table(source, "PI DataLink sheet")
+
+
+LAYOUT = DataLink()

@@ -1,0 +1,139 @@
+"""Any other table: wide or narrow, with or without preamble, units, descriptions or times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.narrow import (
+    DESCRIPTION_NAMES,
+    QUALITY_NAMES,
+    TAG_NAMES,
+    UNIT_NAMES,
+    VALUE_NAMES,
+    NarrowColumns,
+    demand,
+    narrow_table,
+    pick,
+)
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.rows import Rows
+from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.structure import (
+    Structure,
+    column_names,
+    find_structure,
+    is_number,
+)
+from stemwatch.connectors.historian.timegrammar import is_time
+from stemwatch.connectors.historian.wide import Body, table_body, wide_table
+from stemwatch.connectors.historian.words import word_quality
+from stemwatch.models.recording import Quality
+
+
+class Generic:
+    """Takes every file; asked last."""
+
+    name = "generic"
+    order = 1000
+
+    def matches(self, head: list[str]) -> bool:
+        return True
+
+    def parse(self, source: Source) -> RawTable:
+        return parse_table(source)
+
+
+def parse_table(source: Source, layout: str = "", first: int = 0) -> RawTable:
+    """The table from line ``first + 1`` on. ``layout`` names a known product in the provenance."""
+    separator = source.separator(first)
+    rows = source.rows(separator, first)
+    structure = find_structure(rows, source.options, source.name)
+    header = column_names(structure).tags
+    where = _narrow_columns(source, rows, structure, header)
+    if where is not None:
+        body = table_body(source, rows, structure)
+        return narrow_table(
+            source,
+            body.columns,
+            body.numbers,
+            header,
+            where,
+            separator=separator,
+            layout=layout or "narrow table: one row per sample",
+        )
+    _refuse_text(source, rows, structure)
+    return wide_table(
+        source, rows, structure, separator, layout or "wide table: one column per tag"
+    )
+
+
+def _narrow_columns(
+    source: Source, rows: Rows, structure: Structure, header: Sequence[str]
+) -> NarrowColumns | None:
+    """Which columns hold tag, value and quality; ``None`` for a wide table."""
+    options = source.options
+    for option in (options.tag_column, options.value_column, options.quality_column):
+        demand(header, option, source)
+    if not structure.time:
+        return None
+    tag = pick(header, TAG_NAMES, options.tag_column)
+    value = pick(header, VALUE_NAMES, options.value_column)
+    if tag is None or value is None:
+        tag, value = _by_content(rows, structure) if tag is None and value is None else (tag, value)
+    if tag is None or value is None or tag == value:
+        return None
+    return NarrowColumns(
+        tag=tag,
+        time=structure.time,
+        value=value,
+        quality=pick(header, QUALITY_NAMES, options.quality_column),
+        unit=pick(header, UNIT_NAMES),
+        description=pick(header, DESCRIPTION_NAMES),
+    )
+
+
+def _by_content(rows: Rows, structure: Structure) -> tuple[int | None, int | None]:
+    """One column of few, ever repeated words that are no states, and one of numbers."""
+    if len(structure.numeric) != 1 or structure.width > 5:
+        return None, None
+    sample = [r for r in rows.cells[structure.first_row :][:2000] if len(r) == structure.width]
+    for column in range(structure.width):
+        if column in structure.time or column in structure.numeric:
+            continue
+        words = [row[column].strip() for row in sample]
+        distinct = set(words)
+        tags = all(
+            "." in w or "_" in w or "/" in w or any(c.isdigit() for c in w) for w in distinct
+        )
+        if tags and 1 <= len(distinct) <= max(1, len(words) // 3):
+            return column, structure.numeric[0]
+    return None, None
+
+
+def _refuse_text(source: Source, rows: Rows, structure: Structure) -> None:
+    """A table of words, such as a list of labels or a readme, is no recording."""
+    sample = [r for r in rows.cells[structure.first_row :][:500] if len(r) == structure.width]
+    cells = [cell for row in sample for cell in row if cell.strip()]
+    numbers = sum(is_number(cell) for cell in cells)
+    if structure.time:
+        if structure.numeric or numbers:
+            return
+        raise UnreadableSource(
+            f"{source.name}: line {rows.numbers[structure.first_row]}: there are times but no "
+            "column of numbers; expected at least one tag with values"
+        )
+    words = sum(
+        not is_number(cell) and not is_time(cell) and word_quality(cell) is Quality.BAD
+        for cell in cells
+    )
+    if words > 0.1 * len(cells) or len(rows.cells) - structure.first_row < 2:
+        raise UnreadableSource(
+            f"{source.name}: there is no time column and {words} of {len(cells)} cells are words "
+            f"(such as {sample[0][0][:40]!r} in line {rows.numbers[structure.first_row]}); this is "
+            "probably not a recording but a list or a text"
+        )
+
+
+__all__ = ["LAYOUT", "Body", "Generic", "parse_table"]
+LAYOUT = Generic()

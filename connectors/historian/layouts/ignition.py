@@ -1,0 +1,63 @@
+"""Ignition: ``#NAMES``, ``#TYPES``, ``#ROWS`` and the rows, or the plain form with ``t_stamp``."""
+
+from __future__ import annotations
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.rows import Rows, split_rows, table_rows
+from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.wide import unique_tags
+
+
+class Ignition:
+    name = "Ignition"
+    order = 30
+
+    def matches(self, head: list[str]) -> bool:
+        first = next((line.strip().strip('"') for line in head if line.strip()), "")
+        return first.startswith("#NAMES") or first.lower().startswith(("t_stamp,", 't_stamp",'))
+
+    def parse(self, source: Source) -> RawTable:
+        if not source.head[0].strip().strip('"').startswith("#NAMES"):
+            return parse_table(source, "Ignition, plain CSV")
+        lines = source.document.lines
+        header = split_rows(lines[1:2], ",", 2, source.notes).cells
+        marks = [i for i, line in enumerate(lines[:8]) if line.strip('"').startswith("#ROWS")]
+        if not header or not marks:
+            raise UnreadableSource(
+                f"{source.name}: expected the tags in line 2 and a line '#ROWS,n' before the data"
+            )
+        return self._rows(source, header[0], marks[0])
+
+    def _rows(self, source: Source, names: list[str], mark: int) -> RawTable:
+        rows = self._body(source, names, mark)
+        cells = [list(column) for column in zip(*rows.cells, strict=True)] or [[] for _ in names]
+        time = next((i for i, n in enumerate(names) if n.strip().lower() == "t_stamp"), 0)
+        columns = [
+            RawColumn(tag=names[i].strip(), cells=cells[i]) for i in range(len(names)) if i != time
+        ]
+        promised = source.document.lines[mark].strip('"').partition(",")[2].strip(' "')
+        if promised.isdigit() and int(promised) != len(rows.cells):
+            source.notes.problem(
+                f"line {mark + 1} promises {promised} rows, {len(rows.cells)} were read; the file "
+                "may be cut"
+            )
+        return RawTable(
+            layout="Ignition CSV with #NAMES",
+            times=RawTimes(texts=cells[time], name=names[time]),
+            columns=unique_tags(columns, source.notes),
+            numbers=rows.numbers,
+            separator=",",
+        )
+
+    def _body(self, source: Source, names: list[str], mark: int) -> Rows:
+        return table_rows(
+            source.rows(",", mark + 1),
+            len(names),
+            source.notes,
+            ends_whole=source.document.ends_whole,
+        )
+
+
+LAYOUT = Ignition()

@@ -1,0 +1,77 @@
+"""InfluxDB annotated CSV: ``#datatype``, ``#group``, ``#default``, then tables under headers.
+
+The first column is empty. Several tables in one file repeat annotations and header. A tag is the
+measurement, the other group tags and the field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.narrow import NarrowColumns, narrow_table
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.source import Source
+
+_OWN = frozenset(
+    ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
+)
+
+
+class Influx:
+    name = "InfluxDB annotated CSV"
+    order = 25
+
+    def matches(self, head: list[str]) -> bool:
+        return any(line.startswith(("#group,", "#datatype,", "#default,")) for line in head[:4])
+
+    def parse(self, source: Source) -> RawTable:
+        tags: list[str] = []
+        times: list[str] = []
+        values: list[str] = []
+        numbers: list[int] = []
+        header: list[str] = []
+        rows = source.rows(",")
+        for row, number in zip(rows.cells, rows.numbers, strict=True):
+            if row[0].startswith("#"):
+                header = []
+            elif not header:
+                header = self._header(source, row, number)
+            elif len(row) != len(header):
+                source.notes.problem(
+                    f"line {number}: {len(row)} cells where {len(header)} were expected; left out"
+                )
+            else:
+                cells = dict(zip(header, row, strict=True))
+                tags.append(_tag(cells))
+                times.append(cells["_time"])
+                values.append(cells["_value"])
+                numbers.append(number)
+        return narrow_table(
+            source,
+            (tags, times, values),
+            numbers,
+            ("tag", "_time", "_value"),
+            NarrowColumns(tag=0, time=(1,), value=2),
+            separator=",",
+            layout="InfluxDB annotated CSV",
+            decimal=".",
+        )
+
+    def _header(self, source: Source, row: list[str], number: int) -> list[str]:
+        header = [cell.strip() for cell in row]
+        if not {"_time", "_value"} <= set(header):
+            raise UnreadableSource(
+                f"{source.name}: line {number}: expected the columns _time and _value; found "
+                f"{', '.join(filter(None, header))}. A pivoted result cannot be read here"
+            )
+        return header
+
+
+def _tag(cells: Mapping[str, str]) -> str:
+    others = [value for name, value in cells.items() if name not in _OWN and value]
+    parts = [cells.get("_measurement", ""), *others, cells.get("_field", "")]
+    return "/".join(part for part in parts if part) or "_value"
+
+
+LAYOUT = Influx()

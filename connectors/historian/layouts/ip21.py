@@ -1,0 +1,21 @@
+"""AspenTech IP.21: ``NAME,IP_TREND_TIME,IP_TREND_VALUE`` and a status or a quality level."""
+
+from __future__ import annotations
+
+from stemwatch.connectors.historian.layouts.generic import parse_table
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.source import Source
+
+
+class Ip21:
+    name = "IP.21"
+    order = 55
+
+    def matches(self, head: list[str]) -> bool:
+        return any("IP_TREND_TIME" in line.upper() for line in head[:10])
+
+    def parse(self, source: Source) -> RawTable:
+        return parse_table(source, "AspenTech IP.21 history")
+
+
+LAYOUT = Ip21()

@@ -1,0 +1,77 @@
+"""The refinery ``PROCESSDATA`` export: five header lines, tab separated, four hold flags.
+
+Line 1: signature, title, time format. Line 2: columns, interval in seconds, first time, rows.
+Line 3: tags. Line 4: descriptions, whose ``_OP`` says that ``.MV`` is the controller output.
+Line 5: settings of the plant's own method, of no use here and with a broken tab in it.
+"""
+
+from __future__ import annotations
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.rows import Rows, table_rows
+from stemwatch.connectors.historian.source import Source
+
+_FIRST = 5
+# Flag column of each role's suffix: the archive repeated the value before.
+_FLAGS = {"MV": "bOpOFL", "PV": "bPvOFL", "SV": "bSpOFL", "MODE": "bAutOFL"}
+
+
+class ProcessData:
+    """Recognised by the word in its first cell."""
+
+    name = "PROCESSDATA"
+    order = 10
+
+    def matches(self, head: list[str]) -> bool:
+        return bool(head) and head[0].startswith("PROCESSDATA\t")
+
+    def parse(self, source: Source) -> RawTable:
+        lines = source.document.lines
+        if len(lines) <= _FIRST or not lines[2].startswith("tagname\t"):
+            raise UnreadableSource(
+                f"{source.name}: line 3: expected 'tagname' and the tags of a PROCESSDATA export; "
+                f"found {(lines[2] if len(lines) > 2 else '')[:40]!r}"
+            )
+        tags = [cell.strip() for cell in lines[2].split("\t")]
+        descriptions = [cell.strip() for cell in lines[3].split("\t")]
+        descriptions += [""] * (len(tags) - len(descriptions))
+        rows = self._rows(source, len(tags))
+        cells = dict(zip(range(len(tags)), map(list, zip(*rows.cells, strict=True)), strict=False))
+        columns = [
+            self._column(i, tags, descriptions, cells)
+            for i in range(1, len(tags))
+            if tags[i] not in _FLAGS.values() and i in cells
+        ]
+        self._check_line_two(source, lines[1], len(rows.cells))
+        return RawTable(
+            layout="PROCESSDATA export (.MV is the controller output, flagged values are held)",
+            times=RawTimes(texts=cells.get(0, []), name="time"),
+            columns=columns,
+            numbers=rows.numbers,
+            separator="\t",
+            decimal=".",
+            mv_is_output=True,
+        )
+
+    def _rows(self, source: Source, width: int) -> Rows:
+        return table_rows(
+            source.rows("\t", _FIRST), width, source.notes, ends_whole=source.document.ends_whole
+        )
+
+    def _column(
+        self, i: int, tags: list[str], descriptions: list[str], cells: dict[int, list[str]]
+    ) -> RawColumn:
+        flag = _FLAGS.get(tags[i].rpartition(".")[2])
+        held = cells.get(tags.index(flag)) if flag in tags else None
+        return RawColumn(tag=tags[i], description=descriptions[i], cells=cells[i], held=held)
+
+    def _check_line_two(self, source: Source, line: str, rows: int) -> None:
+        parts = line.split("\t")
+        if len(parts) > 3 and parts[3].strip().isdigit() and int(parts[3]) != rows:
+            source.notes.problem(
+                f"line 2 promises {parts[3].strip()} rows, {rows} were read; the file may be cut"
+            )
+
+
+LAYOUT = ProcessData()

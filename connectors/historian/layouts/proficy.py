@@ -1,0 +1,113 @@
+"""GE Proficy Historian: the CSV with ``[Data]`` sections and the extract without header.
+
+CSV: ``*`` begins a comment; the order of values follows the header line of the section; short
+dates are American. Extract: ``epoch:nanoseconds,tag,value,type,GOOD|BAD``.
+"""
+
+from __future__ import annotations
+
+import re
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.headed import needed, read_headed
+from stemwatch.connectors.historian.narrow import (
+    QUALITY_NAMES,
+    TAG_NAMES,
+    VALUE_NAMES,
+    NarrowColumns,
+    narrow_table,
+    pick,
+)
+from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.rows import Rows, split_rows, table_rows
+from stemwatch.connectors.historian.source import Source
+
+_SECTION = re.compile(r"^\[(Tags|Data|Messages|Alarms)\]\s*$", re.I)
+_EXTRACT = re.compile(r"^\d{9,10}:\d{1,9},[^,]+,[^,]*,\w+,(?:GOOD|BAD)\s*$", re.I)
+_EXTRACT_HEADER = ["time", "tag", "value", "type", "quality"]
+_TIMES = ("timestamp", "time stamp", "time", "datetime", "date")
+
+
+class ProficyCsv:
+    name = "Proficy [Data]"
+    order = 20
+
+    def matches(self, head: list[str]) -> bool:
+        first = next((line for line in head if line.strip() and not line.startswith("*")), "")
+        return (
+            _SECTION.match(first.strip()) is not None or _EXTRACT.match(first.strip()) is not None
+        )
+
+    def parse(self, source: Source) -> RawTable:
+        lines = source.document.lines
+        sections = [i for i, line in enumerate(lines) if _SECTION.match(line.strip())]
+        if not sections:
+            return self._extract(source)
+        data = [i for i in sections if "data" in lines[i].lower()]
+        if not data:
+            raise UnreadableSource(
+                f"{source.name}: line {sections[0] + 1}: no [Data] section; the file has "
+                f"{', '.join(lines[i].strip() for i in sections)}. Export the data of the tags"
+            )
+        return self._sections(source, data, sections)
+
+    def _sections(self, source: Source, data: list[int], sections: list[int]) -> RawTable:
+        """All ``[Data]`` sections, whose header lines must be the same."""
+        lines = source.document.lines
+        cells: list[list[str]] = []
+        numbers: list[int] = []
+        header: list[str] = []
+        for begin in data:
+            end = min((i for i in sections if i > begin), default=len(lines))
+            part = self._part(source, begin + 1, end)
+            if not part.cells:
+                continue
+            header = header or [cell.strip() for cell in part.cells[0]]
+            cells += part.cells[1:]
+            numbers += part.numbers[1:]
+        table = read_headed(source, Rows([header, *cells], [data[0] + 2, *numbers]))
+        return narrow_table(
+            source,
+            table.columns,
+            table.numbers,
+            header,
+            self._where(source, header, data[0] + 2),
+            separator=",",
+            layout="Proficy Historian CSV, section [Data]",
+            day_first=False,
+        )
+
+    def _part(self, source: Source, begin: int, end: int) -> Rows:
+        lines = ["" if ln.startswith("*") else ln for ln in source.document.lines[begin:end]]
+        return split_rows(lines, ",", begin + 1, source.notes)
+
+    def _where(self, source: Source, header: list[str], line: int) -> NarrowColumns:
+        return NarrowColumns(
+            tag=needed(header, TAG_NAMES, source, line),
+            time=(needed(header, _TIMES, source, line),),
+            value=needed(header, VALUE_NAMES, source, line),
+            quality=pick(header, QUALITY_NAMES),
+        )
+
+    def _extract(self, source: Source) -> RawTable:
+        rows = table_rows(source.rows(","), 5, source.notes, ends_whole=source.document.ends_whole)
+        columns = [list(column) for column in zip(*rows.cells, strict=True)] or [[]] * 5
+        columns[0] = [_epoch(text) for text in columns[0]]
+        return narrow_table(
+            source,
+            columns,
+            rows.numbers,
+            _EXTRACT_HEADER,
+            NarrowColumns(tag=1, time=(0,), value=2, quality=4),
+            separator=",",
+            layout="Proficy Historian extract",
+            decimal=".",
+        )
+
+
+def _epoch(text: str) -> str:
+    seconds, colon, nanoseconds = text.strip().partition(":")
+    return f"{seconds}{nanoseconds.zfill(9)}" if colon and len(nanoseconds) <= 9 else ""
+
+
+LAYOUT = ProficyCsv()

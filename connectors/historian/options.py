@@ -1,0 +1,86 @@
+"""``ReadOptions``: what a user may say about a file; everything left out is decided from it."""
+
+from __future__ import annotations
+
+import codecs
+from dataclasses import dataclass
+from typing import Literal, get_args
+from zoneinfo import ZoneInfo
+
+AmbiguousHour = Literal["infer", "first", "second"]
+MissingHour = Literal["shift", "leave_out"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """Every field is optional; ``None`` means "decide from the whole file and say so".
+
+    Raises ``ValueError`` for an unknown zone, encoding or policy and a non-positive interval.
+    """
+
+    zone: str | None = None
+    """IANA name of the zone of times without offset; without it dates stay unknown."""
+    ambiguous_hour: AmbiguousHour = "infer"
+    """The hour that autumn repeats: ``infer`` from the rows' order, or always ``first`` (summer
+    time) or ``second`` (standard time)."""
+    missing_hour: MissingHour = "shift"
+    """The hour that spring skips: ``shift`` it forward by an hour, or ``leave_out`` its rows."""
+    encoding: str | None = None
+    """Python name of the file's encoding, such as ``cp1251``."""
+    separator: str | None = None
+    """The one character between cells."""
+    decimal: Literal[".", ","] | None = None
+    """The decimal mark of the numbers."""
+    day_first: bool | None = None
+    """True where ``01/02/2026`` is the first of February, False where it is the second of
+    January."""
+    time_format: str | None = None
+    """``strptime`` format of the time column, such as ``%d.%m.%Y %H:%M:%S``."""
+    time_column: str | None = None
+    """Header of the time column."""
+    tag_column: str | None = None
+    """Narrow files: header of the column that names the tag."""
+    value_column: str | None = None
+    """Narrow files: header of the column that holds the value."""
+    quality_column: str | None = None
+    """Narrow files: header of the column that holds the quality code."""
+    interval_s: float | None = None
+    """Seconds between rows, for a file that has no time column."""
+    good_quality: tuple[str, ...] = ()
+    """The quality codes that mean good, as they are written in the file."""
+
+    def __post_init__(self) -> None:
+        _check_policy("ambiguous_hour", self.ambiguous_hour, get_args(AmbiguousHour))
+        _check_policy("missing_hour", self.missing_hour, get_args(MissingHour))
+        _check_policy("decimal", self.decimal, (".", ",", None))
+        if self.separator is not None and len(self.separator) != 1:
+            raise ValueError(f"separator must be one character, received {self.separator!r}")
+        if self.interval_s is not None and not 0 < self.interval_s < float("inf"):
+            raise ValueError(f"interval_s must be positive, received {self.interval_s}")
+        if self.zone is not None:
+            _check_zone(self.zone)
+        if self.encoding is not None:
+            _check_encoding(self.encoding)
+
+
+def _check_policy(name: str, value: object, allowed: tuple[object, ...]) -> None:
+    if value not in allowed:
+        raise ValueError(f"{name} must be one of {allowed}, received {value!r}")
+
+
+def _check_zone(zone: str) -> None:
+    try:
+        ZoneInfo(zone)
+    except (KeyError, ValueError, OSError) as error:
+        raise ValueError(
+            f"zone {zone!r} is not an IANA zone name; expected one such as 'Europe/Berlin'"
+        ) from error
+
+
+def _check_encoding(encoding: str) -> None:
+    try:
+        codecs.lookup(encoding)
+    except LookupError as error:
+        raise ValueError(
+            f"encoding {encoding!r} is not known; expected one such as 'utf-8' or 'cp1251'"
+        ) from error

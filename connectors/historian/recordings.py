@@ -1,0 +1,237 @@
+"""Columns of one valve to a ``Recording``: window, percent, provenance."""
+
+from __future__ import annotations
+
+import difflib
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from stemwatch.connectors.connector import (
+    ConnectorError,
+    MappingNeeded,
+    TagMapping,
+    UnknownTag,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.historian.clock import Grid, Laid, clock_facts, lay_column, make_grid
+from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.opened import OpenedFile, own_interval_s
+from stemwatch.connectors.historian.units import canonical
+from stemwatch.models.recording import (
+    PERCENT,
+    Floats,
+    Provenance,
+    Quality,
+    QualityCodes,
+    Recording,
+    Role,
+    Signal,
+)
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+# Percent of span that a transmitter or an output can still deliver (NAMUR NE 43 goes to 112.5).
+_OUTSIDE = (-25.0, 125.0)
+_MOST_OUTSIDE = 0.05  # more than this means that the range is wrong, not the samples
+_PLAIN_PERCENT = (-15.0, 115.0)
+
+
+def assemble(opened: OpenedFile, valve: ValveTags, window: Window) -> Recording:
+    """The recording of ``valve`` in ``window``. Raises ``UnknownTag`` or ``ConnectorError``."""
+    _check_roles(opened, valve)
+    columns = {
+        role: opened.column(find_tag(opened, mapping.tag), as_mode=role is Role.MODE)
+        for role, mapping in valve.tags.items()
+    }
+    _check_samples(opened, columns[Role.OP])
+    op = columns[Role.OP]
+    grid = make_grid(_clock_ns(op), op.tag, str(opened.path), _window_ns(opened, window))
+    if grid.size == 0:
+        raise ConnectorError(_outside_window(opened, op, window))
+    notes: list[str] = []
+    signals = {
+        role: _signal(role, column, valve.tags[role], grid, notes)
+        for role, column in columns.items()
+    }
+    _remark_same_values(signals, notes)
+    return Recording(
+        valve=valve.valve,
+        signals=signals,
+        interval_s=grid.interval_s,
+        start=_EPOCH + timedelta(microseconds=round(grid.start_ns / 1000))
+        if opened.instants.known
+        else None,
+        clock=clock_facts(op.file_ns, opened.instants.zone),
+        provenance=_provenance(opened, columns, notes),
+    )
+
+
+def _check_roles(opened: OpenedFile, valve: ValveTags) -> None:
+    if Role.OP not in valve.tags:
+        raise MappingNeeded(
+            f"{opened.path}: {valve.valve}: no tag is given for OP, the controller output; a "
+            "recording needs one"
+        )
+    mv = valve.tags.get(Role.MV)
+    if mv is not None and find_tag(opened, mv.tag) == find_tag(opened, valve.tags[Role.OP].tag):
+        raise ConnectorError(
+            f"{opened.path}: {valve.valve}: {mv.tag!r} is given for both OP and MV; a valve that "
+            "is compared with its own command looks perfect. Give the tag of the measured "
+            "position, or none"
+        )
+
+
+def find_tag(opened: OpenedFile, wanted: str) -> str:
+    """The file's tag for what a user wrote. Raises ``UnknownTag`` with the nearest ones."""
+    tags = [column.tag for column in opened.table.columns]
+    if wanted in tags:
+        return wanted
+    plain = wanted.strip().lower()
+    folded = [tag for tag in tags if tag.lower() == plain]
+    if len(folded) == 1:
+        return folded[0]
+    with_unit = [tag for tag in tags if plain.startswith((tag.lower() + " ", tag.lower() + "["))]
+    if len(with_unit) == 1:
+        return with_unit[0]
+    near = difflib.get_close_matches(wanted, tags, n=3, cutoff=0.4) or tags[:5]
+    raise UnknownTag(
+        f"{opened.path}: there is no tag {wanted!r} among {len(tags)}; the nearest are "
+        f"{', '.join(repr(tag) for tag in near)}"
+    )
+
+
+def _check_samples(opened: OpenedFile, op: Column) -> None:
+    if not np.isfinite(op.values).any():
+        why = ", ".join(f"{text!r} {n} times" for text, n in list(op.reasons.items())[:4])
+        raise ConnectorError(
+            f"{opened.path}: {op.tag}: no sample of the controller output can be used"
+            f"{f' ({why})' if why else ''}; check the tag"
+        )
+
+
+def _clock_ns(op: Column) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Times that make the clock: all rows, or OP's own where most rows leave it empty."""
+    return op.file_ns if op.ns.size >= 0.5 * op.file_ns.size else op.ns
+
+
+def _window_ns(opened: OpenedFile, window: Window) -> tuple[int | None, int | None]:
+    if window.start is None and window.stop is None:
+        return None, None
+    if not opened.instants.known:
+        raise ConnectorError(
+            f"{opened.path}: a window was asked for, but the file's times have no zone; give the "
+            "zone, such as 'Europe/Berlin', or read the whole file"
+        )
+    return _ns(window.start), _ns(window.stop)
+
+
+def _ns(instant: datetime | None) -> int | None:
+    if instant is None:
+        return None
+    return ((instant - _EPOCH) // timedelta(microseconds=1)) * 1000
+
+
+def _outside_window(opened: OpenedFile, op: Column, window: Window) -> str:
+    first, last = (_EPOCH + timedelta(seconds=int(ns) // 10**9) for ns in (op.ns[0], op.ns[-1]))
+    return (
+        f"{opened.path}: {op.tag}: no samples between {window.start} and {window.stop}; the file "
+        f"covers {first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
+    )
+
+
+def _signal(
+    role: Role, column: Column, mapping: TagMapping, grid: Grid, notes: list[str]
+) -> Signal:
+    laid = lay_column(column, grid, is_clock=role is Role.OP)
+    if laid.decision:
+        notes.append(laid.decision)
+    own = own_interval_s(column, command=role not in (Role.PV, Role.MV))
+    if own is not None and own <= 1.2 * grid.interval_s:
+        own = None
+    if own is not None:
+        notes.append(f"{column.tag} itself changes only each {own:g} s.")
+    values, quality, unit = _scaled(role, column, mapping, laid, notes)
+    return Signal(values=values, quality=quality, tag=column.tag, unit=unit, interval_s=own)
+
+
+def _scaled(
+    role: Role, column: Column, mapping: TagMapping, laid: Laid, notes: list[str]
+) -> tuple[Floats, QualityCodes, str]:
+    """Percent of the given range, or the values as they are with their unit."""
+    given = canonical(mapping.unit) if mapping.unit else ""
+    if given and column.unit and given != column.unit:
+        notes.append(f"{column.tag}: the unit is {given} as said; the file says {column.unit}.")
+    if mapping.low is None or mapping.high is None:
+        if role is Role.MODE:
+            return laid.values, laid.quality, ""
+        return laid.values, laid.quality, _unit(role, column, given, laid, notes)
+    if not (np.isfinite(mapping.low) and np.isfinite(mapping.high)) or mapping.low == mapping.high:
+        raise ConnectorError(
+            f"{column.tag}: low {mapping.low:g} and high {mapping.high:g} give no range; give the "
+            "engineering values at 0 % and 100 %"
+        )
+    percent = 100.0 * (laid.values - mapping.low) / (mapping.high - mapping.low)
+    return percent, _in_range(column.tag, percent, laid.quality, notes), PERCENT
+
+
+def _unit(role: Role, column: Column, given: str, laid: Laid, notes: list[str]) -> str:
+    known = given or column.unit
+    if known or role in (Role.PV, Role.SP):
+        return known
+    finite = laid.values[np.isfinite(laid.values)]
+    if finite.size and not (
+        _PLAIN_PERCENT[0] <= np.percentile(finite, 1)
+        and np.percentile(finite, 99) <= _PLAIN_PERCENT[1]
+    ):
+        notes.append(
+            f"{column.tag}: no unit is known and values from {finite.min():g} to "
+            f"{finite.max():g} are no percent; they stay as they are. Give low and high."
+        )
+        return ""
+    notes.append(f"{column.tag}: no unit is known; the values were taken as percent.")
+    return PERCENT
+
+
+def _in_range(tag: str, percent: Floats, quality: QualityCodes, notes: list[str]) -> QualityCodes:
+    """RANGE for the few samples that a range of 0 to 100 % cannot hold."""
+    outside = (percent < _OUTSIDE[0]) | (percent > _OUTSIDE[1])
+    if not outside.any():
+        return quality
+    n = int(outside.sum())
+    if n > _MOST_OUTSIDE * np.isfinite(percent).sum():
+        notes.append(f"{tag}: {n} samples lie outside the given range; check low and high.")
+        return quality
+    notes.append(f"{tag}: {n} samples far outside the given range were left out.")
+    return np.where(outside, Quality.RANGE, quality).astype(np.uint8)
+
+
+def _remark_same_values(signals: dict[Role, Signal], notes: list[str]) -> None:
+    mv, op = signals.get(Role.MV), signals[Role.OP]
+    if mv is None:
+        return
+    both = mv.usable & op.usable
+    a, b = mv.values[both], op.values[both]
+    if both.sum() >= 20 and np.ptp(b) > 0 and np.mean(a == b) > 0.995:
+        notes.append(
+            f"{mv.tag} equals {op.tag} sample for sample: it is the command under another name, "
+            "not a measured position."
+        )
+
+
+def _provenance(opened: OpenedFile, columns: dict[Role, Column], notes: list[str]) -> Provenance:
+    said = list(opened.notes.decisions)
+    for column in columns.values():
+        said += column.decisions
+        words = {text: n for text, n in column.reasons.items() if n}
+        if words:
+            shown = ", ".join(f"{text!r} {n}" for text, n in sorted(words.items())[:6])
+            said.append(f"{column.tag}: left out as no measurement: {shown}.")
+    said += notes
+    said += [f"Problem: {problem}." for problem in opened.notes.problems]
+    return Provenance(
+        source=str(opened.path),
+        digest=opened.digest,
+        layout=opened.table.layout,
+        decisions=tuple(dict.fromkeys(said)),
+    )

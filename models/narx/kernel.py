@@ -1,0 +1,65 @@
+"""The free run of an ensemble, sample by sample, in numba.
+
+Signals are scaled: ``level`` is OP and ``position`` is MV, both in units of ``se``; ``move`` is
+``(v(t) - v(t-1)) / sd``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+
+@njit(cache=True)
+def increment(weights, hidden, error, move, drift):  # type: ignore[no-untyped-def]
+    """How far the stem moves in one sample; ``weights`` (p,) = value, gate, hidden, flattened."""
+    gate = hidden + 4
+    rows = gate + hidden + 1
+    value = weights[hidden] * error + weights[hidden + 1] * move + weights[hidden + 2] * drift
+    value += weights[hidden + 3]
+    opening = weights[rows - 1]
+    for unit in range(hidden):
+        row = rows + 4 * unit
+        h = math.tanh(
+            weights[row] * error
+            + weights[row + 1] * move
+            + weights[row + 2] * drift
+            + weights[row + 3]
+        )
+        value += weights[unit] * h
+        opening += weights[gate + unit] * h
+    # tanh cannot overflow, where exp(-opening) could.
+    return 0.5 * (1.0 + math.tanh(0.5 * opening)) * value
+
+
+@njit(cache=True)
+def free_run(  # type: ignore[no-untyped-def]
+    weights, hidden, level, move, position, plan, codes, limits, ratio, out
+):
+    """Fill ``out`` (m, n) with each member's run; ``weights`` (m, p).
+
+    ``plan`` (n,) says of each sample to ``skip`` it, ``seed`` the run from the measurement, ``run``
+    on, or ``restart`` from the two measurements before it; ``codes`` are the numbers standing for
+    seed, run and restart. ``limits`` = lowest and highest error, increment and position.
+    ``ratio`` = se / sd. What is skipped is left as it is.
+    """
+    seed, run, restart = codes
+    error_low, error_high, slowest, fastest, low, high = limits
+    for member in range(weights.shape[0]):
+        before, last = 0.0, 0.0
+        for t in range(level.shape[0]):
+            if plan[t] == seed:
+                new = position[t]
+            elif plan[t] == run or plan[t] == restart:
+                if plan[t] == restart:
+                    before, last = position[t - 2], position[t - 1]
+                error = min(max(level[t] - last, error_low), error_high)
+                drift = ratio * (last - before)
+                step = increment(weights[member], hidden, error, move[t], drift)
+                new = last + min(max(step, slowest), fastest)
+                new = min(max(new, low), high)
+            else:
+                continue
+            out[member, t] = new
+            before, last = last, new

@@ -1,0 +1,95 @@
+"""Levenberg-Marquardt for many networks at once: each has its own damping and its own end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+# Beyond this damping a step is too small to change anything: the network is where it can get.
+_MOST_DAMPING = 1e8
+_LEAST_DAMPING = 1e-10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Descent:
+    """How far one stage went: ``weights`` (B, P), ``loss`` and ``steps`` (B,) accepted."""
+
+    weights: Tensor
+    loss: Tensor
+    steps: Tensor
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """One torch thread inside: small batched steps on several threads stall on a busy machine."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def descend(
+    weights: Tensor,
+    normal: Callable[[Tensor], Tensor],
+    samples: Tensor,
+    *,
+    steps: int,
+    damping: float,
+    decay: float,
+    watch: Callable[[Tensor, Tensor], Tensor],
+) -> Descent:
+    """Minimise ``r'r / samples + decay |w|^2 / P`` for each network.
+
+    ``normal(weights)`` gives ``normal_matrix``; ``samples`` (B,). The step solves
+    ``(J'J + lambda diag(J'J)) dw = -J'r`` with decay in both; lambda falls to a quarter where the
+    loss fell, and is four times as large where it did not. ``watch(weights, improved)`` is told of
+    every step and answers (B,) True for the networks that may go on.
+    """
+    active = torch.ones_like(samples, dtype=torch.bool)
+    matrix, gradient, loss = _objective(normal(weights), weights, samples, decay)
+    lam, accepted = torch.full_like(loss, damping), torch.zeros_like(loss)
+    for _ in range(steps):
+        trial = weights + _step(matrix, gradient, lam)
+        new = _objective(normal(trial), trial, samples, decay)
+        improved = active & (new[2] < loss)
+        weights, matrix, gradient, loss = (
+            _where(improved, fresh, old)
+            for fresh, old in zip((trial, *new), (weights, matrix, gradient, loss), strict=True)
+        )
+        lam = torch.where(improved, lam / 4, lam * 4).clamp(_LEAST_DAMPING, _MOST_DAMPING)
+        accepted += improved
+        active = active & watch(weights, improved)
+        if not bool(active.any()):
+            break
+    return Descent(weights=weights, loss=loss, steps=accepted)
+
+
+def _objective(
+    normal: Tensor, weights: Tensor, samples: Tensor, decay: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Half the Hessian (B, P, P), half the gradient (B, P) and the loss (B,)."""
+    size = weights.shape[1]
+    normal = normal / samples[:, None, None]
+    shrink = decay / size
+    matrix = normal[:, :size, :size] + shrink * torch.eye(size).to(weights)
+    gradient = normal[:, :size, size] + shrink * weights
+    return matrix, gradient, normal[:, size, size] + shrink * (weights * weights).sum(1)
+
+
+def _step(matrix: Tensor, gradient: Tensor, lam: Tensor) -> Tensor:
+    """(B, P); no step where the matrix cannot be factored, which then counts as a failure."""
+    damped = matrix + torch.diag_embed(lam[:, None] * matrix.diagonal(dim1=1, dim2=2))
+    factor, info = torch.linalg.cholesky_ex(damped)
+    step = -torch.cholesky_solve(gradient[..., None], factor)[..., 0]
+    good = (info == 0) & torch.isfinite(step).all(1)
+    return torch.where(good[:, None], step, 0.0)
+
+
+def _where(chosen: Tensor, fresh: Tensor, old: Tensor) -> Tensor:
+    return torch.where(chosen.view(-1, *[1] * (old.dim() - 1)), fresh, old)

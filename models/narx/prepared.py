@@ -1,0 +1,108 @@
+"""Whether a record can be trained on, and its signals made ready if it can."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.narx.example import NarxExample, NarxSettings
+from stemwatch.models.narx.plan import Step, plan_run
+from stemwatch.models.narx.scaling import ScaledSignals, fit_ranges, fit_scaling, limits, scale
+from stemwatch.models.recording import Bools, Floats
+
+# Six samples for each of 35 weights.
+_LEAST_TRAINED = 200
+_LEAST_JUDGED = 30
+# Not a measurement of anything; and its square would leave the range of floating point.
+_LARGEST = 1e15
+_SMALLEST_SPAN = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """A record ready for training; ``trained`` and ``watched`` (n,) are disjoint."""
+
+    example: NarxExample
+    usable: Bools
+    trained: Bools
+    watched: Bools
+    scaling: dict[str, float]
+    ranges: dict[str, tuple[float, float]]
+    signals: ScaledSignals
+
+    @property
+    def limits(self) -> tuple[float, float, float, float, float, float]:
+        return limits(self.ranges, self.scaling)
+
+    @property
+    def ratio(self) -> float:
+        return self.scaling["error_scale"] / self.scaling["change_scale"]
+
+
+def believable(op: Floats, mv: Floats, usable: Bools) -> Bools:
+    """(n,) usable samples whose values could be measurements at all."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(usable & (np.abs(op) < _LARGEST) & (np.abs(mv) < _LARGEST))
+
+
+def prepare(example: NarxExample, settings: NarxSettings) -> Prepared | str:
+    """The record made ready, or the sentence that says why it cannot be trained on."""
+    usable = believable(example.op, example.mv, example.usable)
+    early = np.arange(usable.size) < example.train_until
+    reason = _objection(example, usable, early)
+    if reason is not None:
+        return reason
+    training = usable & early
+    scaling = fit_scaling(example.op, example.mv, training)
+    ranges = fit_ranges(example.op, example.mv, training, scaling)
+    trained, watched = _split(training, settings.watched_share)
+    op, mv = (np.where(usable, signal, np.nan) for signal in (example.op, example.mv))
+    return Prepared(
+        example=example,
+        usable=usable,
+        trained=trained,
+        watched=watched,
+        scaling=scaling,
+        ranges=ranges,
+        signals=scale(op, mv, scaling, ranges),
+    )
+
+
+def _objection(example: NarxExample, usable: Bools, early: Bools) -> str | None:
+    training, judging = usable & early, usable & ~early
+    for part, least, what in (
+        (training, _LEAST_TRAINED, "to train on"),
+        (judging, _LEAST_JUDGED, "held out to judge the network on"),
+    ):
+        found = int(np.sum(plan_run(part) == Step.RUN))
+        if found < least:
+            return (
+                f"too few usable samples {what}: {found} with two usable ones before them, "
+                f"at least {least} needed; take a longer window"
+            )
+    if _still(example.op[training]):
+        return (
+            "OP never moves in the training part, so nothing can be learned of how the valve "
+            "follows; take a window in which the controller works the valve"
+        )
+    for part, where in ((training, "training"), (judging, "held-out")):
+        if _still(example.mv[part]):
+            return (
+                f"MV is constant in the {where} part: a valve that does not move at all, or a "
+                "frozen transmitter; check the position signal"
+            )
+    return None
+
+
+def _still(values: Floats) -> bool:
+    span = float(np.max(values) - np.min(values))
+    return span <= max(_SMALLEST_SPAN, 1e-9 * float(np.max(np.abs(values))))
+
+
+def _split(training: Bools, share: float) -> tuple[Bools, Bools]:
+    """The last ``share`` of the usable training samples is watched, the rest trained on."""
+    where = np.flatnonzero(training)
+    first_watched = where[round((1.0 - share) * (where.size - 1))] if share else training.size
+    late = np.arange(training.size) > first_watched
+    return training & ~late, training & late

@@ -1,0 +1,189 @@
+"""Free runs of many networks at once, with forward sensitivities, in torch.
+
+Axes: ``B`` networks (valves times seeds), ``T`` samples of a segment, ``R`` segments, ``P``
+weights in the kernel's order (value, gate, hidden). All in scaled units, as in ``kernel``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from stemwatch.models.narx.network import INPUTS
+
+# Far beyond what a useful gradient reaches: a diverging run must not fill the matrix with inf.
+_SENSITIVITY_LIMIT = 1e4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """As many segments as are worked on together.
+
+    ``level``, ``move``, ``target``, ``mask`` (B, T, R), the mask 1 where there is a sample and 0
+    where a segment is padded; ``before`` and ``last`` (B, R), the measured positions two and one
+    samples before each segment.
+    """
+
+    level: Tensor
+    move: Tensor
+    target: Tensor
+    mask: Tensor
+    before: Tensor
+    last: Tensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """(B, 1) each: the clamps of a run, and ``ratio`` = se / sd."""
+
+    error_low: Tensor
+    error_high: Tensor
+    slowest: Tensor
+    fastest: Tensor
+    low: Tensor
+    high: Tensor
+    ratio: Tensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weights:
+    """(B, P) taken apart: ``value`` (B, H + 4), ``gate`` (B, H + 1), ``rows`` (B, H, 4)."""
+
+    value: Tensor
+    gate: Tensor
+    rows: Tensor
+
+    @classmethod
+    def split(cls, flat: Tensor, hidden: int) -> Weights:
+        gate = hidden + INPUTS + 1
+        rows = gate + hidden + 1
+        return cls(
+            value=flat[:, :gate],
+            gate=flat[:, gate:rows],
+            rows=flat[:, rows:].reshape(-1, hidden, INPUTS + 1),
+        )
+
+    @property
+    def outputs(self) -> Tensor:
+        """(B, H + 4, 2): what makes the value and the gate's opening out of ``[h, x, 1]``."""
+        gate = torch.zeros_like(self.value)
+        hidden = self.rows.shape[1]
+        gate[:, :hidden], gate[:, -1] = self.gate[:, :hidden], self.gate[:, hidden]
+        return torch.stack([self.value, gate], dim=2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """A block simulated: ``units`` (B, T, R, H + 4) = ``[h, x, 1]``, ``outputs`` (B, T, R, 2) the
+    value and the gate's opening, ``position`` (B, T, R), and ``error_free``, ``step_free`` and
+    ``position_free`` (B, T, R), 1 where the clamp did not act and 0 where it did."""
+
+    units: Tensor
+    outputs: Tensor
+    position: Tensor
+    error_free: Tensor
+    step_free: Tensor
+    position_free: Tensor
+
+
+def simulate(block: Block, weights: Weights, bounds: Bounds) -> Run:
+    """Every segment's free run, one step of all segments at a time."""
+    hidden, (nets, steps, rows) = weights.rows.shape[1], block.level.shape
+    units = block.level.new_empty(nets, steps, rows, hidden + INPUTS + 1)
+    units[..., hidden + 1], units[..., -1] = block.move, 1.0
+    outputs = block.level.new_empty(nets, steps, rows, 2)
+    position, raw, step, error = (torch.empty_like(block.level) for _ in range(4))
+    inwards, outwards = weights.rows.transpose(1, 2).contiguous(), weights.outputs
+    before, last = block.before, block.last
+    for t in range(steps):
+        now, x = units[:, t], units[:, t, :, hidden:]
+        torch.sub(block.level[:, t], last, out=error[:, t])
+        torch.clamp(error[:, t], bounds.error_low, bounds.error_high, out=x[..., 0])
+        torch.mul(last - before, bounds.ratio, out=x[..., 2])
+        now[..., :hidden] = torch.bmm(x, inwards).tanh_()
+        outputs[:, t] = torch.bmm(now, outwards)
+        gate = torch.sigmoid(outputs[:, t, :, 1])
+        torch.mul(gate, outputs[:, t, :, 0], out=step[:, t])
+        torch.add(last, step[:, t].clamp(bounds.slowest, bounds.fastest), out=raw[:, t])
+        torch.clamp(raw[:, t], bounds.low, bounds.high, out=position[:, t])
+        before, last = last, position[:, t]
+    slowest, fastest = bounds.slowest[:, None], bounds.fastest[:, None]
+    return Run(
+        units=units,
+        outputs=outputs,
+        position=position,
+        error_free=(units[..., hidden] == error).to(error.dtype),
+        step_free=((step >= slowest) & (step <= fastest)).to(step.dtype),
+        position_free=(position == raw).to(raw.dtype),
+    )
+
+
+def jacobian(block: Block, run: Run, weights: Weights, bounds: Bounds) -> Tensor:
+    """(B, T R, P + 1): ``d y(t) / d w``, and in the last column the residual ``y(t) - MV(t)``.
+
+    With ``g`` what a weight does to one step, and ``d1``, ``d2`` what the two last positions do,
+    ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``, carried forward from 0 at each segment's start.
+    """
+    nets, steps, rows = block.level.shape
+    s, d1, d2 = _one_step(block, run, weights, bounds)
+    torch.sub(run.position, block.target, out=s[..., -1]).mul_(block.mask)
+    carried = s[..., :-1]
+    for t in range(1, steps):
+        carried[:, t].addcmul_(d1[:, t], carried[:, t - 1])
+        if t > 1:
+            carried[:, t].addcmul_(d2[:, t], carried[:, t - 2])
+        carried[:, t].clamp_(-_SENSITIVITY_LIMIT, _SENSITIVITY_LIMIT)
+    return s.view(nets, steps * rows, -1)
+
+
+def normal_matrix(blocks: list[Block], weights: Weights, bounds: Bounds) -> Tensor:
+    """(B, P + 1, P + 1): ``J'J`` with ``J'r`` as its last column and ``r'r`` in its corner."""
+    total: Tensor | None = None
+    for block in blocks:
+        J = jacobian(block, simulate(block, weights, bounds), weights, bounds)
+        part = torch.bmm(J.transpose(1, 2), J)
+        total = part if total is None else total.add_(part)
+    if total is None:
+        raise ValueError("at least one block of segments expected, received none")
+    return total
+
+
+def _one_step(
+    block: Block, run: Run, weights: Weights, bounds: Bounds
+) -> tuple[Tensor, Tensor, Tensor]:
+    """``g`` (B, T, R, P + 1; the last column unset), ``d1`` and ``d2`` (B, T, R, 1).
+
+    All three are 0 where the position is clamped or the segment padded: nothing goes on from there.
+    """
+    hidden, inputs = weights.rows.shape[1:]
+    value, opening = run.outputs[..., 0], run.outputs[..., 1]
+    live = run.position_free * block.mask
+    gate = torch.sigmoid(opening)
+    by_value = gate * live * run.step_free
+    by_gate = by_value * value * (1.0 - gate)
+    by_hidden = _through_hidden(run, weights, by_value, by_gate)
+    by_x = torch.matmul(by_hidden, weights.rows[:, None, :, :INPUTS])
+    by_x += by_value[..., None] * weights.value[:, None, None, hidden : hidden + INPUTS]
+    by_error = by_x[..., 0] * run.error_free
+    d2 = -by_x[..., 2] * bounds.ratio[:, None]
+    d1 = live - by_error - d2
+
+    g = run.units.new_empty(*block.level.shape, hidden * (inputs + 2) + inputs + 2)
+    split = hidden + inputs
+    torch.mul(run.units, by_value[..., None], out=g[..., :split])
+    torch.mul(run.units[..., :hidden], by_gate[..., None], out=g[..., split : split + hidden])
+    g[..., split + hidden] = by_gate
+    rows = g[..., split + hidden + 1 : -1].view(*block.level.shape, hidden, inputs)
+    torch.mul(by_hidden[..., None], run.units[..., None, hidden:], out=rows)
+    return g, d1[..., None], d2[..., None]
+
+
+def _through_hidden(run: Run, weights: Weights, by_value: Tensor, by_gate: Tensor) -> Tensor:
+    """(B, T, R, H): what each hidden unit's sum does to the position."""
+    hidden = weights.rows.shape[1]
+    h = run.units[..., :hidden]
+    through = by_value[..., None] * weights.value[:, None, None, :hidden]
+    through += by_gate[..., None] * weights.gate[:, None, None, :hidden]
+    return through.mul_(1.0 - h * h)

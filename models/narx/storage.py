@@ -1,0 +1,94 @@
+"""A network as safetensors bytes: arrays, and everything else as JSON in the header. No pickle."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from stemwatch.models.narx.network import FORMAT_VERSION, NarxNetwork
+from stemwatch.models.recording import Floats
+
+# One metadata key: safetensors writes several in no fixed order, and equal networks should be
+# equal bytes.
+_KEY = "stemwatch.narx"
+_LENGTH_BYTES = 8  # a safetensors file begins with the length of its JSON header
+
+
+def pack(network: NarxNetwork) -> bytes:
+    """The network as bytes, with a digest that finds damage."""
+    from safetensors.numpy import save
+
+    facts: dict[str, Any] = {
+        "format_version": network.format_version,
+        "scaling": dict(network.scaling),
+        "ranges": {name: list(pair) for name, pair in network.ranges.items()},
+        "lags": dict(network.lags),
+        "interval_s": network.interval_s,
+        "reference_rmse": network.reference_rmse,
+        "reference_horizon": network.reference_horizon,
+        "seed": network.seed,
+    }
+    weights = dict(network.weights)
+    facts["digest"] = _digest(facts, weights)
+    return bytes(save(weights, metadata={_KEY: json.dumps(facts, sort_keys=True)}))
+
+
+def unpack(data: bytes) -> NarxNetwork:
+    """The network ``pack`` wrote; ``ValueError`` with a sentence for anything else."""
+    facts = _facts(data)
+    version = facts.get("format_version")
+    if version != FORMAT_VERSION:
+        raise ValueError(
+            f"NARX network of format version {version!r}: this release reads version "
+            f"{FORMAT_VERSION}; train the valve's network again, or use the release that wrote it"
+        )
+    weights = _weights(data)
+    found = facts.pop("digest", None)
+    if found != _digest(facts, weights):
+        raise ValueError(
+            "NARX network is damaged: its numbers do not match the digest stored with them; "
+            "restore it from a backup or train the valve's network again"
+        )
+    facts["ranges"] = {name: (pair[0], pair[1]) for name, pair in facts["ranges"].items()}
+    return NarxNetwork(weights=weights, **facts)
+
+
+def _facts(data: bytes) -> dict[str, Any]:
+    """What the header says. Read here because the library returns arrays only."""
+    try:
+        (length,) = struct.unpack_from("<Q", data)
+        header = json.loads(data[_LENGTH_BYTES : _LENGTH_BYTES + length])
+        facts = json.loads(header["__metadata__"][_KEY])
+    except (struct.error, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ValueError(
+            f"{len(data)} bytes are not a stored NARX network: the header that names its lags and "
+            "scaling cannot be read; restore it from a backup or train the network again"
+        ) from error
+    if not isinstance(facts, dict):
+        raise ValueError(f"NARX network header: an object expected, received {facts!r:.80}")
+    return facts
+
+
+def _weights(data: bytes) -> dict[str, Floats]:
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        return dict(load(data))
+    except SafetensorError as error:
+        raise ValueError(
+            f"NARX network is damaged: {error}; restore it from a backup or train it again"
+        ) from error
+
+
+def _digest(facts: Mapping[str, object], weights: Mapping[str, Floats]) -> str:
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    for name in sorted(weights):
+        digest.update(f"{name}{weights[name].shape}".encode())
+        digest.update(np.ascontiguousarray(weights[name]).tobytes())
+    return digest.hexdigest()

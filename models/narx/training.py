@@ -1,0 +1,127 @@
+"""``train``: one NARX ensemble for each of many valves, all at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from stemwatch.models.narx.example import HeldOut, NarxExample, NarxFit, NarxSettings, StageLog
+from stemwatch.models.narx.levenberg import one_thread
+from stemwatch.models.narx.network import INPUTS, NarxNetwork
+from stemwatch.models.narx.plan import Step, plan_run
+from stemwatch.models.narx.prepared import Prepared, prepare
+from stemwatch.models.narx.running import run_plan
+from stemwatch.models.narx.stages import member_errors, train_stages
+from stemwatch.models.recording import Bools, Floats
+
+DEFAULTS = NarxSettings()
+
+
+def train(
+    batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS, device: str = "cpu"
+) -> list[NarxFit]:
+    """A fit for each example, in their order; a record that cannot be trained on gives a reason.
+
+    First series-parallel (each sample predicted from the measured ones before it), then on free
+    runs of growing length: one-step error alone says nothing about the free run. The least squares
+    are Levenberg-Marquardt's, on sensitivities carried forward through the run, so that no graph
+    is unrolled. Float64 throughout. The same settings give the same networks, whatever else is in
+    the batch.
+    """
+    prepared = [prepare(example, settings) for example in batch]
+    fits = [
+        NarxFit(valve=example.valve, reason=ready if isinstance(ready, str) else "not trained")
+        for example, ready in zip(batch, prepared, strict=True)
+    ]
+    ready = [(at, valve) for at, valve in enumerate(prepared) if isinstance(valve, Prepared)]
+    for first in range(0, len(ready), settings.valves_per_batch):
+        part = ready[first : first + settings.valves_per_batch]
+        trained = _train_part([valve for _, valve in part], settings, device)
+        for (at, _), fit in zip(part, trained, strict=True):
+            fits[at] = fit
+    return fits
+
+
+def _train_part(valves: Sequence[Prepared], settings: NarxSettings, device: str) -> list[NarxFit]:
+    began = time.perf_counter()
+    with one_thread(), torch.inference_mode():
+        weights, logs = train_stages(valves, settings, device)
+    fits = [
+        _judged(valve, members, log, settings)
+        for valve, members, log in zip(valves, weights, logs, strict=True)
+    ]
+    seconds = (time.perf_counter() - began) / len(valves)
+    return [replace(fit, seconds=seconds) for fit in fits]
+
+
+def _judged(
+    valve: Prepared, weights: Floats, log: tuple[StageLog, ...], settings: NarxSettings
+) -> NarxFit:
+    """The ensemble of the best half, run over the whole record."""
+    example = valve.example
+    training = valve.trained | valve.watched
+    kept = _best_half(valve, weights, training, settings)
+    network = _network(valve, kept, settings)
+    op, mv = (np.where(valve.usable, signal, np.nan) for signal in (example.op, example.mv))
+    plan = plan_run(valve.usable, cuts=(example.train_until,))
+    simulated = run_plan(network, op, mv, plan)
+    late = np.arange(op.size) >= example.train_until
+    known = _rmse(simulated, mv, (plan == Step.RUN) & ~late)
+    if not known < np.std(mv[training]):
+        reason = (
+            "the training did not converge: even on the samples it was trained on, the free run is "
+            f"no better than a constant (rmse {known:.3g}); MV may not follow this OP"
+        )
+        return NarxFit(valve=example.valve, reason=reason, log=log)
+    one_step = network.one_step(op, mv, valve.usable)
+    reference = network.free_run(op, mv, valve.usable, horizon=settings.reference_horizon)
+    scored = (plan == Step.RUN) & late
+    rmse = _rmse(simulated, mv, scored)
+    heldout = HeldOut(
+        rmse=rmse,
+        one_step_rmse=_rmse(one_step, mv, scored),
+        normalised=rmse / float(np.std(mv[scored])),
+        samples=int(scored.sum()),
+    )
+    floor = 1e-6 * float(np.std(mv[training]))
+    error = _rmse(reference, mv, plan_run(valve.usable) == Step.RUN)
+    return NarxFit(
+        valve=example.valve,
+        network=replace(network, reference_rmse=max(error, floor)),
+        heldout=heldout,
+        simulated=simulated,
+        log=log,
+    )
+
+
+def _best_half(valve: Prepared, weights: Floats, training: Bools, settings: NarxSettings) -> Floats:
+    """(m, P) the members with the lowest free-run error on the training part."""
+    errors = member_errors(valve, weights, training, settings.horizons[-1], settings.hidden)
+    return weights[np.argsort(errors, kind="stable")[: settings.kept]]
+
+
+def _network(valve: Prepared, weights: Floats, settings: NarxSettings) -> NarxNetwork:
+    hidden, members = settings.hidden, weights.shape[0]
+    gate = hidden + INPUTS + 1
+    rows = gate + hidden + 1
+    return NarxNetwork(
+        weights={
+            "value": weights[:, :gate],
+            "gate": weights[:, gate:rows],
+            "hidden": weights[:, rows:].reshape(members, hidden, INPUTS + 1),
+        },
+        scaling=valve.scaling,
+        ranges=valve.ranges,
+        interval_s=valve.example.interval_s,
+        reference_rmse=1.0,  # until the network exists to be run
+        reference_horizon=settings.reference_horizon,
+        seed=settings.seed,
+    )
+
+
+def _rmse(simulated: Floats, mv: Floats, scored: Bools) -> float:
+    return float(np.sqrt(np.mean((simulated[scored] - mv[scored]) ** 2)))

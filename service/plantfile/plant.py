@@ -1,0 +1,84 @@
+"""``Plant``: a plant file that was read; what the rest of the service asks."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from stemwatch.connectors.connector import TagMapping, ValveTags
+from stemwatch.models.limits import Limits
+from stemwatch.service.plantfile.problem import Problem
+from stemwatch.service.plantfile.schema import Source, Tag, Valve
+from stemwatch.service.store.address import Address
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant:
+    """The plant as its file describes it.
+
+    ``sources`` and ``valves`` hold what is right; each entry that is wrong is left out and stands
+    in ``problems``, one sentence each. ``zone`` is what reports show times in, and the zone of
+    every source that does not name its own.
+    """
+
+    file: Path
+    name: str
+    zone: str | None
+    sources: Mapping[str, Source]
+    valves: Mapping[str, Valve]
+    limits: Limits
+    storage: Address
+    problems: tuple[Problem, ...] = ()
+
+    def valve_tags(self, valve: str | Valve) -> ValveTags:
+        """What a connector is asked for. Raises ``KeyError`` for a valve that is not here."""
+        entry = self._valve(valve)
+        tags = {role: _mapping(tag) for role, tag in entry.tags.given().items()}
+        return ValveTags(valve=entry.id, tags=tags)
+
+    def source_of(self, valve: str | Valve) -> Source:
+        """The source a valve is read from."""
+        return self.sources[self._valve(valve).source]
+
+    def source_files(self, source: str | Source) -> tuple[Path, ...]:
+        """The files a source's path or pattern matches now, in the order of their names."""
+        pattern = self.file.parent / self._source(source).path
+        found = (Path(name) for name in glob.glob(str(pattern), recursive=True))
+        return tuple(sorted(path for path in found if path.is_file()))
+
+    def read_options(self, source: str | Source) -> dict[str, Any]:
+        """The reading options of a source by name; the plant's zone where it names none."""
+        options = self._source(source).read_options()
+        return options if self.zone is None else {"zone": self.zone} | options
+
+    @property
+    def settings_digest(self) -> str:
+        """sha256 of everything here that can change a verdict: limits, sources, tags. The store's
+        address, descriptions and criticalities are not part of it."""
+        settings = {
+            "zone": self.zone,
+            "limits": asdict(self.limits),
+            "sources": [source.model_dump() for _, source in sorted(self.sources.items())],
+            "valves": {valve.id: _verdict_settings(valve) for valve in self.valves.values()},
+        }
+        text = json.dumps(settings, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _valve(self, valve: str | Valve) -> Valve:
+        return self.valves[valve] if isinstance(valve, str) else valve
+
+    def _source(self, source: str | Source) -> Source:
+        return self.sources[source] if isinstance(source, str) else source
+
+
+def _mapping(tag: Tag) -> TagMapping:
+    return TagMapping(tag=tag.tag, unit=tag.unit, low=tag.low, high=tag.high)
+
+
+def _verdict_settings(valve: Valve) -> dict[str, Any]:
+    return valve.model_dump(include={"source", "tags"})

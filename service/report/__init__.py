@@ -1,0 +1,21 @@
+"""The report of one run: a page that stands alone, and the same findings as CSV, XLSX and JSON."""
+
+from stemwatch.service.report.context import (
+    PreviousFinding,
+    ReportContext,
+    SourceNotRead,
+    ValveFacts,
+)
+from stemwatch.service.report.contract import to_contract
+from stemwatch.service.report.write import ReportFiles, ReportNotWritten, write_report
+
+__all__ = [
+    "PreviousFinding",
+    "ReportContext",
+    "ReportFiles",
+    "ReportNotWritten",
+    "SourceNotRead",
+    "ValveFacts",
+    "to_contract",
+    "write_report",
+]

@@ -1,0 +1,99 @@
+"""The JSON contract, version 1: one object per valve, described by ``contract.schema.json``.
+
+Within a version fields are only ever added. NaN and infinities never appear: they become null.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import Indicator, Residual, Screening
+from stemwatch.service.report.context import software_name
+from stemwatch.service.report.words import finite, printable
+
+CONTRACT_VERSION = 1
+MODELS = ("stiction", "narx", "baseline")
+
+
+def to_contract(screening: Screening) -> dict[str, Any]:
+    """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC."""
+    start, end = screening.window
+    return {
+        "version": CONTRACT_VERSION,
+        "valve": printable(screening.valve),
+        "recording": printable(screening.provenance.source),
+        "window": {"start": _instant(start), "end": _instant(end)},
+        "verdict": screening.verdict.value,
+        "reason": printable(screening.reason),
+        "advice": printable(screening.advice),
+        "shape": None if screening.shape is None else screening.shape.value,
+        "severity": finite(screening.severity),
+        "confidence": finite(screening.confidence),
+        "stiction": {"S": _estimate(screening.S), "J": _estimate(screening.J)},
+        "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},
+        "quality": {
+            "grade": printable(screening.quality.grade),
+            "reasons": [printable(reason) for reason in screening.quality.reasons],
+        },
+        "indicators": {
+            printable(name): _indicator(indicator)
+            for name, indicator in screening.indicators.items()
+        },
+        "still_seen": [printable(sentence) for sentence in screening.still_seen],
+        "baseline": printable(screening.baseline_note),
+        "provenance": _provenance(screening),
+        "seconds": finite(screening.seconds),
+    }
+
+
+def _instant(when: datetime | None) -> str | None:
+    return None if when is None else when.isoformat()
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    value = finite(estimate.value)
+    reason = estimate.reason
+    if value is None and reason is None:
+        reason = "the fit gave no finite number"
+    return {
+        "value": value,
+        "low": finite(estimate.low),
+        "high": finite(estimate.high),
+        "unit": printable(estimate.unit),
+        "reason": None if reason is None else printable(reason),
+    }
+
+
+def _residual(model: str, residual: Residual | None) -> dict[str, float | None] | None:
+    if residual is None:
+        return None
+    numbers = {
+        "rmse": finite(residual.rmse),
+        "normalised": finite(residual.normalised),
+        "fit": finite(residual.fit_percent),
+    }
+    if model == "narx":
+        numbers["one_step"] = finite(residual.one_step)
+    return numbers
+
+
+def _indicator(indicator: Indicator) -> dict[str, Any]:
+    return {
+        "value": finite(indicator.value),
+        "low": finite(indicator.low),
+        "high": finite(indicator.high),
+        "unit": printable(indicator.unit),
+        "meaning": printable(indicator.meaning),
+    }
+
+
+def _provenance(screening: Screening) -> dict[str, Any]:
+    provenance = screening.provenance
+    return {
+        "digest": printable(provenance.digest),
+        "layout": printable(provenance.layout),
+        "decisions": [printable(decision) for decision in provenance.decisions],
+        "software": software_name(),
+    }

@@ -1,0 +1,34 @@
+"""The ranking as CSV: UTF-8 with a byte order mark, so that a spreadsheet reads every tag."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from datetime import datetime
+
+from stemwatch.service.report.columns import Cell, header_and_rows
+from stemwatch.service.report.context import ReportContext
+from stemwatch.service.report.ranking import RankedValve
+
+# A spreadsheet takes a cell that begins so for a formula (OWASP, "CSV injection").
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
+
+
+def csv_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
+    """One header row, one row per valve; numbers unrounded, times ISO 8601 with their offset."""
+    shown, rows = header_and_rows(ranked, context)
+    sheet = io.StringIO(newline="")
+    writer = csv.writer(sheet)
+    writer.writerow([column.header for column in shown])
+    writer.writerows([[harmless(cell) for cell in row] for row in rows])
+    return sheet.getvalue().encode("utf-8-sig")
+
+
+def harmless(cell: Cell) -> Cell:
+    """``cell`` as a spreadsheet may open it: text that would be a formula gets an apostrophe."""
+    if isinstance(cell, datetime):
+        return cell.isoformat()
+    if isinstance(cell, str) and cell.startswith(FORMULA_STARTS):
+        return f"'{cell}"
+    return cell

@@ -1,0 +1,157 @@
+"""The report page: one HTML file with its styles, scripts and data inside, and no way out.
+
+A content security policy allows exactly the scripts that were written here, by their digest, and
+no request at all, so that neither a tag's spelling nor a reader's network can change the page.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.report import words
+from stemwatch.service.report.charts import Chart, chart_of
+from stemwatch.service.report.context import ReportContext
+from stemwatch.service.report.gauge import gauge, gauge_top
+from stemwatch.service.report.ranking import RankedValve, count_verdicts
+
+# Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
+# a valve's plots are about 60 KB, and the page must open on a phone.
+ALWAYS_PLOTTED = 60
+MOST_PLOTTED = 150
+
+STYLES = ("vendor/uPlot.min.css", "report.css", "print.css")
+EARLY_SCRIPTS = ("theme.js",)
+SCRIPTS = ("ranking.js", "vendor/uPlot.iife.min.js", "axes.js", "charts.js", "plots.js")
+
+MODEL_NAMES = {
+    "stiction": "Stick-slip model",
+    "narx": "NARX network",
+    "baseline": "Baseline of the healthy valve",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlottedValve:
+    """A ranked valve with what its plots draw; ``why_not`` says why there are none."""
+
+    valve: RankedValve
+    chart: Chart | None
+    why_not: str
+
+
+def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
+    """The page as UTF-8."""
+    screenings = [valve.screening for valve in ranked]
+    counts = count_verdicts(screenings)
+    page = _environment(context).get_template("report.html")
+    text = page.render(
+        context=context,
+        counts=counts,
+        ranked=ranked,
+        valves=_plotted(ranked, counts),
+        areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
+        gauge_top=gauge_top(screenings),
+        models=MODEL_NAMES,
+        **_inlined(),
+    )
+    return text.encode()
+
+
+def plot_limit(counts: dict[Verdict, int]) -> int:
+    """How many valves, from the worst, get plots."""
+    wanted = counts[Verdict.STICKY] + counts[Verdict.WATCH]
+    return min(max(wanted, ALWAYS_PLOTTED), MOST_PLOTTED)
+
+
+def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> list[PlottedValve]:
+    limit = plot_limit(counts)
+    return [_plot(valve, limit) for valve in ranked]
+
+
+def _plot(valve: RankedValve, limit: int) -> PlottedValve:
+    if valve.rank > limit:
+        why = (
+            f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
+            "small; run a report of this valve alone to see its plots."
+        )
+        return PlottedValve(valve=valve, chart=None, why_not=why)
+    chart = chart_of(valve.screening)
+    why = "" if chart is not None else "There is nothing to plot: no samples could be read."
+    return PlottedValve(valve=valve, chart=chart, why_not=why)
+
+
+def _environment(context: ReportContext) -> Environment:
+    env = Environment(
+        loader=FunctionLoader(_resource),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalize,
+    )
+    env.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
+    env.filters |= {
+        "figure": words.figure,
+        "span_percent": words.span_percent,
+        "share": words.share,
+        "interval": words.interval,
+        "duration": words.duration,
+        "finite": words.finite,
+        "gauge": gauge,
+        "sortable": words.sortable,
+        "plain": "{:g}".format,
+        "prose": words.prose,
+        "instant": lambda when: words.instant(when, context.tz),
+        "window": lambda ends: words.window(ends[0], ends[1], context.tz, context.zone),
+        "symbol": lambda verdict: words.VERDICT_SYMBOL[verdict],
+        "verdict_meaning": lambda verdict: words.VERDICT_MEANING[verdict],
+    }
+    return env
+
+
+def _finalize(value: Any) -> Any:
+    # Markup is ours; every other text came from outside and may hold what HTML cannot.
+    if isinstance(value, str) and not isinstance(value, Markup):
+        return words.printable(value)
+    return value
+
+
+@cache
+def _resource(name: str) -> str:
+    return files("stemwatch.service.report").joinpath(name).read_text("utf-8")
+
+
+@cache
+def _inlined() -> dict[str, Any]:
+    early = _script(EARLY_SCRIPTS)
+    late = _script(SCRIPTS)
+    return {
+        "styles": Markup("\n".join(_resource(name) for name in STYLES)),
+        "early_script": early,
+        "script": late,
+        "policy": _policy(early, late),
+        "chart_licence": _resource("vendor/uPlot-LICENSE.txt"),
+    }
+
+
+def _script(names: Sequence[str]) -> Markup:
+    return Markup(";\n".join(_resource(name).strip() for name in names))
+
+
+def _policy(*scripts: str) -> str:
+    digests = (hashlib.sha256(script.encode()).digest() for script in scripts)
+    allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+        "base-uri 'none'; form-action 'none'"
+    )

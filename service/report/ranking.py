@@ -1,0 +1,65 @@
+"""The order of the report: worst first, each valve with its facts, its trend and its anchor."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.report.context import ReportContext, ValveFacts
+from stemwatch.service.report.trend import Trend, trend
+from stemwatch.service.report.words import WORST_FIRST, finite, printable
+
+LONGEST_ANCHOR = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedValve:
+    """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report."""
+
+    rank: int
+    anchor: str
+    screening: Screening
+    facts: ValveFacts
+    trend: Trend
+
+
+def rank_valves(screenings: Sequence[Screening], context: ReportContext) -> list[RankedValve]:
+    """By verdict (sticky, watch, undetermined, healthy), then severity, then tag."""
+    taken: Counter[str] = Counter()
+    ranked = []
+    for place, screening in enumerate(sorted(screenings, key=_worst_first), start=1):
+        facts = context.facts(screening.valve)
+        ranked.append(
+            RankedValve(
+                rank=place,
+                anchor=_anchor(screening.valve, taken),
+                screening=screening,
+                facts=facts,
+                trend=trend(screening, facts.previous),
+            )
+        )
+    return ranked
+
+
+def count_verdicts(screenings: Sequence[Screening]) -> dict[Verdict, int]:
+    """How many valves there are of each verdict, worst first."""
+    counted = Counter(screening.verdict for screening in screenings)
+    return {verdict: counted[verdict] for verdict in WORST_FIRST}
+
+
+def _worst_first(screening: Screening) -> tuple[int, float, str]:
+    severity = finite(screening.severity) or 0.0
+    return WORST_FIRST.index(screening.verdict), -severity, screening.valve
+
+
+def _anchor(valve: str, taken: Counter[str]) -> str:
+    slug = re.sub(r"[^\w.-]+", "-", printable(valve)).strip("-")[:LONGEST_ANCHOR]
+    anchor = f"valve-{slug or 'unnamed'}"
+    # Case is folded because some readers compare anchors that way.
+    taken[anchor.casefold()] += 1
+    repeat = taken[anchor.casefold()]
+    return anchor if repeat == 1 else f"{anchor}~{repeat}"

@@ -1,0 +1,73 @@
+"""What changed since the run before: better, worse or the same, and by how much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.report.context import PreviousFinding
+from stemwatch.service.report.words import finite
+
+ARROWS = {"worse": "↗", "better": "↘", "same": "→", "new": "•", "unknown": "·"}
+_GRAVITY = {Verdict.HEALTHY: 0, Verdict.WATCH: 1, Verdict.STICKY: 2}
+
+# A step in S counts only where the present interval excludes the earlier value and the step could
+# be seen at all in plant data; without an interval it has to be a tenth of the earlier value.
+SMALLEST_STEP_PERCENT = 0.2
+SMALLEST_SHARE = 0.1
+SMALLEST_SEVERITY_STEP = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trend:
+    """``direction`` is worse, better, same, new or unknown; ``words`` says it to a reader."""
+
+    direction: str
+    words: str
+
+    @property
+    def arrow(self) -> str:
+        return ARROWS[self.direction]
+
+
+def trend(now: Screening, before: PreviousFinding | None) -> Trend:
+    """The change from ``before`` to ``now``: by verdict, else by S, else by severity."""
+    if before is None:
+        return Trend(direction="new", words="first look")
+    if now.verdict not in _GRAVITY or before.verdict not in _GRAVITY:
+        return Trend(direction="unknown", words=f"was {before.verdict.value}")
+    if now.verdict != before.verdict:
+        worse = _GRAVITY[now.verdict] > _GRAVITY[before.verdict]
+        return Trend(
+            direction="worse" if worse else "better",
+            words=f"{'worse' if worse else 'better'}, was {before.verdict.value}",
+        )
+    return _within_a_verdict(now, before)
+
+
+def _within_a_verdict(now: Screening, before: PreviousFinding) -> Trend:
+    S, S_before = finite(now.S.value), finite(before.S)
+    if S is not None and S_before is not None:
+        moved = _has_moved(now.S, S_before)
+        return _change(S - S_before if moved else 0.0, f"S {S - S_before:+.2f}")
+    step = (finite(now.severity) or 0.0) - before.severity
+    moved = abs(step) >= SMALLEST_SEVERITY_STEP
+    return _change(step if moved else 0.0, f"severity {step:+.0f}")
+
+
+def _has_moved(S: Estimate, before: float) -> bool:
+    value, low, high = finite(S.value), finite(S.low), finite(S.high)
+    if value is None or abs(value - before) < SMALLEST_STEP_PERCENT:
+        return False
+    if low is not None and high is not None:
+        return not low <= before <= high
+    return abs(value - before) >= SMALLEST_SHARE * abs(before)
+
+
+def _change(step: float, detail: str) -> Trend:
+    if step == 0:
+        return Trend(direction="same", words="no change")
+    direction = "worse" if step > 0 else "better"
+    return Trend(direction=direction, words=f"{direction}, {detail}".replace("-", "−"))

@@ -1,0 +1,169 @@
+"""The ranking as a workbook: Ranking, Indicators, Read me. No text is ever taken for a formula."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from xlsxwriter import Workbook
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.report.columns import Cell, Column, header_and_rows
+from stemwatch.service.report.context import ReportContext
+from stemwatch.service.report.ranking import RankedValve
+from stemwatch.service.report.words import VERDICT_MEANING, finite, printable
+
+LONGEST_TEXT = 32_767  # Excel's limit for one cell
+
+VERDICT_COLOURS = {
+    Verdict.STICKY: ("#9b1c1c", "#fde8e8"),
+    Verdict.WATCH: ("#7a4b00", "#fdf0d5"),
+    Verdict.UNDETERMINED: ("#414b5a", "#eceff3"),
+    Verdict.HEALTHY: ("#14603a", "#e4f4ea"),
+}
+
+_INDICATOR_HEADERS = ("valve", "indicator", "value", "low", "high", "unit", "worse when", "meaning")
+_INDICATOR_WIDTHS = (18, 30, 12, 12, 12, 14, 12, 70)
+_WORSE = {"up": "it rises", "down": "it falls"}
+
+
+def xlsx_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
+    """The workbook as bytes, the same for the same screenings and context."""
+    memory = io.BytesIO()
+    with Workbook(memory, {"in_memory": True, "remove_timezone": True}) as book:
+        book.set_properties(
+            {"title": printable(context.title), "created": _naive_utc(context.started)}
+        )
+        shown = _ranking(book, ranked, context)
+        _indicators(book, ranked)
+        _read_me(book, shown, context)
+    return memory.getvalue()
+
+
+def _naive_utc(when: datetime) -> datetime:
+    return when.astimezone(UTC).replace(tzinfo=None)
+
+
+def _header(book: Any, sheet: Any, titles: Sequence[str], widths: Sequence[int], rows: int) -> None:
+    style = book.add_format(
+        {"bold": True, "bottom": 1, "bg_color": "#eef1f5", "text_wrap": True, "valign": "top"}
+    )
+    for index, (title, width) in enumerate(zip(titles, widths, strict=True)):
+        sheet.set_column(index, index, width)
+        sheet.write_string(0, index, title, style)
+    sheet.autofilter(0, 0, rows, len(titles) - 1)
+    sheet.repeat_rows(0)
+    sheet.set_landscape()
+    sheet.set_paper(9)  # A4
+    sheet.fit_to_pages(1, 0)
+
+
+def _ranking(book: Any, ranked: Sequence[RankedValve], context: ReportContext) -> Sequence[Column]:
+    sheet = book.add_worksheet("Ranking")
+    shown, rows = header_and_rows(ranked, context)
+    titles = [column.header for column in shown]
+    _header(book, sheet, titles, [column.width for column in shown], len(rows))
+    sheet.freeze_panes(1, titles.index("valve") + 1)
+    styles = [_style(book, column) for column in shown]
+    for line, row in enumerate(rows, start=1):
+        for index, cell in enumerate(row):
+            _write(sheet, line, index, cell, styles[index])
+    _colours(book, sheet, titles, len(rows))
+    return shown
+
+
+def _style(book: Any, column: Column) -> dict[type, Any]:
+    wrap = {"valign": "top", "text_wrap": column.width >= 30}
+    return {
+        str: book.add_format(wrap),
+        int: book.add_format({"valign": "top", "num_format": "0"}),
+        float: book.add_format(
+            {"valign": "top", "num_format": "0." + "0" * column.digits if column.digits else "0"}
+        ),
+        datetime: book.add_format({"valign": "top", "num_format": "yyyy-mm-dd hh:mm"}),
+    }
+
+
+def _write(sheet: Any, line: int, index: int, cell: Cell, styles: dict[type, Any]) -> None:
+    if cell is None:
+        return
+    style = styles.get(type(cell))
+    if isinstance(cell, datetime):
+        sheet.write_datetime(line, index, cell.replace(tzinfo=None), style)
+    elif isinstance(cell, str):
+        sheet.write_string(line, index, _fitting(cell), style)
+    else:
+        sheet.write_number(line, index, cell, style)
+
+
+def _fitting(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"
+
+
+def _colours(book: Any, sheet: Any, titles: list[str], rows: int) -> None:
+    if not rows:
+        return
+    verdict, severity = titles.index("verdict"), titles.index("severity (0 to 100)")
+    for word, (ink, paper) in VERDICT_COLOURS.items():
+        style = book.add_format({"font_color": ink, "bg_color": paper, "bold": True})
+        rule = {"type": "cell", "criteria": "==", "value": f'"{word.value}"', "format": style}
+        sheet.conditional_format(1, verdict, rows, verdict, rule)
+    bar: dict[str, Any] = {"type": "data_bar", "bar_color": "#b9c6d8", "min_type": "num"}
+    bar |= {"max_type": "num", "min_value": 0, "max_value": 100}
+    sheet.conditional_format(1, severity, rows, severity, bar)
+
+
+def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
+    sheet = book.add_worksheet("Indicators")
+    found = [
+        (valve.screening.valve, indicator)
+        for valve in ranked
+        for indicator in valve.screening.indicators.values()
+    ]
+    _header(book, sheet, _INDICATOR_HEADERS, _INDICATOR_WIDTHS, len(found))
+    sheet.freeze_panes(1, 2)
+    styles: dict[type, Any] = {str: book.add_format({"text_wrap": True, "valign": "top"})}
+    styles[float] = book.add_format({"num_format": "0.000", "valign": "top"})
+    for line, (valve, one) in enumerate(found, start=1):
+        numbers = [finite(one.value), finite(one.low), finite(one.high)]
+        texts = [one.unit, _WORSE.get(one.worse, "neither"), one.meaning]
+        for index, cell in enumerate([valve, one.name, *numbers, *texts]):
+            cell = printable(cell) if isinstance(cell, str) else cell
+            _write(sheet, line, index, cell, styles)
+
+
+def _read_me(book: Any, shown: Sequence[Column], context: ReportContext) -> None:
+    sheet = book.add_worksheet("Read me")
+    sheet.set_column(0, 0, 34)
+    sheet.set_column(1, 1, 90)
+    heading = book.add_format({"bold": True, "font_size": 12})
+    wrap = book.add_format({"text_wrap": True, "valign": "top"})
+    first = 0
+    for title, pairs in _read_me_parts(shown, context):
+        sheet.write_string(first, 0, title, heading)
+        for line, (name, text) in enumerate(pairs, start=first + 1):
+            sheet.write_string(line, 0, _fitting(printable(name)), wrap)
+            sheet.write_string(line, 1, _fitting(printable(text)), wrap)
+        first += len(pairs) + 2
+
+
+def _read_me_parts(
+    shown: Sequence[Column], context: ReportContext
+) -> list[tuple[str, list[tuple[str, str]]]]:
+    started = context.started.astimezone(context.tz).isoformat(timespec="minutes")
+    run = [
+        ("Plant", context.plant),
+        ("Run started", f"{started} ({context.zone})"),
+        ("Software", context.software),
+        ("Command", context.command),
+        ("Settings digest", context.settings_digest),
+    ]
+    not_read = [(one.source, one.reason) for one in context.sources_not_read]
+    return [
+        (printable(context.title), run),
+        ("Verdicts", [(word.value, text) for word, text in VERDICT_MEANING.items()]),
+        ("Columns of Ranking", [(column.header, column.meaning) for column in shown]),
+        ("Sources not read", not_read or [("none", "every source was read")]),
+    ]

@@ -1,0 +1,8 @@
+"""How the store fails."""
+
+from __future__ import annotations
+
+
+class StoreError(Exception):
+    """The store could not be opened, read or written. The text names the store (passwords
+    masked), what happened and what to do."""

@@ -1,0 +1,139 @@
+"""Writing and reading screenings, inside a session that the ``Store`` opened."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import UTC, datetime
+
+from sqlalchemy import delete, func, insert, select
+from sqlalchemy.orm import Session, aliased
+
+from stemwatch.models.findings import Screening
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.records import (
+    Ranked,
+    StoredScreening,
+    StoredValve,
+    TrendPoint,
+    ValveFacts,
+)
+from stemwatch.service.store.rows import (
+    indicator_columns,
+    screening_columns,
+    stored_screening,
+    stored_valve,
+)
+from stemwatch.service.store.tables import IndicatorRow, RunRow, ScreeningRow, ValveRow
+from stemwatch.service.store.upsert import upsert
+
+_IN_ONE_STATEMENT = 500  # SQLite takes 32766 parameters
+
+
+def write_screening(session: Session, screening: Screening, run_id: int) -> int:
+    """Write one screening with its indicators, replacing what is there of the same window."""
+    run = session.get(RunRow, run_id)
+    if run is None:
+        raise StoreError(f"run {run_id} is not in the store; begin_run gives the number of one")
+    ensure_valve(session, screening.valve)
+    columns = screening_columns(screening, datetime.now(UTC)) | {
+        "run_id": run_id,
+        "software_version": run.software_version,
+        "settings_digest": run.settings_digest,
+    }
+    statement = upsert(
+        session, ScreeningRow, [columns], ("valve", "window_key"), returning=ScreeningRow.id
+    )
+    screening_id: int = session.execute(statement).scalar_one()
+    pass
+    if indicators := indicator_columns(screening, screening_id, columns["at"]):
+        session.execute(insert(IndicatorRow), indicators)
+    return screening_id
+
+
+def ensure_valve(session: Session, valve: str) -> None:
+    """A row for the valve, where there is none; what is known of it already stays."""
+    values = {"id": valve, "description": "", "area": "", "criticality": 2}
+    session.execute(upsert(session, ValveRow, [values], ("id",), update=False))
+
+
+def write_valves(session: Session, valves: Iterable[ValveFacts]) -> None:
+    """Keep what the plant file says of each valve now; the last one of several with one id."""
+    values = {
+        valve.id: {
+            "id": valve.id,
+            "description": valve.description,
+            "area": valve.area,
+            "criticality": valve.criticality,
+        }
+        for valve in valves
+    }
+    rows = [values[valve] for valve in sorted(values)]  # in one order, against deadlocks
+    for first in range(0, len(rows), _IN_ONE_STATEMENT):
+        part = rows[first : first + _IN_ONE_STATEMENT]
+        session.execute(upsert(session, ValveRow, part, ("id",)))
+
+
+def read_valves(session: Session) -> list[StoredValve]:
+    """Every valve, by id."""
+    return [stored_valve(row) for row in session.scalars(select(ValveRow).order_by(ValveRow.id))]
+
+
+def read_previous(session: Session, valve: str, before: datetime) -> StoredScreening | None:
+    """The valve's last screening that speaks for an instant before ``before``."""
+    rows = select(ScreeningRow).where(ScreeningRow.valve == valve, ScreeningRow.at < before)
+    row = session.scalar(rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(1))
+    return None if row is None else stored_screening(row)
+
+
+def read_latest(session: Session, area: str | None, limit: int | None) -> list[Ranked]:
+    """Each valve's latest screening, the worst first.
+
+    One index seek for each valve, so that the time does not grow with the years stored.
+    """
+    newest = aliased(ScreeningRow)
+    latest_id = (
+        select(newest.id)
+        .where(newest.valve == ValveRow.id)
+        .order_by(newest.at.desc(), newest.id.desc())
+        .limit(1)
+        .correlate(ValveRow)
+        .scalar_subquery()
+    )
+    statement = (
+        select(ValveRow, ScreeningRow)
+        .join(ScreeningRow, ScreeningRow.id == latest_id)
+        .order_by(ScreeningRow.severity.desc(), ValveRow.criticality.desc(), ValveRow.id)
+        .limit(limit)
+    )
+    if area is not None:
+        statement = statement.where(ValveRow.area == area)
+    return [
+        Ranked(valve=stored_valve(valve), screening=stored_screening(screening))
+        for valve, screening in session.execute(statement)
+    ]
+
+
+def read_history(
+    session: Session, valve: str, indicator: str, since: datetime | None
+) -> list[TrendPoint]:
+    """One indicator of one valve over time, oldest first."""
+    statement = select(IndicatorRow).where(
+        IndicatorRow.valve == valve, IndicatorRow.name == indicator
+    )
+    if since is not None:
+        statement = statement.where(IndicatorRow.at >= since)
+    rows = session.scalars(statement.order_by(IndicatorRow.at, IndicatorRow.screening_id))
+    return [
+        TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
+        for row in rows
+    ]
+
+
+def count_verdicts(session: Session, run_id: int) -> dict[str, int]:
+    """How many of a run's screenings ended in each verdict."""
+    statement = (
+        select(ScreeningRow.verdict, func.count())
+        .where(ScreeningRow.run_id == run_id)
+        .group_by(ScreeningRow.verdict)
+    )
+    return {verdict: count for verdict, count in session.execute(statement)}

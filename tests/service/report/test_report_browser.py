@@ -1,0 +1,227 @@
+"""The page in a real browser: drawn, sortable, printable, silent towards the network."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from stemwatch.models.recording import Role, Signal
+from stemwatch.service.report import ValveFacts, write_report
+
+pytestmark = pytest.mark.browser
+
+playwright = pytest.importorskip("playwright.sync_api")
+CHROMIUM = shutil.which("chromium")
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None and os.environ.get("CI"):
+        pytest.fail("chromium is not on the PATH; continuous integration must have it")
+    if CHROMIUM is None:
+        pytest.skip("chromium is not on the PATH")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def open_page(browser, mixed_plant, make_context, tmp_path):
+    """Opens the report; at the end no error was logged and nothing but the file was asked for."""
+    path = write_report(mixed_plant, make_context(mixed_plant), tmp_path).html
+    errors, requests, contexts = [], [], []
+
+    def open_it(**options):
+        context = browser.new_context(offline=True, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: errors.append(message.text))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(path.as_uri())
+        return page
+
+    yield open_it
+    for context in contexts:
+        context.close()
+    assert errors == []
+    assert {url for url in requests if not url.startswith("file://")} == set()
+
+
+def tags(page) -> list[str]:
+    return page.locator("#ranking-table tbody tr:visible .c-valve a").all_inner_texts()
+
+
+def colours_drawn(page, selector: str) -> int:
+    """How many different colours the canvas inside ``selector`` shows."""
+    return page.locator(f"{selector} canvas").first.evaluate(
+        """canvas => {
+            const area = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            return new Set(new Uint32Array(area.data.buffer)).size;
+        }"""
+    )
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_plots_are_drawn_when_their_valve_comes_near(open_page, theme):
+    """Far valves have no canvas; on scrolling there every plot of the valve has its lines."""
+    page = open_page(color_scheme=theme)
+    last = page.locator("article.with-plots").last
+    assert last.locator("canvas").count() == 0
+    last.scroll_into_view_if_needed()
+    last.locator(".plot-loop canvas").wait_for()
+    anchor = f'[id="{last.get_attribute("id")}"]'
+    for name in ("travel", "process", "residual", "loop"):
+        assert colours_drawn(page, f"{anchor} .plot-{name}") > 10
+    assert page.locator("html").get_attribute("data-theme") == theme
+
+
+def test_the_table_sorts_by_every_measure(open_page):
+    """S sorts largest first with unknown values last, and back; aria-sort says which way."""
+    page = open_page()
+    head = page.locator("th.c-S[scope=col]")
+    head.get_by_role("button").click()
+    assert head.get_attribute("aria-sort") == "descending"
+    shown = page.locator("#ranking-table tbody td.c-S").evaluate_all(
+        "cells => cells.map(cell => cell.dataset.sort)"
+    )
+    known = [float(text) for text in shown if text]
+    assert known == sorted(known, reverse=True)
+    assert shown[len(known) :] == [""] * (len(shown) - len(known))
+    assert page.locator("th[aria-sort]").count() == 1
+    head.get_by_role("button").press("Enter")
+    assert head.get_attribute("aria-sort") == "ascending"
+
+
+def test_filters_hide_rows_and_sections(open_page):
+    """Text, area and verdict filters work together, for the table and the valves below it."""
+    page = open_page()
+    everything = tags(page)
+    page.fill("#find", "fv-10")
+    page.select_option("#area", "Area 100")
+    assert 0 < len(tags(page)) < len(everything)
+    assert page.locator("article.valve:visible").count() == len(tags(page))
+    for box in page.locator('input[name="verdict"]').all():
+        box.uncheck()
+    assert tags(page) == []
+    assert page.get_by_text("No valve matches these filters.").is_visible()
+    assert page.locator("#shown").inner_text() == f"0 of {len(everything)} valves"
+
+
+def test_a_link_reaches_a_valve_that_a_filter_hides(open_page):
+    """Following an anchor clears the filters rather than leading nowhere."""
+    page = open_page()
+    page.fill("#find", "FV-100")
+    page.evaluate("location.hash = '#valve-LV-404'")
+    page.locator('[id="valve-LV-404"]').wait_for(state="visible")
+    assert page.input_value("#find") == ""
+
+
+def test_odd_recordings_are_drawn_too(browser, make_screening, make_context, tmp_path):
+    """No date, a flat OP, a gap for an MV and tags of 300 letters: drawn, and no wider a page."""
+    plain = make_screening("V" * 300)
+    undated = replace(plain, recording=replace(plain.recording, start=None))
+    flat = Signal.good(np.full(3600, 41.0), "OP")
+    gone = Signal.good(np.full(3600, np.nan), "MV")
+    signals = {Role.OP: flat, Role.MV: gone}
+    still = replace(plain, valve="flat", recording=replace(plain.recording, signals=signals))
+    valves = [undated, still]
+    facts = {one.valve: ValveFacts(area="A" * 300, criticality="C" * 300) for one in valves}
+    path = write_report(valves, make_context(valves, valves=facts), tmp_path).html
+    page = browser.new_page(viewport={"width": 390, "height": 800})
+    errors = []
+    page.on("console", lambda message: errors.append(message.text))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(path.as_uri())
+    for plots in page.locator("[data-plots]").all():
+        plots.scroll_into_view_if_needed()
+        plots.locator(".plot-loop canvas").wait_for()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
+    assert errors == []
+
+
+def test_the_theme_toggle_changes_page_and_plots(open_page):
+    """The toggle turns the page dark and draws the plots again in its colours."""
+    page = open_page(color_scheme="light")
+    plots = page.locator("article.with-plots").first
+    plots.scroll_into_view_if_needed()
+    plots.locator(".plot-travel canvas").wait_for()
+    light = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    drawn = plots.locator(".plot-travel canvas").evaluate("canvas => canvas.toDataURL()")
+    page.get_by_role("button", name="Switch to the dark theme").click()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") != light
+    page.wait_for_timeout(100)
+    assert plots.locator(".plot-travel canvas").evaluate("canvas => canvas.toDataURL()") != drawn
+
+
+def test_zooming_one_plot_zooms_all_of_the_valve(open_page):
+    """A drag and the zoom buttons change every plot of the valve, the loop included."""
+    page = open_page(viewport={"width": 1280, "height": 1100})
+    plots = page.locator(".plots").first
+    plots.scroll_into_view_if_needed()
+    plots.locator(".plot-loop canvas").wait_for()
+    names = ("travel", "process", "residual", "loop")
+
+    def pictures():
+        page.wait_for_timeout(150)
+        read = "canvas => canvas.toDataURL()"
+        return [plots.locator(f".plot-{name} canvas").evaluate(read) for name in names]
+
+    whole = pictures()
+    box = plots.locator(".plot-travel .u-over").bounding_box()
+    page.mouse.move(box["x"] + 100, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 260, box["y"] + 60, steps=4)
+    page.mouse.up()
+    dragged = pictures()
+    assert [a == b for a, b in zip(whole, dragged, strict=True)] == [False] * 4
+    plots.get_by_role("button", name="Zoom in").click()
+    assert [a == b for a, b in zip(dragged, pictures(), strict=True)] == [False] * 4
+
+
+@pytest.mark.parametrize("width", [320, 390, 768])
+def test_a_phone_never_scrolls_sideways(open_page, width):
+    """At phone width the page is as wide as the screen, details opened."""
+    page = open_page(viewport={"width": width, "height": 800})
+    page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_printing_draws_every_plot_in_light_colours(open_page):
+    """Before printing all plots stand, in the light theme; afterwards the reader's is back."""
+    page = open_page(color_scheme="dark")
+    assert len(page.pdf(prefer_css_page_size=True, print_background=True)) > 50_000
+    assert page.locator("html").get_attribute("data-theme") == "dark"
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("html").get_attribute("data-theme") == "light"
+    plotted = page.locator("[data-plots]").count()
+    assert page.locator("[data-plots] .plot-travel canvas").count() == plotted
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+
+
+def test_without_javascript_everything_but_the_plots_is_there(open_page):
+    """Ranking and findings are readable, controls are gone, and a sentence says why."""
+    page = open_page(java_script_enabled=False)
+    assert len(tags(page)) == 14
+    assert page.locator("article.valve .reason").first.is_visible()
+    assert not page.locator("#filters").is_visible()
+    assert page.locator("noscript p").is_visible()
+
+
+def test_the_keyboard_reaches_the_ranking_first(open_page):
+    """The first tab stop skips to the ranking; headings form one outline."""
+    page = open_page()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.textContent") == "Skip to the ranking"
+    levels = page.locator("h1, h2, h3").evaluate_all("all => all.map(one => +one.tagName[1])")
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))

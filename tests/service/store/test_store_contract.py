@@ -1,0 +1,329 @@
+"""What every store does, whichever database is under it."""
+
+from __future__ import annotations
+
+import math
+import uuid
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime, timedelta, timezone
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening
+from stemwatch.models.recording import Provenance
+from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.store import Store, open_store
+
+MakeScreening = Callable[..., Screening]
+DAY = timedelta(days=1)
+START = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
+LATER = datetime(2099, 1, 1, tzinfo=UTC)
+
+
+def begin(store: Store) -> int:
+    return store.begin_run(command=["screen"], software_version="1.2", settings_digest="d1")
+
+
+def test_a_screening_comes_back_as_it_was_saved(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """Everything but samples, traces and network survives the database."""
+    screening = make_screening()
+    run = begin(store)
+    store.save(screening, run)
+    found = store.previous("FIC-101", LATER)
+    assert found is not None
+    names = (
+        "valve verdict reason advice shape severity confidence S residuals quality still_seen "
+        "baseline_note provenance seconds window"
+    )
+    for name in names.split():
+        assert getattr(found, name) == getattr(screening, name), name
+    assert found.J.reason == "too few slips"
+    assert (found.run_id, found.software_version, found.settings_digest) == (run, "1.2", "d1")
+    assert found.at == START + timedelta(minutes=10)
+
+
+def test_the_same_window_again_replaces_the_screening(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """A repeated run leaves one row with the latest values and the latest indicators."""
+    store.save(make_screening(), begin(store))
+    later = begin(store)
+    changed = Indicator(name="period_s", value=80.0, unit="s", meaning="Period")
+    store.save(make_screening(verdict=Verdict.WATCH, indicators={"period_s": changed}), later)
+    (ranked,) = store.latest()
+    assert (ranked.screening.verdict, ranked.screening.run_id) == (Verdict.WATCH, later)
+    assert [] == store.history("FIC-101", "reversals")
+    assert [80.0] == [point.value for point in store.history("FIC-101", "period_s")]
+
+
+def test_the_same_instant_in_two_zones_is_one_window(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """A window is its instants, not the way they are written."""
+    run = begin(store)
+    in_berlin = START.astimezone(timezone(timedelta(hours=1)))
+    assert store.save(make_screening(), run) == store.save(make_screening(start=in_berlin), run)
+
+
+def test_without_dates_the_source_makes_the_window(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """Undated recordings are told apart by their source's digest, or else its name."""
+    run = begin(store)
+    sources = [
+        Provenance(source="a.csv", digest="aa"),
+        Provenance(source="b.csv", digest="bb"),
+        Provenance(source="a.csv"),
+        Provenance(source="b.csv"),
+    ]
+    undated = [make_screening(start=None, provenance=source) for source in sources]
+    assert 4 == len({store.save(screening, run) for screening in undated})
+    assert store.save(undated[0], run) == store.save(undated[0], run)
+
+
+TEXTS = st.text(max_size=20)
+NUMBERS = st.floats(width=64)
+ESTIMATES = st.one_of(
+    st.builds(Estimate, value=NUMBERS, low=st.none(), high=st.none()),
+    st.builds(Estimate.unknown, reason=st.text(min_size=1, max_size=20)),
+)
+CHANGES = st.fixed_dictionaries(
+    {
+        "verdict": st.sampled_from(Verdict),
+        "reason": TEXTS,
+        "shape": st.sampled_from([None, *Shape]),
+        "severity": NUMBERS,
+        "confidence": st.none() | NUMBERS,
+        "S": ESTIMATES,
+        "residuals": st.dictionaries(
+            TEXTS, st.none() | st.builds(Residual, rmse=NUMBERS, normalised=NUMBERS), max_size=3
+        ),
+        "quality": st.builds(DataQuality, grade=st.sampled_from("ABCD"), reasons=st.tuples(TEXTS)),
+        "still_seen": st.lists(TEXTS, max_size=3).map(tuple),
+        "provenance": st.builds(Provenance, source=TEXTS),
+        "start": st.none() | st.datetimes(timezones=st.just(UTC), max_value=datetime(2090, 1, 1)),
+    }
+)
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(before=CHANGES, after=CHANGES)
+def test_any_screening_saved_twice_is_one_row_with_the_latest_values(
+    store: Store, make_screening: MakeScreening, before: dict[str, object], after: dict[str, object]
+) -> None:
+    """Whatever texts and numbers a screening holds, the second save replaces the first."""
+    valve = uuid.uuid4().hex  # the store is the same for all examples
+    before |= {"valve": valve}
+    after |= {"valve": valve, "start": before["start"], "provenance": before["provenance"]}
+    run = begin(store)
+    first = store.save(make_screening(**before), run)
+    screening = make_screening(**after)
+    assert first == store.save(screening, run)
+    found = store.previous(valve, LATER)
+    assert found is not None
+    assert store.previous(valve, found.at) is None
+    assert (found.verdict, found.shape) == (screening.verdict, screening.shape)
+    assert found.reason == storable(screening.reason)
+    assert found.still_seen == tuple(map(storable, screening.still_seen))
+    assert found.severity == (screening.severity if math.isfinite(screening.severity) else 0.0)
+    assert set(found.residuals) == set(map(storable, screening.residuals))
+    if screening.S.value is not None and math.isfinite(screening.S.value):
+        assert found.S.value == screening.S.value
+    else:
+        assert found.S.reason
+
+
+def storable(text: str) -> str:
+    return "".join("\ufffd" if c == "\0" or "\ud800" <= c <= "\udfff" else c for c in text)
+
+
+def test_a_screening_that_cannot_be_saved_does_not_cost_the_others(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """One broken screening is reported with its reason; the rest is in the store."""
+    broken = make_screening(valve="FIC-102", verdict="rusty")
+    many = [make_screening(valve="FIC-101"), broken, make_screening(valve="FIC-103")]
+    report = store.save_many(many, begin(store))
+    assert 2 == report.saved
+    assert ["FIC-102"] == [failure.valve for failure in report.failures]
+    assert "'rusty' is not a valid Verdict" in report.failures[0].reason
+    assert ["FIC-101", "FIC-103"] == [r.valve.id for r in store.latest()]
+
+
+def test_a_run_counts_its_verdicts(store: Store, make_screening: MakeScreening) -> None:
+    """A finished run knows when it ended and how many valves had each verdict."""
+    run = begin(store)
+    for valve, verdict in (("A", "sticky"), ("B", "sticky"), ("C", "healthy")):
+        store.save(make_screening(valve=valve, verdict=Verdict(verdict)), run)
+    finished = store.finish_run(run)
+    assert {Verdict.STICKY: 2, Verdict.HEALTHY: 1} == finished.counts
+    assert finished.finished is not None
+    assert finished.started <= finished.finished
+    assert finished == store.run(run)
+
+
+def test_an_unknown_run_is_named(store: Store, make_screening: MakeScreening) -> None:
+    """Saving for a run that never began says so."""
+    with pytest.raises(StoreError, match=r"run 99 is not in the store; begin_run gives"):
+        store.save(make_screening(), 99)
+    with pytest.raises(StoreError, match=r"there is no run 99"):
+        store.finish_run(99)
+
+
+def test_the_ranking_has_each_valve_once_and_the_worst_first(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """The latest screening counts, however bad or good an older one was."""
+    valves = [
+        StoredValve(id="A", area="east", criticality=1),
+        StoredValve(id="B", area="west", criticality=3),
+        StoredValve(id="C", area="west", criticality=1),
+        StoredValve(id="D", area="west"),
+    ]
+    store.save_valves(valves)
+    run = begin(store)
+    for valve, day, severity in (
+        ("A", 1, 20.0), ("A", 0, 99.0), ("B", 0, 50.0), ("C", 0, 50.0), ("C", -3, 1.0),
+    ):  # fmt: skip
+        store.save(make_screening(valve=valve, start=START + day * DAY, severity=severity), run)
+    ranked = store.latest()
+    assert [("B", 50.0), ("C", 50.0), ("A", 20.0)] == [
+        (r.valve.id, r.screening.severity) for r in ranked
+    ]
+    assert ["B", "C"] == [r.valve.id for r in store.latest(area="west")]
+    assert ["B"] == [r.valve.id for r in store.latest(limit=1)]
+    assert valves == store.valves()
+
+
+def test_saving_the_valves_again_updates_them(store: Store, make_screening: MakeScreening) -> None:
+    """The plant file's facts win; a screening alone never overwrites them; more than one
+    statement's worth of valves is no trouble."""
+    many = [StoredValve(id=f"V{n:04}") for n in range(1200)]
+    store.save_valves(many)
+    store.save_valves([StoredValve(id="V0007", description="Feed", area="east", criticality=3)])
+    store.save(make_screening(valve="V0007"), begin(store))
+    assert 1200 == len(store.valves())
+    assert StoredValve(id="V0007", description="Feed", area="east", criticality=3) in store.valves()
+
+
+def test_previous_is_the_last_one_before(store: Store, make_screening: MakeScreening) -> None:
+    """Each window is compared with the one before it, not with itself and not with a later one."""
+    run = begin(store)
+    for day in range(3):
+        store.save(make_screening(start=START + day * DAY, severity=float(day)), run)
+    before = store.previous("FIC-101", START + 2 * DAY)
+    assert before is not None
+    assert 1.0 == before.severity
+    assert store.previous("FIC-101", START) is None
+    assert store.previous("unknown", LATER) is None
+
+
+def test_history_is_in_the_order_of_time(store: Store, make_screening: MakeScreening) -> None:
+    """A trend runs from old to new, in UTC, with intervals and units; NaN is no value."""
+    run = begin(store)
+    for day, value in ((2, 12.0), (0, 10.0), (1, math.nan)):
+        point = Indicator(name="gain", value=value, unit="%", meaning="", low=9.0, high=13.0)
+        store.save(make_screening(start=START + day * DAY, indicators={"gain": point}), run)
+    history = store.history("FIC-101", "gain")
+    assert [10.0, None, 12.0] == [point.value for point in history]
+    assert (9.0, 13.0, "%") == (history[0].low, history[0].high, history[0].unit)
+    assert UTC == history[0].at.tzinfo
+    assert [12.0] == [point.value for point in store.history("FIC-101", "gain", START + 2 * DAY)]
+
+
+def test_there_is_one_active_baseline_and_it_knows_of_maintenance(store: Store) -> None:
+    """Maintenance after a baseline's window makes it a baseline of the valve as it was before."""
+    assert store.baseline("FIC-101") is None
+    window = (START, START + DAY)
+    store.set_baseline("FIC-101", b"first", window=window, reason="first healthy window")
+    baseline = store.baseline("FIC-101")
+    assert baseline is not None
+    assert b"first" == baseline.network
+    assert (
+        "Baseline: first healthy window, 2026-03-01 06:00 to 2026-03-02 06:00 UTC." == baseline.note
+    )
+    store.record_maintenance("FIC-101", START - DAY, "New packing", "J. Doe")
+    assert store.baseline("FIC-101") == baseline
+    store.record_maintenance("FIC-101", START + 5 * DAY, "New positioner", "J. Doe")
+    stale = store.baseline("FIC-101")
+    assert stale is not None
+    assert stale.maintenance is not None
+    assert "the valve before maintenance (New positioner on 2026-03-06)." in stale.note
+    window = (START + 6 * DAY, START + 7 * DAY)
+    store.set_baseline("FIC-101", b"second", window=window, reason="after maintenance")
+    renewed = store.baseline("FIC-101")
+    assert renewed is not None
+    assert (b"second", None) == (renewed.network, renewed.maintenance)
+    assert ["New packing", "New positioner"] == [r.note for r in store.maintenance("FIC-101")]
+
+
+def test_a_baseline_of_unknown_date_says_so(store: Store) -> None:
+    """Without dates the note tells when the baseline was stored."""
+    store.set_baseline("FIC-101", b"n", reason="first healthy window")
+    baseline = store.baseline("FIC-101")
+    assert baseline is not None
+    assert f"of unknown date, stored {baseline.created:%Y-%m-%d}." in baseline.note
+
+
+def test_the_fitted_network_is_apart_from_the_baseline(store: Store) -> None:
+    """The network of the last fit is replaced by the next; the baseline stays."""
+    store.set_baseline("FIC-101", b"baseline", reason="first healthy window")
+    for network in (b"one", b"\x00two\xff"):
+        store.set_fitted("FIC-101", network, reason="screening")
+    fitted, baseline = store.fitted("FIC-101"), store.baseline("FIC-101")
+    assert fitted is not None
+    assert baseline is not None
+    assert (b"\x00two\xff", b"baseline") == (fitted.network, baseline.network)
+
+
+def test_notes_change_nothing_but_the_notes(store: Store) -> None:
+    """A remark about a valve is kept with its author and leaves the baseline alone."""
+    store.set_baseline("FIC-101", b"n", window=(START, START), reason="first healthy window")
+    store.add_note("FIC-101", START + DAY, "Ask the operators", "K. Roe")
+    (note,) = store.notes("FIC-101")
+    assert ("Ask the operators", "K. Roe", START + DAY) == (note.note, note.who, note.at)
+    baseline = store.baseline("FIC-101")
+    assert baseline is not None
+    assert baseline.maintenance is None
+
+
+@pytest.mark.parametrize("call", ["record_maintenance", "add_note"])
+def test_a_naive_time_is_refused(store: Store, call: str) -> None:
+    """A time without zone is no instant, and the message says so."""
+    with pytest.raises(StoreError, match="timezone aware datetime is expected, received 2026-03-0"):
+        getattr(store, call)("FIC-101", datetime(2026, 3, 1), "note")
+    assert [] == store.notes("FIC-101")
+
+
+def test_secrets_are_not_in_the_stored_command(store: Store) -> None:
+    """A run's command line is kept without passwords."""
+    words = ["screen", "--store", "postgresql://u:geheim@h/d", "--token", "geheim"]
+    run = store.begin_run(command=words, software_version="1")
+    assert "screen --store postgresql://u:***@h/d --token ***" == store.run(run).command
+
+
+def test_writers_at_the_same_time_lose_nothing(
+    store: Store, store_url: str, make_screening: MakeScreening
+) -> None:
+    """Two stores in several threads writing the same windows end with one row for each."""
+    run = begin(store)
+    valves = [f"V{n}" for n in range(12)]
+    with open_store(store_url) as other, ThreadPoolExecutor(4) as pool:
+        reports = pool.map(
+            lambda place: place.save_many([make_screening(valve=v) for v in valves], run),
+            [store, other, store, other],
+        )
+        assert [(12, ())] * 4 == [(report.saved, report.failures) for report in reports]
+        list(pool.map(lambda n: other.set_baseline("V1", bytes([n]), reason="race"), range(8)))
+    assert {Verdict.STICKY: 12} == store.finish_run(run).counts
+    assert store.baseline("V1") is not None

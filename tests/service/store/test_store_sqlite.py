@@ -1,0 +1,139 @@
+"""What is particular to SQLite files, and to stores that cannot be opened."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+from sqlalchemy import text
+from sqlalchemy.dialects import sqlite
+
+from stemwatch.models.findings import Screening
+from stemwatch.service.store.address import Address
+from stemwatch.service.store.columns import UtcDateTime
+from stemwatch.service.store.engine import BUSY_TIMEOUT_MS, make_engine
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.store import open_store
+
+OTHER_PROCESS = """
+import sys
+from stemwatch.service.store.store import open_store
+with open_store(sys.argv[1]) as store:
+    for n in range(25):
+        store.set_baseline("FIC-101", sys.argv[2].encode(), reason=f"round {n}")
+        store.set_baseline(f"V-{n}", b"n", reason="first healthy window")
+"""
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path / 'store.db'}"
+
+
+@pytest.mark.parametrize(
+    ("pragma", "expected"),
+    [("journal_mode", "wal"), ("foreign_keys", 1), ("busy_timeout", BUSY_TIMEOUT_MS)],
+)
+def test_every_connection_is_prepared(url: str, pragma: str, expected: object) -> None:
+    """Readers do not wait for the writer, references hold, and writers wait for one another."""
+    open_store(url).close()
+    engine = make_engine(Address(url))
+    with engine.connect() as connection:
+        assert expected == connection.execute(text(f"PRAGMA {pragma}")).scalar()
+    engine.dispose()
+
+
+def test_a_naive_datetime_is_refused_by_the_column() -> None:
+    """The column type itself refuses, so that no table can be written around it."""
+    with pytest.raises(ValueError, match="timezone aware datetime is expected, received 2026"):
+        UtcDateTime().process_bind_param(datetime(2026, 1, 1), sqlite.dialect())
+
+
+def test_processes_that_create_and_write_at_once_all_succeed(url: str) -> None:
+    """Several processes may find no store, create it, and write the same valves."""
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", OTHER_PROCESS, url, name], stderr=subprocess.PIPE, text=True
+        )
+        for name in ("one", "two", "three")
+    ]
+    errors = [process.communicate(timeout=120)[1] for process in processes]
+    assert [(0, "")] * 3 == [
+        (process.returncode, error) for process, error in zip(processes, errors, strict=True)
+    ]
+    with open_store(url) as store:
+        assert 26 == len(store.valves())
+        baseline = store.baseline("FIC-101")
+    assert baseline is not None
+    assert "round 24" == baseline.reason
+
+
+def test_a_failed_save_leaves_the_screening_before_it(
+    url: str, make_screening: Callable[..., Screening]
+) -> None:
+    """A save is all or nothing: when the indicators fail, the row keeps its old values."""
+    with open_store(url) as store:
+        run = store.begin_run(software_version="1")
+        store.save(make_screening(severity=1.0), run)
+        with sqlite3.connect(url.removeprefix("sqlite:///")) as raw:
+            raw.execute(
+                "CREATE TRIGGER full BEFORE INSERT ON indicators "
+                "BEGIN SELECT RAISE(ABORT, 'disk full'); END"
+            )
+        raw.close()
+        with pytest.raises(StoreError, match=r"store\.db: saving FIC-101 failed: disk full"):
+            store.save(make_screening(severity=2.0), run)
+        (ranked,) = store.latest()
+        assert 1.0 == ranked.screening.severity
+        assert [42.0] == [point.value for point in store.history("FIC-101", "reversals")]
+
+
+def test_when_the_database_is_gone_the_rest_is_not_tried(
+    url: str, make_screening: Callable[..., Screening]
+) -> None:
+    """Three saves without an answer are enough; five thousand would each wait their time."""
+    with open_store(url) as store:
+        run = store.begin_run(software_version="1")
+        with sqlite3.connect(url.removeprefix("sqlite:///")) as raw:
+            raw.execute("DROP TABLE indicators")
+        raw.close()
+        report = store.save_many([make_screening(valve=f"V{n}") for n in range(6)], run)
+    assert 0 == report.saved
+    reasons = [failure.reason for failure in report.failures]
+    assert ["no such table: indicators"] * 3 == reasons[:3]
+    assert ["not tried: no answer"] * 3 == [reason[:20] for reason in reasons[3:]]
+
+
+def test_a_file_that_is_no_database_is_named(tmp_path: Path) -> None:
+    """Opening something else says which file and what it is not."""
+    path = tmp_path / "plant.toml"
+    path.write_text("[plant]\n" * 200)
+    with pytest.raises(StoreError, match=r"plant\.toml: opening the store failed: file is not a"):
+        open_store(f"sqlite:///{path}")
+    assert path.read_text() == "[plant]\n" * 200
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    """A path into nowhere is an error with the path, not a new folder."""
+    with pytest.raises(StoreError, match=r"none/store\.db: opening the store failed: unable to"):
+        open_store(f"sqlite:///{tmp_path / 'none' / 'store.db'}")
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("not a url", "not a database URL; expected sqlite:///file.db or postgresql://"),
+        ("postgresql+pg8000://u:geheim@h/d", r"no driver for this database \(.*pg8000"),
+        ("mssql://u:geheim@h/d", "needs SQLite or PostgreSQL, received mssql"),
+    ],
+)
+def test_an_address_that_is_none_is_explained(url: str, message: str) -> None:
+    """A wrong URL, another engine or a missing driver is said in words, passwords masked."""
+    with pytest.raises(StoreError, match=message) as caught:
+        open_store(url)
+    assert "geheim" not in str(caught.value)
