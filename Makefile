@@ -44,13 +44,12 @@ test: check ## All checks and all tests; sets up what they need
 
 check: $(VENV)/can-test .typed/stemwatch ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
-	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports)
+	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports --no-cache)
 	$(call step,Checking the types of the packages (mypy),$(BIN)/mypy)
 	$(call step,Checking the types of the tests (mypy),$(BIN)/mypy tests)
 
 clean: ## Remove the environment, caches and build folders
-	rm -rf $(VENV) .typed build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis \
-		.import_linter_cache
+	rm -rf $(VENV) .typed build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help: ## This list

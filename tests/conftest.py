@@ -1,4 +1,4 @@
-"""What all tests share: the real recordings, and with ``STRICT=1`` no skipped real service."""
+"""What all tests share: the real recordings, and which tests may not be skipped."""
 
 from __future__ import annotations
 
@@ -9,21 +9,18 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
 STRICT = os.environ.get("STRICT", "") not in ("", "0")
 MUST_RUN = ("browser", "postgres")
+RECORDINGS = "STEMWATCH_RECORDINGS"
+BESIDE_THE_CHECKOUT = Path(__file__).parent.parent.parent / "shared" / "recordings"
 
 
 @pytest.fixture(scope="session")
 def recordings() -> Path:
-    """The folder of real recordings, which is not part of the repository."""
-    beside = ROOT.parent / "shared" / "recordings"
-    folder = Path(os.environ.get("STEMWATCH_RECORDINGS", beside))
+    """The folder of real recordings: ``STEMWATCH_RECORDINGS``, or beside the checkout."""
+    folder = Path(os.environ.get(RECORDINGS) or BESIDE_THE_CHECKOUT)
     if not folder.is_dir():
-        pytest.skip(
-            f"REAL RECORDINGS NOT FOUND at {folder}: set STEMWATCH_RECORDINGS to their folder; "
-            "nothing about real files was tested"
-        )
+        pytest.skip(f"REAL RECORDINGS ARE NOT TESTED: no folder {folder}; set {RECORDINGS}")
     return folder
 
 
@@ -31,7 +28,7 @@ def recordings() -> Path:
 def pytest_runtest_makereport(
     item: pytest.Item,
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """A skipped test of a browser or a database server counts as failed."""
+    """With ``STRICT=1`` a skipped test of a browser or a database server counts as failed."""
     report = yield
     marked = any(item.get_closest_marker(name) for name in MUST_RUN)
     if STRICT and marked and report.skipped and not hasattr(report, "wasxfail"):
@@ -41,7 +38,7 @@ def pytest_runtest_makereport(
 
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """A module that is skipped as a whole counts as failed: a package is missing."""
+    """With ``STRICT=1`` a module that is skipped as a whole counts as failed."""
     report = yield
     if STRICT and report.skipped:
         _fail(report)

@@ -56,10 +56,11 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
     if not usual:
         raise UnreadableSource(f"{name}: no rows were found; expected a header and rows of data")
     sample = _sample([rows.cells[i] for i in usual])
-    time = _time_by_content(sample, width)
+    head = [_fit(row, width) for row in rows.cells[:_HEADER_ROWS] if _is_header(row, width)]
+    time = _time_named(head, options, name) or _time_by_content(sample, width)
+    time = time or _time_by_header(head, sample)
     first = _first_row(rows, width, time)
     headers = tuple(_fit(row, width) for row in rows.cells[:first] if _is_header(row, width))
-    time = _time_named(headers, options, name) or time or _time_by_header(headers, sample)
     if first == len(rows.cells):
         raise UnreadableSource(
             f"{name}: no row of numbers was found in {len(rows.cells)} rows; the first is "
@@ -133,14 +134,16 @@ def _time_by_header(headers: Sequence[list[str]], sample: Sequence[list[str]]) -
 
 
 def _rises(sample: Sequence[list[str]], column: int) -> bool:
+    """Mostly numbers that go one way, as times do even where some are out of order."""
     cells = [row[column] for row in sample]
     values = parse_numbers(cells, ".")
     if np.isfinite(values).mean() < 0.5:
         values = parse_numbers(cells, ",")
     finite = values[np.isfinite(values)]
-    if finite.size < 0.8 * len(cells) or finite.size < 2:
+    if finite.size < 0.8 * len(cells) or finite.size < 2 or finite[-1] == finite[0]:
         return False
-    return bool((np.diff(finite) >= 0).mean() > 0.8 and finite[-1] > finite[0])
+    way = np.sign(finite[-1] - finite[0])
+    return bool((np.diff(finite) * way >= 0).mean() > 0.6)
 
 
 def _first_row(rows: Rows, width: int, time: tuple[int, ...]) -> int:
@@ -155,7 +158,11 @@ def _is_data(row: list[str], time: tuple[int, ...]) -> bool:
     if len(time) == 2:
         return is_date_only(row[time[0]])
     if time:
-        return is_time(row[time[0]])
+        # A time in a form of its own is known by its digits only.
+        return is_time(row[time[0]]) or (
+            any(letter.isdigit() for letter in row[time[0]])
+            and any(is_number(cell) for i, cell in enumerate(row) if i != time[0])
+        )
     filled = [cell for cell in row if cell.strip()]
     numbers = sum(is_number(cell) for cell in filled)
     words = sum(word_quality(cell) is Quality.MISSING for cell in filled)

@@ -88,5 +88,6 @@ def split_unit(header: str) -> tuple[str, str]:
 
 def bare_tag(header: str) -> str:
     """The part of a header that names the tag: a unit glued on with ``_`` belongs to the tag."""
-    name, unit = split_unit(header)
-    return name if unit and not header.strip().startswith(name + "_") else header.strip()
+    name = split_unit(header)[0]
+    header = header.strip()
+    return header if header.startswith(name + "_") else name

@@ -8,8 +8,8 @@ import numpy as np
 
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.plan import Step, plan_run
-from stemwatch.models.narx.prepared import believable
 from stemwatch.models.narx.running import run_plan
+from stemwatch.models.narx.scaling import believable
 from stemwatch.models.recording import Bools, Floats
 
 # Healthy records lay between 1.2 and 1.62 times the reference error, valves with growing stiction

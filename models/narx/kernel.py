@@ -10,9 +10,12 @@ import math
 
 from numba import njit
 
+from stemwatch.models.narx.plan import Plan
+from stemwatch.models.recording import Floats
+
 
 @njit(cache=True)
-def increment(weights, hidden, error, move, drift):  # type: ignore[no-untyped-def]
+def increment(weights: Floats, hidden: int, error: float, move: float, drift: float) -> float:
     """How far the stem moves in one sample; ``weights`` (p,) = value, gate, hidden, flattened."""
     gate = hidden + 4
     rows = gate + hidden + 1
@@ -30,13 +33,23 @@ def increment(weights, hidden, error, move, drift):  # type: ignore[no-untyped-d
         value += weights[unit] * h
         opening += weights[gate + unit] * h
     # tanh cannot overflow, where exp(-opening) could.
-    return 0.5 * (1.0 + math.tanh(0.5 * opening)) * value
+    moved: float = 0.5 * (1.0 + math.tanh(0.5 * opening)) * value
+    return moved
 
 
 @njit(cache=True)
-def free_run(  # type: ignore[no-untyped-def]
-    weights, hidden, level, move, position, plan, codes, limits, ratio, out
-):
+def free_run(
+    weights: Floats,
+    hidden: int,
+    level: Floats,
+    move: Floats,
+    position: Floats,
+    plan: Plan,
+    codes: tuple[int, int, int],
+    limits: tuple[float, float, float, float, float, float],
+    ratio: float,
+    out: Floats,
+) -> None:
     """Fill ``out`` (m, n) with each member's run; ``weights`` (m, p).
 
     ``plan`` (n,) says of each sample to ``skip`` it, ``seed`` the run from the measurement, ``run``

@@ -102,7 +102,7 @@ class NarxNetwork:
         ``op`` (n,) percent. ``y0`` is one opening to start from, or the measured MV (n,), of which
         only the two samples before a (re)start are used. The run starts again from the measurement
         after every unusable sample and, with ``horizon``, after so many samples. ``usable`` (n,)
-        defaults to where all is finite. NaN where the run could not be: unusable samples. The two
+        defaults to all; no number, or one of 1e15 and more, is never usable. NaN where the run could not be: unusable samples. The two
         samples it starts from are the measured ones.
 
         Raises ``ValueError`` on unequal lengths, a horizon below 1, or gaps without a measured MV

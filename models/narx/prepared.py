@@ -8,22 +8,32 @@ import numpy as np
 
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.plan import Step, plan_run
-from stemwatch.models.narx.scaling import ScaledSignals, fit_ranges, fit_scaling, limits, scale
+from stemwatch.models.narx.scaling import (
+    ScaledSignals,
+    believable,
+    fit_ranges,
+    fit_scaling,
+    limits,
+    scale,
+)
 from stemwatch.models.recording import Bools, Floats
 
 # Six samples for each of 35 weights.
 _LEAST_TRAINED = 200
 _LEAST_JUDGED = 30
-# Not a measurement of anything; and its square would leave the range of floating point.
-_LARGEST = 1e15
 _SMALLEST_SPAN = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """A record ready for training; ``trained`` and ``watched`` (n,) are disjoint."""
+    """A record ready for training; ``trained`` and ``watched`` (n,) are disjoint.
+
+    ``op`` and ``mv`` (n,) are the example's, NaN where they are not ``usable``.
+    """
 
     example: NarxExample
+    op: Floats
+    mv: Floats
     usable: Bools
     trained: Bools
     watched: Bools
@@ -40,12 +50,6 @@ class Prepared:
         return self.scaling["error_scale"] / self.scaling["change_scale"]
 
 
-def believable(op: Floats, mv: Floats, usable: Bools) -> Bools:
-    """(n,) usable samples whose values could be measurements at all."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(usable & (np.abs(op) < _LARGEST) & (np.abs(mv) < _LARGEST))
-
-
 def prepare(example: NarxExample, settings: NarxSettings) -> Prepared | str:
     """The record made ready, or the sentence that says why it cannot be trained on."""
     usable = believable(example.op, example.mv, example.usable)
@@ -54,12 +58,14 @@ def prepare(example: NarxExample, settings: NarxSettings) -> Prepared | str:
     if reason is not None:
         return reason
     training = usable & early
-    scaling = fit_scaling(example.op, example.mv, training)
-    ranges = fit_ranges(example.op, example.mv, training, scaling)
-    trained, watched = _split(training, settings.watched_share)
     op, mv = (np.where(usable, signal, np.nan) for signal in (example.op, example.mv))
+    scaling = fit_scaling(op, mv, training)
+    ranges = fit_ranges(op, mv, training, scaling)
+    trained, watched = _split(training, settings.watched_share)
     return Prepared(
         example=example,
+        op=op,
+        mv=mv,
         usable=usable,
         trained=trained,
         watched=watched,

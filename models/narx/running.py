@@ -7,7 +7,7 @@ import numpy as np
 from stemwatch.models.narx.kernel import free_run
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.plan import CODES, Plan, plan_run
-from stemwatch.models.narx.scaling import limits, scale
+from stemwatch.models.narx.scaling import believable, limits, scale
 from stemwatch.models.recording import Bools, Floats
 
 
@@ -31,18 +31,16 @@ def run(
             "and after those the run must start again from a measurement: give the measured MV "
             "instead of one opening"
         )
+    op, mv = (np.where(usable, signal, np.nan) for signal in (op, mv))
     return run_plan(network, op, mv, plan_run(usable, horizon))
 
 
 def usable_samples(op: Floats, mv: Floats, usable: Bools | None) -> Bools:
-    """(n,) where both signals are numbers and the caller does not object."""
-    finite = np.isfinite(op) & np.isfinite(mv)
-    if usable is None:
-        return finite
-    usable = np.asarray(usable, dtype=np.bool_)
+    """(n,) where both signals are numbers of a believable size and the caller does not object."""
+    usable = np.ones(op.shape, dtype=np.bool_) if usable is None else np.asarray(usable, np.bool_)
     if usable.shape != op.shape:
         raise ValueError(f"usable of shape {op.shape} expected, received {usable.shape}")
-    return finite & usable
+    return believable(op, mv, usable)
 
 
 def run_plan(network: NarxNetwork, op: Floats, mv: Floats, plan: Plan) -> Floats:

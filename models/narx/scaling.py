@@ -15,6 +15,8 @@ from stemwatch.models.recording import Bools, Floats
 _MARGIN = {"mv": 0.5, "error": 0.05, "change": 0.25, "drift": 0.25}
 # The change scale has this share of the error scale as its least, or quantised OP blows it up.
 _LEAST_CHANGE = 0.1
+# Not a measurement of anything; and its square would leave the range of floating point.
+_LARGEST = 1e15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +26,12 @@ class ScaledSignals:
     level: Floats
     move: Floats
     position: Floats
+
+
+def believable(op: Floats, mv: Floats, usable: Bools) -> Bools:
+    """(n,) usable samples whose values could be measurements at all; NaN never is."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(usable & (np.abs(op) < _LARGEST) & (np.abs(mv) < _LARGEST))
 
 
 def fit_scaling(op: Floats, mv: Floats, usable: Bools) -> dict[str, float]:

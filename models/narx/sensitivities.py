@@ -90,34 +90,37 @@ class Run:
 
 def simulate(block: Block, weights: Weights, bounds: Bounds) -> Run:
     """Every segment's free run, one step of all segments at a time."""
-    hidden, (nets, steps, rows) = weights.rows.shape[1], block.level.shape
-    units = block.level.new_empty(nets, steps, rows, hidden + INPUTS + 1)
+    hidden, shape = weights.rows.shape[1], block.level.shape
+    units = block.level.new_empty(*shape, hidden + INPUTS + 1)
     units[..., hidden + 1], units[..., -1] = block.move, 1.0
-    outputs = block.level.new_empty(nets, steps, rows, 2)
+    outputs = block.level.new_empty(*shape, 2)
     position, raw, step, error = (torch.empty_like(block.level) for _ in range(4))
     inwards, outwards = weights.rows.transpose(1, 2).contiguous(), weights.outputs
     before, last = block.before, block.last
-    for t in range(steps):
+    for t in range(shape[1]):
         now, x = units[:, t], units[:, t, :, hidden:]
         torch.sub(block.level[:, t], last, out=error[:, t])
         torch.clamp(error[:, t], bounds.error_low, bounds.error_high, out=x[..., 0])
         torch.mul(last - before, bounds.ratio, out=x[..., 2])
         now[..., :hidden] = torch.bmm(x, inwards).tanh_()
         outputs[:, t] = torch.bmm(now, outwards)
-        gate = torch.sigmoid(outputs[:, t, :, 1])
-        torch.mul(gate, outputs[:, t, :, 0], out=step[:, t])
+        torch.mul(torch.sigmoid(outputs[:, t, :, 1]), outputs[:, t, :, 0], out=step[:, t])
         torch.add(last, step[:, t].clamp(bounds.slowest, bounds.fastest), out=raw[:, t])
         torch.clamp(raw[:, t], bounds.low, bounds.high, out=position[:, t])
         before, last = last, position[:, t]
-    slowest, fastest = bounds.slowest[:, None], bounds.fastest[:, None]
     return Run(
         units=units,
         outputs=outputs,
         position=position,
-        error_free=(units[..., hidden] == error).to(error.dtype),
-        step_free=((step >= slowest) & (step <= fastest)).to(step.dtype),
-        position_free=(position == raw).to(raw.dtype),
+        error_free=_unclamped(error, bounds.error_low, bounds.error_high),
+        step_free=_unclamped(step, bounds.slowest, bounds.fastest),
+        position_free=_unclamped(raw, bounds.low, bounds.high),
     )
+
+
+def _unclamped(values: Tensor, low: Tensor, high: Tensor) -> Tensor:
+    """1 where ``values`` (B, T, R) lie within their clamp, 0 elsewhere."""
+    return ((values >= low[:, None]) & (values <= high[:, None])).to(values.dtype)
 
 
 def jacobian(block: Block, run: Run, weights: Weights, bounds: Bounds) -> Tensor:
@@ -157,27 +160,30 @@ def _one_step(
 
     All three are 0 where the position is clamped or the segment padded: nothing goes on from there.
     """
-    hidden, inputs = weights.rows.shape[1:]
-    value, opening = run.outputs[..., 0], run.outputs[..., 1]
+    hidden = weights.rows.shape[1]
+    value, gate = run.outputs[..., 0], torch.sigmoid(run.outputs[..., 1])
     live = run.position_free * block.mask
-    gate = torch.sigmoid(opening)
     by_value = gate * live * run.step_free
     by_gate = by_value * value * (1.0 - gate)
     by_hidden = _through_hidden(run, weights, by_value, by_gate)
     by_x = torch.matmul(by_hidden, weights.rows[:, None, :, :INPUTS])
     by_x += by_value[..., None] * weights.value[:, None, None, hidden : hidden + INPUTS]
-    by_error = by_x[..., 0] * run.error_free
     d2 = -by_x[..., 2] * bounds.ratio[:, None]
-    d1 = live - by_error - d2
+    d1 = live - by_x[..., 0] * run.error_free - d2
+    return _by_weights(run, by_value, by_gate, by_hidden), d1[..., None], d2[..., None]
 
-    g = run.units.new_empty(*block.level.shape, hidden * (inputs + 2) + inputs + 2)
-    split = hidden + inputs
-    torch.mul(run.units, by_value[..., None], out=g[..., :split])
-    torch.mul(run.units[..., :hidden], by_gate[..., None], out=g[..., split : split + hidden])
-    g[..., split + hidden] = by_gate
-    rows = g[..., split + hidden + 1 : -1].view(*block.level.shape, hidden, inputs)
+
+def _by_weights(run: Run, by_value: Tensor, by_gate: Tensor, by_hidden: Tensor) -> Tensor:
+    """``g``: one step's derivative by each weight, in the kernel's order, and an unset column."""
+    hidden, inputs = by_hidden.shape[-1], INPUTS + 1
+    value, gate = hidden + inputs, hidden + 1
+    g = run.units.new_empty(*by_value.shape, value + gate + hidden * inputs + 1)
+    torch.mul(run.units, by_value[..., None], out=g[..., :value])
+    torch.mul(run.units[..., :hidden], by_gate[..., None], out=g[..., value : value + hidden])
+    g[..., value + hidden] = by_gate
+    rows = g[..., value + gate : -1].view(*by_value.shape, hidden, inputs)
     torch.mul(by_hidden[..., None], run.units[..., None, hidden:], out=rows)
-    return g, d1[..., None], d2[..., None]
+    return g
 
 
 def _through_hidden(run: Run, weights: Weights, by_value: Tensor, by_gate: Tensor) -> Tensor:

@@ -32,18 +32,19 @@ def train(
     is unrolled. Float64 throughout. The same settings give the same networks, whatever else is in
     the batch.
     """
-    prepared = [prepare(example, settings) for example in batch]
-    fits = [
-        NarxFit(valve=example.valve, reason=ready if isinstance(ready, str) else "not trained")
-        for example, ready in zip(batch, prepared, strict=True)
-    ]
-    ready = [(at, valve) for at, valve in enumerate(prepared) if isinstance(valve, Prepared)]
+    fits: dict[int, NarxFit] = {}
+    ready: list[tuple[int, Prepared]] = []
+    for at, example in enumerate(batch):
+        found = prepare(example, settings)
+        if isinstance(found, str):
+            fits[at] = NarxFit(valve=example.valve, reason=found)
+        else:
+            ready.append((at, found))
     for first in range(0, len(ready), settings.valves_per_batch):
         part = ready[first : first + settings.valves_per_batch]
         trained = _train_part([valve for _, valve in part], settings, device)
-        for (at, _), fit in zip(part, trained, strict=True):
-            fits[at] = fit
-    return fits
+        fits |= {at: fit for (at, _), fit in zip(part, trained, strict=True)}
+    return [fits[at] for at in range(len(batch))]
 
 
 def _train_part(valves: Sequence[Prepared], settings: NarxSettings, device: str) -> list[NarxFit]:
@@ -63,43 +64,50 @@ def _judged(
 ) -> NarxFit:
     """The ensemble of the best half, run over the whole record."""
     example = valve.example
-    training = valve.trained | valve.watched
-    kept = _best_half(valve, weights, training, settings)
-    network = _network(valve, kept, settings)
-    op, mv = (np.where(valve.usable, signal, np.nan) for signal in (example.op, example.mv))
+    network = _network(valve, _best_half(valve, weights, settings), settings)
     plan = plan_run(valve.usable, cuts=(example.train_until,))
-    simulated = run_plan(network, op, mv, plan)
-    late = np.arange(op.size) >= example.train_until
-    known = _rmse(simulated, mv, (plan == Step.RUN) & ~late)
-    if not known < np.std(mv[training]):
+    simulated = run_plan(network, valve.op, valve.mv, plan)
+    late = np.arange(plan.size) >= example.train_until
+    known = (plan == Step.RUN) & ~late
+    rmse = _rmse(simulated, valve.mv, known)
+    if not rmse < np.std(valve.mv[known]):
         reason = (
             "the training did not converge: even on the samples it was trained on, the free run is "
-            f"no better than a constant (rmse {known:.3g}); MV may not follow this OP"
+            f"no better than a constant (rmse {rmse:.3g}); MV may not follow this OP"
         )
         return NarxFit(valve=example.valve, reason=reason, log=log)
-    one_step = network.one_step(op, mv, valve.usable)
-    reference = network.free_run(op, mv, valve.usable, horizon=settings.reference_horizon)
-    scored = (plan == Step.RUN) & late
-    rmse = _rmse(simulated, mv, scored)
-    heldout = HeldOut(
-        rmse=rmse,
-        one_step_rmse=_rmse(one_step, mv, scored),
-        normalised=rmse / float(np.std(mv[scored])),
-        samples=int(scored.sum()),
-    )
-    floor = 1e-6 * float(np.std(mv[training]))
-    error = _rmse(reference, mv, plan_run(valve.usable) == Step.RUN)
     return NarxFit(
         valve=example.valve,
-        network=replace(network, reference_rmse=max(error, floor)),
-        heldout=heldout,
+        network=replace(network, reference_rmse=_reference_rmse(network, valve)),
+        heldout=_held_out(network, valve, simulated, (plan == Step.RUN) & late),
         simulated=simulated,
         log=log,
     )
 
 
-def _best_half(valve: Prepared, weights: Floats, training: Bools, settings: NarxSettings) -> Floats:
+def _held_out(network: NarxNetwork, valve: Prepared, simulated: Floats, scored: Bools) -> HeldOut:
+    rmse = _rmse(simulated, valve.mv, scored)
+    one_step = network.one_step(valve.op, valve.mv, valve.usable)
+    return HeldOut(
+        rmse=rmse,
+        one_step_rmse=_rmse(one_step, valve.mv, scored),
+        normalised=rmse / float(np.std(valve.mv[scored])),
+        samples=int(scored.sum()),
+    )
+
+
+def _reference_rmse(network: NarxNetwork, valve: Prepared) -> float:
+    """The error later scores are divided by, so never 0: on the whole record, the held-out part
+    included, because a valve's error on what it was trained on is too small to compare with."""
+    horizon = network.reference_horizon
+    run = network.free_run(valve.op, valve.mv, valve.usable, horizon=horizon)
+    error = _rmse(run, valve.mv, plan_run(valve.usable) == Step.RUN)
+    return max(error, 1e-6 * float(np.std(valve.mv[valve.usable])))
+
+
+def _best_half(valve: Prepared, weights: Floats, settings: NarxSettings) -> Floats:
     """(m, P) the members with the lowest free-run error on the training part."""
+    training = valve.trained | valve.watched
     errors = member_errors(valve, weights, training, settings.horizons[-1], settings.hidden)
     return weights[np.argsort(errors, kind="stable")[: settings.kept]]
 

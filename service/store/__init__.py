@@ -1,5 +1,23 @@
 """The store: what every screening found, kept in SQLite or PostgreSQL, migrated by Alembic.
 
-``stemwatch.service.store.store`` has ``open_store`` and ``Store``; this module imports nothing, so
-that reading a plant file does not load a database library.
+``Store`` and ``open_store`` are loaded when they are first used, so that reading a plant file,
+which only needs an ``Address``, does not load a database library.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from stemwatch.service.store.address import Address as Address
+from stemwatch.service.store.errors import StoreError as StoreError
+
+if TYPE_CHECKING:
+    from stemwatch.service.store.store import Store as Store
+    from stemwatch.service.store.store import open_store as open_store
+
+
+def __getattr__(name: str) -> Any:
+    if name in ("Store", "open_store"):
+        return getattr(import_module("stemwatch.service.store.store"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

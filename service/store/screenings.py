@@ -44,7 +44,7 @@ def write_screening(session: Session, screening: Screening, run_id: int) -> int:
         session, ScreeningRow, [columns], ("valve", "window_key"), returning=ScreeningRow.id
     )
     screening_id: int = session.execute(statement).scalar_one()
-    pass
+    session.execute(delete(IndicatorRow).where(IndicatorRow.screening_id == screening_id))
     if indicators := indicator_columns(screening, screening_id, columns["at"]):
         session.execute(insert(IndicatorRow), indicators)
     return screening_id

@@ -125,6 +125,21 @@ def test_after_a_gap_the_run_starts_again_from_the_measurement() -> None:
     assert np.array_equal(whole[160:162], mv[160:162])
 
 
+def test_numbers_that_cannot_be_measurements_are_gaps() -> None:
+    """Infinities and numbers of absurd size are not run through, and raise no warning."""
+    net = network()
+    op, mv = signals()
+    op[100:102], mv[200:202] = (np.inf, 1e300), (-1e300, -np.inf)
+    run = net.free_run(op, mv)
+    assert list(np.flatnonzero(np.isnan(run))) == [100, 101, 200, 201]
+
+
+def test_a_mask_of_another_length_is_refused() -> None:
+    """The error names both shapes."""
+    with pytest.raises(ValueError, match=r"usable of shape \(400,\) expected, received \(3,\)"):
+        network().free_run(*signals(), np.ones(3, dtype=bool))
+
+
 def test_a_run_from_one_opening_needs_no_measured_position() -> None:
     """One number is enough to start from where nothing is missing."""
     net = network()

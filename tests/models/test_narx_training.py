@@ -250,6 +250,14 @@ def test_one_bad_record_does_not_cost_the_others(
     np.testing.assert_allclose(weights_of(good), weights_of(fits[0]), rtol=0, atol=1e-9)
 
 
+def test_nothing_need_be_watched(examples: list[NarxExample]) -> None:
+    """Without a watched block all of the training part is trained on, and the log says so."""
+    fit = train(examples[:1], NarxSettings(watched_share=0.0, seeds=2))[0]
+    assert fit.heldout is not None, fit.reason
+    assert fit.heldout.fit_percent > 60
+    assert [stage.watched_rmse for stage in fit.log] == [None] * 3
+
+
 def test_an_empty_batch_is_no_fits() -> None:
     """Nothing in, nothing out."""
     assert train([]) == []

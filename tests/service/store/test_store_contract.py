@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import uuid
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +23,15 @@ from stemwatch.service.store.records import StoredValve
 from stemwatch.service.store.store import Store, open_store
 
 MakeScreening = Callable[..., Screening]
+OTHER_PROCESS = """
+import sys
+from stemwatch.service.store.store import open_store
+with open_store(sys.argv[1]) as store:
+    for n in range(25):
+        store.set_baseline("FIC-101", sys.argv[2].encode(), reason=f"round {n}")
+        store.set_baseline(f"V-{n}", b"n", reason="first healthy window")
+"""
+
 DAY = timedelta(days=1)
 START = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 LATER = datetime(2099, 1, 1, tzinfo=UTC)
@@ -241,62 +252,6 @@ def test_history_is_in_the_order_of_time(store: Store, make_screening: MakeScree
     assert [12.0] == [point.value for point in store.history("FIC-101", "gain", START + 2 * DAY)]
 
 
-def test_there_is_one_active_baseline_and_it_knows_of_maintenance(store: Store) -> None:
-    """Maintenance after a baseline's window makes it a baseline of the valve as it was before."""
-    assert store.baseline("FIC-101") is None
-    window = (START, START + DAY)
-    store.set_baseline("FIC-101", b"first", window=window, reason="first healthy window")
-    baseline = store.baseline("FIC-101")
-    assert baseline is not None
-    assert b"first" == baseline.network
-    assert (
-        "Baseline: first healthy window, 2026-03-01 06:00 to 2026-03-02 06:00 UTC." == baseline.note
-    )
-    store.record_maintenance("FIC-101", START - DAY, "New packing", "J. Doe")
-    assert store.baseline("FIC-101") == baseline
-    store.record_maintenance("FIC-101", START + 5 * DAY, "New positioner", "J. Doe")
-    stale = store.baseline("FIC-101")
-    assert stale is not None
-    assert stale.maintenance is not None
-    assert "the valve before maintenance (New positioner on 2026-03-06)." in stale.note
-    window = (START + 6 * DAY, START + 7 * DAY)
-    store.set_baseline("FIC-101", b"second", window=window, reason="after maintenance")
-    renewed = store.baseline("FIC-101")
-    assert renewed is not None
-    assert (b"second", None) == (renewed.network, renewed.maintenance)
-    assert ["New packing", "New positioner"] == [r.note for r in store.maintenance("FIC-101")]
-
-
-def test_a_baseline_of_unknown_date_says_so(store: Store) -> None:
-    """Without dates the note tells when the baseline was stored."""
-    store.set_baseline("FIC-101", b"n", reason="first healthy window")
-    baseline = store.baseline("FIC-101")
-    assert baseline is not None
-    assert f"of unknown date, stored {baseline.created:%Y-%m-%d}." in baseline.note
-
-
-def test_the_fitted_network_is_apart_from_the_baseline(store: Store) -> None:
-    """The network of the last fit is replaced by the next; the baseline stays."""
-    store.set_baseline("FIC-101", b"baseline", reason="first healthy window")
-    for network in (b"one", b"\x00two\xff"):
-        store.set_fitted("FIC-101", network, reason="screening")
-    fitted, baseline = store.fitted("FIC-101"), store.baseline("FIC-101")
-    assert fitted is not None
-    assert baseline is not None
-    assert (b"\x00two\xff", b"baseline") == (fitted.network, baseline.network)
-
-
-def test_notes_change_nothing_but_the_notes(store: Store) -> None:
-    """A remark about a valve is kept with its author and leaves the baseline alone."""
-    store.set_baseline("FIC-101", b"n", window=(START, START), reason="first healthy window")
-    store.add_note("FIC-101", START + DAY, "Ask the operators", "K. Roe")
-    (note,) = store.notes("FIC-101")
-    assert ("Ask the operators", "K. Roe", START + DAY) == (note.note, note.who, note.at)
-    baseline = store.baseline("FIC-101")
-    assert baseline is not None
-    assert baseline.maintenance is None
-
-
 @pytest.mark.parametrize("call", ["record_maintenance", "add_note"])
 def test_a_naive_time_is_refused(store: Store, call: str) -> None:
     """A time without zone is no instant, and the message says so."""
@@ -327,3 +282,24 @@ def test_writers_at_the_same_time_lose_nothing(
         list(pool.map(lambda n: other.set_baseline("V1", bytes([n]), reason="race"), range(8)))
     assert {Verdict.STICKY: 12} == store.finish_run(run).counts
     assert store.baseline("V1") is not None
+
+
+def test_processes_that_create_and_write_at_once_all_succeed(store_url: str) -> None:
+    """Several processes may find no store, create it, and write the same valves."""
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", OTHER_PROCESS, store_url, name],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for name in ("one", "two", "three")
+    ]
+    errors = [process.communicate(timeout=120)[1] for process in processes]
+    assert [(0, "")] * 3 == [
+        (process.returncode, error) for process, error in zip(processes, errors, strict=True)
+    ]
+    with open_store(store_url) as store:
+        assert 26 == len(store.valves())
+        baseline = store.baseline("FIC-101")
+    assert baseline is not None
+    assert "round 24" == baseline.reason

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
@@ -19,15 +17,6 @@ from stemwatch.service.store.columns import UtcDateTime
 from stemwatch.service.store.engine import BUSY_TIMEOUT_MS, make_engine
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
-
-OTHER_PROCESS = """
-import sys
-from stemwatch.service.store.store import open_store
-with open_store(sys.argv[1]) as store:
-    for n in range(25):
-        store.set_baseline("FIC-101", sys.argv[2].encode(), reason=f"round {n}")
-        store.set_baseline(f"V-{n}", b"n", reason="first healthy window")
-"""
 
 
 @pytest.fixture
@@ -52,25 +41,6 @@ def test_a_naive_datetime_is_refused_by_the_column() -> None:
     """The column type itself refuses, so that no table can be written around it."""
     with pytest.raises(ValueError, match="timezone aware datetime is expected, received 2026"):
         UtcDateTime().process_bind_param(datetime(2026, 1, 1), sqlite.dialect())
-
-
-def test_processes_that_create_and_write_at_once_all_succeed(url: str) -> None:
-    """Several processes may find no store, create it, and write the same valves."""
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", OTHER_PROCESS, url, name], stderr=subprocess.PIPE, text=True
-        )
-        for name in ("one", "two", "three")
-    ]
-    errors = [process.communicate(timeout=120)[1] for process in processes]
-    assert [(0, "")] * 3 == [
-        (process.returncode, error) for process, error in zip(processes, errors, strict=True)
-    ]
-    with open_store(url) as store:
-        assert 26 == len(store.valves())
-        baseline = store.baseline("FIC-101")
-    assert baseline is not None
-    assert "round 24" == baseline.reason
 
 
 def test_a_failed_save_leaves_the_screening_before_it(

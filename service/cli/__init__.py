@@ -1,0 +1,69 @@
+"""The command line: one module per verb, put together here."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from stemwatch.service.cli.demo import demo
+from stemwatch.service.cli.inspect import inspect
+from stemwatch.service.cli.maintenance import maintenance
+from stemwatch.service.cli.screen import screen
+from stemwatch.service.cli.simulate import simulate
+from stemwatch.service.cli.trial import trial
+from stemwatch.service.cli.views import say_error
+
+app = typer.Typer(
+    name="stemwatch",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_show_locals=False,  # locals may hold a database password
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from stemwatch.service import __version__
+
+        typer.echo(f"stemwatch {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: bool = typer.Option(
+        False, "--version", callback=_version, is_eager=True, help="Print the version and stop."
+    ),
+) -> None:
+    """Finds sticking control valves in plant-historian data.
+
+    Start with [bold]stemwatch inspect FILE[/] to see what is understood of an export, then
+    [bold]stemwatch screen FILE[/] to fit every valve in it and get a report. Nothing is ever
+    written to a plant, and nothing is fetched from outside.
+
+    Exit status: 0 done, 2 wrong usage or a source that cannot be read; with --fail-on, 1 when
+    such a finding is there.
+    """
+
+
+for command in (inspect, screen, simulate, demo, trial, maintenance):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run the command line; errors with a cause a user can mend are one sentence and status 2."""
+    from stemwatch.connectors.connector import ConnectorError
+    from stemwatch.service.plantfile.problem import PlantFileError
+    from stemwatch.service.store.errors import StoreError
+
+    for stream in (sys.stdout, sys.stderr):
+        # A Windows console or a pipe may not know every letter of a tag: better a ? than a crash.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    try:
+        app()
+    except (ConnectorError, PlantFileError, StoreError, OSError, ValueError) as error:
+        say_error(str(error))
+        raise SystemExit(2) from error

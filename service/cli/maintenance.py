@@ -1,0 +1,44 @@
+"""``stemwatch maintenance``: note work on a valve, so that it gets a new baseline."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+
+def maintenance(
+    valve: Annotated[str, typer.Argument(help="The valve's id.")],
+    note: Annotated[str, typer.Option(help="What was done: 'packing renewed'.")],
+    plant: Annotated[Path | None, typer.Option(help="plant.toml, for its database.")] = None,
+    db: Annotated[str, typer.Option(help="Database URL, instead of --plant.")] = "",
+    at: Annotated[str, typer.Option(help="When, ISO time; now where left out.")] = "",
+    who: Annotated[str, typer.Option(help="Who did it.")] = "",
+    zone: o.Zone = "",
+) -> None:
+    """Record maintenance of a valve.
+
+    From then on its baseline is said to describe the valve before the work, and the first window
+    that begins after it becomes the new baseline.
+    """
+    from stemwatch.service.cli import views
+    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.store.store import open_store
+
+    if not db and plant is None:
+        raise typer.BadParameter("give --plant plant.toml or --db URL")
+    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
+    home = zone or (loaded.zone if loaded else None) or ""
+    moment = o.instant(at, home, "--at") or datetime.now(UTC)
+    address = db or (loaded.storage if loaded else db)
+    with open_store(address) as store:
+        if valve not in {known.id for known in store.valves()} and (
+            loaded is None or valve not in loaded.valves
+        ):
+            raise typer.BadParameter(f"no valve {valve} in this store", param_hint="VALVE")
+        store.record_maintenance(valve, moment, note, who)
+    views.out.print(f"Recorded for {valve} at {moment.isoformat()}: {note}", highlight=False)

@@ -1,0 +1,81 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+import typer
+
+READING = "How the file is read"
+
+Zone = Annotated[
+    str,
+    typer.Option(
+        help="Time zone of times without offset, such as Europe/Berlin.",
+        rich_help_panel=READING,
+    ),
+]
+Encoding = Annotated[str, typer.Option(help="Such as cp1252.", rich_help_panel=READING)]
+Separator = Annotated[
+    str, typer.Option(help="The character between cells.", rich_help_panel=READING)
+]
+Decimal = Annotated[str, typer.Option(help="The decimal mark, . or ,", rich_help_panel=READING)]
+DayFirst = Annotated[
+    bool | None,
+    typer.Option(
+        "--day-first/--month-first",
+        help="How 01/02/2026 is meant, where the file does not settle it.",
+        rich_help_panel=READING,
+    ),
+]
+TimeColumn = Annotated[
+    str, typer.Option(help="Header of the time column.", rich_help_panel=READING)
+]
+TimeFormat = Annotated[
+    str,
+    typer.Option(help="Such as '%d.%m.%Y %H:%M:%S'.", rich_help_panel=READING),
+]
+Interval = Annotated[
+    float | None,
+    typer.Option(
+        "--interval-s",
+        help="Seconds between rows, for a file without a time column.",
+        rich_help_panel=READING,
+    ),
+]
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", help="Write everything that was found to this file.")
+]
+Seed = Annotated[int, typer.Option(help="The same seed gives the same result.")]
+
+
+def instant(text: str, zone: str, option: str) -> datetime | None:
+    """An ISO time from the command line; without an offset it is in ``zone``, else in UTC."""
+    if not text:
+        return None
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"{text!r} is not a time; expected ISO form such as 2026-10-28T06:00", param_hint=option
+        ) from error
+    return moment if moment.tzinfo else moment.replace(tzinfo=_zone(zone))
+
+
+def _zone(zone: str) -> ZoneInfo:
+    try:
+        return ZoneInfo(zone or "UTC")
+    except (ZoneInfoNotFoundError, ValueError) as error:
+        raise typer.BadParameter(
+            f"{zone!r} is not an IANA zone name such as Europe/Berlin", param_hint="--zone"
+        ) from error
+
+
+def need_file(path: Path, option: str) -> Path:
+    """The path, or a sentence where there is no such file."""
+    if not path.is_file():
+        raise typer.BadParameter(f"there is no file {path}", param_hint=option)
+    return path

@@ -1,0 +1,170 @@
+"""``stemwatch screen``: the main job."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stemwatch.models.findings import Screening
+    from stemwatch.service.gather import Request
+    from stemwatch.service.plantfile import Plant
+
+TAGS = "Which tag is what (one valve per file)"
+
+
+def screen(
+    source: Annotated[
+        list[str] | None, typer.Argument(help="Files, folders or patterns such as exports/*.csv.")
+    ] = None,
+    plant: Annotated[
+        Path | None, typer.Option(help="plant.toml with the valves; alone, its own sources.")
+    ] = None,
+    op: Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)] = "",
+    mv: Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)] = "",
+    pv: Annotated[str, typer.Option(help="Process variable.", rich_help_panel=TAGS)] = "",
+    sp: Annotated[str, typer.Option(help="Set point.", rich_help_panel=TAGS)] = "",
+    mode: Annotated[str, typer.Option(help="Controller mode.", rich_help_panel=TAGS)] = "",
+    valve: Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)] = "",
+    from_: Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")] = "",
+    to: Annotated[str, typer.Option("--to", help="End of the window, ISO time.")] = "",
+    out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("stemwatch-report"),
+    db: Annotated[
+        str, typer.Option(help="Database URL; without it the plant's, else a file in --out.")
+    ] = "",
+    json_file: o.JsonFile = None,
+    fail_on: Annotated[
+        Verdict | None, typer.Option(help="Exit with 1 when a valve has this verdict.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; by default one per core.")
+    ] = None,
+    new_baseline: Annotated[
+        bool, typer.Option("--new-baseline", help="Make this window each valve's baseline.")
+    ] = False,
+    zone: o.Zone = "",
+    encoding: o.Encoding = "",
+    separator: o.Separator = "",
+    decimal: o.Decimal = "",
+    day_first: o.DayFirst = None,
+    time_column: o.TimeColumn = "",
+    time_format: o.TimeFormat = "",
+    interval_s: o.Interval = None,
+) -> None:
+    """Fit every valve of an export and leave a report: HTML, CSV, XLSX and JSON.
+
+    Each valve is judged healthy, watch, sticky or undetermined, with the reason. Without --plant
+    and --op the roles are taken from tags and descriptions where they leave no doubt. Screening
+    the same window twice updates what is stored.
+    """
+    from stemwatch.service.cli.reading import read_options
+    from stemwatch.service.gather import Request
+
+    loaded = _load(plant, source)
+    chosen = read_options(
+        zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
+    )
+    home = zone or (loaded.zone if loaded else None) or ""
+    request = Request(
+        sources=tuple(source or ()),
+        plant=loaded,
+        tags=_tags(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
+        valve=valve,
+        window=_window(from_, to, home),
+        read_options=chosen,
+    )
+    screenings = _run(request, out, db, workers, new_baseline, json_file)
+    if fail_on is not None and any(one.verdict is fail_on for one in screenings):
+        raise typer.Exit(1)
+
+
+def _load(plant: Path | None, source: Sequence[str] | None) -> Plant | None:
+    from stemwatch.service.plantfile import load_plant
+
+    if plant is None:
+        if not source:
+            raise typer.BadParameter("give a file, a folder or --plant plant.toml")
+        return None
+    return load_plant(o.need_file(plant, "--plant"))
+
+
+def _tags(**named: str):  # type: ignore[no-untyped-def]  # Role is imported late, with numpy
+    from stemwatch.models.recording import Role
+
+    tags = {Role(name): tag for name, tag in named.items() if tag}
+    if tags and Role.OP not in tags:
+        raise typer.BadParameter(
+            "the controller output is needed: --op TAG (`stemwatch inspect` lists the tags)",
+            param_hint="--op",
+        )
+    return tags
+
+
+def _window(from_: str, to: str, zone: str):  # type: ignore[no-untyped-def]
+    from stemwatch.connectors.connector import Window
+
+    start, stop = o.instant(from_, zone, "--from"), o.instant(to, zone, "--to")
+    if start is not None and stop is not None and start >= stop:
+        raise typer.BadParameter(f"--from {start} is not before --to {stop}", param_hint="--from")
+    return Window(start=start, stop=stop)
+
+
+def _run(
+    request: Request,
+    out: Path,
+    db: str,
+    workers: int | None,
+    new_baseline: bool,
+    json_file: Path | None,
+) -> tuple[Screening, ...]:
+    from stemwatch.models.limits import Limits
+    from stemwatch.service.cli import views
+    from stemwatch.service.executors import choose_executor
+    from stemwatch.service.pipeline import Run, RunResult, run
+    from stemwatch.service.store.store import open_store
+
+    plant = request.plant
+    for problem in plant.problems if plant else ():
+        views.say_error(str(problem))
+    out.mkdir(parents=True, exist_ok=True)
+    address = db or (plant.storage if plant else f"sqlite:///{out / 'stemwatch.db'}")
+    with open_store(address) as store, views.screening_progress(0) as tell:
+        how = Run(
+            store=store,
+            executor=choose_executor(workers),
+            out=out,
+            limits=plant.limits if plant else Limits(),
+            command=("stemwatch", *sys.argv[1:]),
+            new_baseline=new_baseline,
+        )
+        result: RunResult = run(request, how, tell)
+    show(result, json_file)
+    return result.screenings
+
+
+def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def]
+    """The summary, what was left out, and where the report is; 2 where nothing could be read."""
+    import json
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.report import to_contract
+
+    views.out.print(views.summary(result.screenings))
+    for place, reason in (*result.not_read, *result.not_saved):
+        views.say(f"left out: {place}: {reason}")
+    if json_file is not None:
+        objects = [to_contract(one) for one in views.ranked(result.screenings)]
+        text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
+        json_file.write_text(text + "\n", encoding="utf-8")
+    views.out.print(f"Report: {result.report.html.resolve()}", highlight=False, soft_wrap=True)
+    if not any(one.recording is not None for one in result.screenings):
+        views.say_error("nothing could be screened: no source gave a recording")
+        raise typer.Exit(2)

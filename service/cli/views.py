@@ -1,0 +1,186 @@
+"""What the terminal shows: tables, verdict lines, progress."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from stemwatch.models.verdict import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from stemwatch.connectors.historian import Inspection
+    from stemwatch.models.estimate import Estimate
+    from stemwatch.models.findings import Screening
+
+out = Console()
+err = Console(stderr=True)
+
+STYLE = {
+    Verdict.STICKY: "bold red",
+    Verdict.WATCH: "yellow",
+    Verdict.UNDETERMINED: "cyan",
+    Verdict.HEALTHY: "green",
+}
+ORDER = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
+SHOWN = 40  # lines of the summary; the report has all
+
+
+def say_error(text: str) -> None:
+    """One sentence on standard error."""
+    err.print(f"[bold red]stemwatch:[/] {escape(text)}", highlight=False)
+
+
+def say(text: str) -> None:
+    """One plain line on standard error: progress, not result."""
+    err.print(escape(text), highlight=False)
+
+
+def _number(estimate: Estimate) -> str:
+    if estimate.value is None:
+        return "-"
+    if estimate.low is None or estimate.high is None:
+        return f"{estimate.value:.1f}"
+    return f"{estimate.value:.1f} ({estimate.low:.1f}-{estimate.high:.1f})"
+
+
+def verdict_line(screening: Screening) -> str:
+    """One line for a valve that matters."""
+    style = STYLE[screening.verdict]
+    return (
+        f"[{style}]{screening.verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
+        f"{escape(screening.reason)}"
+    )
+
+
+@contextmanager
+def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], None]]:
+    """A bar with valves done, rate and time left, and a line for each valve that matters."""
+    columns = (
+        TextColumn("screening"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("valves"),
+        TaskProgressColumn(show_speed=True, text_format="[progress.percentage]{task.percentage:.0f} %"),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err) as progress:
+        bar = progress.add_task("screening", total=total, rate="")
+
+        def tell(screening: Screening, done: int, of: int) -> None:
+            elapsed = progress.tasks[0].elapsed or 1e-9
+            progress.update(bar, completed=done, total=of, rate=f"{done / elapsed:.1f}/s")
+            if screening.verdict in (Verdict.STICKY, Verdict.WATCH):
+                progress.console.print(verdict_line(screening), highlight=False)
+
+        yield tell
+
+
+def ranked(screenings: Sequence[Screening]) -> list[Screening]:
+    """Worst first."""
+    return sorted(screenings, key=lambda s: (ORDER.index(s.verdict), -s.severity, s.valve))
+
+
+def summary(screenings: Sequence[Screening]) -> Table:
+    """The ranking, worst first."""
+    table = Table(title=_counts(screenings), title_justify="left")
+    for name, right in (("", True), ("valve", False), ("verdict", False), ("S, %", True)):
+        table.add_column(name, justify="right" if right else "left")
+    for name, right in (("J, %", True), ("shape", False), ("data", False), ("why", False)):
+        table.add_column(name, justify="right" if right else "left")
+    for rank, one in enumerate(ranked(screenings)[:SHOWN], start=1):
+        table.add_row(
+            str(rank),
+            escape(one.valve),
+            f"[{STYLE[one.verdict]}]{one.verdict.value}[/]",
+            _number(one.S),
+            _number(one.J),
+            one.shape.value if one.shape else "",
+            one.quality.grade,
+            escape(one.reason),
+        )
+    return table
+
+
+def _counts(screenings: Sequence[Screening]) -> str:
+    words = [
+        f"{count} {verdict.value}"
+        for verdict in ORDER
+        if (count := sum(s.verdict is verdict for s in screenings))
+    ]
+    more = f", the worst {SHOWN} shown" if len(screenings) > SHOWN else ""
+    return f"{len(screenings)} valves: {', '.join(words) or 'none'}{more}"
+
+
+def inspection_tables(seen: Inspection) -> Iterator[Table]:
+    """What was understood of a file, then of each tag."""
+    facts = Table(show_header=False, title=escape(seen.source), title_justify="left")
+    for name, value in _facts(seen):
+        facts.add_row(name, escape(value))
+    yield facts
+    tags = Table(title="Tags", title_justify="left")
+    for name in ("tag", "role", "unit", "valve", "range", "bad", "every, s", "evidence", "remark"):
+        tags.add_column(name)
+    for tag in seen.tags:
+        low_high = "" if tag.low is None or tag.high is None else f"{tag.low:.4g} to {tag.high:.4g}"
+        every = tag.own_interval_s or tag.interval_s
+        tags.add_row(
+            escape(tag.tag),
+            tag.role or "?",
+            escape(tag.unit),
+            escape(tag.valve),
+            low_high,
+            f"{tag.bad_share:.1%}",
+            "" if every is None else f"{every:g}",
+            "; ".join(_evidence(tag)),
+            escape(tag.remark),
+        )
+    yield tags
+
+
+def _facts(seen: Inspection) -> list[tuple[str, str]]:
+    clock = seen.clock
+    separator = {"\t": "tab"}.get(seen.separator, repr(seen.separator))
+    window = f"{seen.start} to {seen.end}" if seen.start else "dates not known without a time zone"
+    interval = "" if seen.interval_s is None else f"{seen.interval_s:g} s"
+    return [
+        ("layout", seen.layout),
+        ("encoding, separator, decimal mark", f"{seen.encoding}, {separator}, {seen.decimal!r}"),
+        ("time", seen.zone or "no time column"),
+        ("window", window),
+        ("rows", str(seen.rows)),
+        ("sampling interval, jitter", f"{interval}, {clock.jitter_s:.3g} s"),
+        (
+            "clock",
+            f"{clock.gaps} gaps (longest {clock.longest_gap_s:g} s), {clock.repeated_times} "
+            f"repeated times, {clock.backward_steps} steps backward",
+        ),
+        *[("decided", text) for text in seen.decisions],
+        *[("problem", text) for text in seen.problems],
+    ]
+
+
+def _evidence(tag) -> list[str]:  # type: ignore[no-untyped-def]  # TagInspection is imported late
+    found = []
+    if tag.compressed:
+        found.append(f"compressed ({tag.line_share:.0%} on lines)")
+    if tag.quantum:
+        found.append(f"steps of {tag.quantum:.3g}")
+    if tag.frozen:
+        found.append(f"frozen up to {tag.longest_repeat_s:g} s")
+    return found

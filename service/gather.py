@@ -1,0 +1,145 @@
+"""From what a user typed to tasks: which files, which valves in each, which tags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from stemwatch.connectors.connector import (
+    WHOLE,
+    ConnectorError,
+    TagMapping,
+    UnreadableSource,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
+from stemwatch.models.recording import Role
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.tasks import Task, open_file
+
+NO_VALVE = (
+    "no controller output was recognised in this file. Say which tags are meant with --op and "
+    "--mv, or in a plant.toml; `stemwatch inspect` shows the tags"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What to screen: sources, and either a plant or tags or neither (then valves are proposed)."""
+
+    sources: Sequence[str] = ()
+    plant: Plant | None = None
+    tags: dict[Role, str] = field(default_factory=dict)
+    valve: str = ""
+    window: Window = WHOLE
+    read_options: ReadOptions = field(default_factory=ReadOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gathered:
+    """Tasks in order, and (source, reason) for what is no recording at all."""
+
+    tasks: tuple[Task, ...]
+    not_read: tuple[tuple[str, str], ...] = ()
+
+
+def gather(request: Request) -> Gathered:
+    """The tasks of a request. Raises ``UnreadableSource`` where a source names nothing."""
+    if request.plant is not None and not request.sources:
+        return _of_plant(request, request.plant)
+    found = find_sources(request.sources)
+    tasks: list[Task] = []
+    for path in found.paths:
+        tasks += _of_file(request, str(path))
+    skipped = tuple((str(path), reason) for path, reason in found.skipped)
+    return Gathered(tasks=tuple(tasks), not_read=skipped)
+
+
+def _of_plant(request: Request, plant: Plant) -> Gathered:
+    """Every valve in every file of its source that has its OP tag."""
+    tasks: list[Task] = []
+    not_read: list[tuple[str, str]] = []
+    for source in plant.sources.values():
+        files = plant.source_files(source)
+        if not files:
+            not_read.append((source.name, f"no file matches {source.path} beside {plant.file}"))
+        options = ReadOptions(**plant.read_options(source))
+        valves = [v for v in plant.valves.values() if v.source == source.name]
+        tagged = [plant.valve_tags(valve) for valve in valves]
+        tasks += _of_files(tagged, [str(path) for path in files], options, request.window)
+    return Gathered(tasks=tuple(tasks), not_read=tuple(not_read))
+
+
+def _of_files(
+    valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, window: Window
+) -> list[Task]:
+    """One task for each file that holds a valve's OP; a valve that no file holds says so."""
+    tasks: list[Task] = []
+    seen: set[str] = set()
+    broken: list[str] = []
+    for path in files:
+        try:
+            there = {info.tag for info in open_file(path, options).tags()}
+        except ConnectorError as error:
+            broken.append(str(error))
+            continue
+        for valve in valves:
+            if valve.tags[Role.OP].tag in there:
+                seen.add(valve.valve)
+                tasks.append(_task(path, _present(valve, there), options, window))
+    for valve in valves:
+        if valve.valve not in seen:
+            reason = f"the OP tag {valve.tags[Role.OP].tag} is in none of the source's files"
+            reason = ". ".join([reason, *broken])
+            where = files[0] if len(files) == 1 else ", ".join(files[:3]) or "no file"
+            tasks.append(Task(path=where, tags=valve, window=window, reason=reason))
+    return tasks
+
+
+def _present(valve: ValveTags, there: set[str]) -> ValveTags:
+    """The valve without the optional tags that a file does not have.
+
+    A missing position stays asked for: the reading then says that it is not there, which is worth
+    more than a verdict of "no position".
+    """
+    kept = {
+        role: mapping
+        for role, mapping in valve.tags.items()
+        if role in (Role.OP, Role.MV) or mapping.tag in there
+    }
+    return replace(valve, tags=kept)
+
+
+def _of_file(request: Request, path: str) -> list[Task]:
+    """The tasks of one file: by the plant, by the tags given, or by what the file itself tells."""
+    stem = Path(path.removesuffix(".gz")).stem
+    options, window = request.read_options, request.window
+    if request.plant is not None:
+        valves = [request.plant.valve_tags(v) for v in request.plant.valves.values()]
+        options = replace(options, zone=options.zone or request.plant.zone)
+        tasks = [t for t in _of_files(valves, [path], options, window) if not t.reason]
+        return tasks or [_hopeless(path, stem, f"{path}: none of the plant's OP tags is in it")]
+    if request.tags:
+        tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
+        return [_task(path, ValveTags(valve=request.valve or stem, tags=tags), options, window)]
+    try:
+        proposed = propose_valves(open_file(path, options))
+    except ConnectorError as error:
+        return [_hopeless(path, stem, str(error))]
+    if not proposed:
+        return [_hopeless(path, stem, f"{path}: {NO_VALVE}")]
+    return [_task(path, valve, options, window) for valve in proposed]
+
+
+def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> Task:
+    return Task(path=path, tags=tags, read_options=options, window=window)
+
+
+def _hopeless(path: str, valve: str, reason: str) -> Task:
+    tags = ValveTags(valve=valve, tags={Role.OP: TagMapping(tag="")})
+    return Task(path=path, tags=tags, reason=reason)
+
+
+__all__ = ["Gathered", "Request", "UnreadableSource", "gather"]

@@ -1,0 +1,193 @@
+"""The main flow of the service on one page.
+
+    request -> gather -> screen (in any executor) -> store -> report
+
+Nothing here knows how a file is read or how a valve is judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.limits import Limits
+from stemwatch.models.verdict import Verdict
+from stemwatch.service import __version__
+from stemwatch.service.executors import Executor
+from stemwatch.service.gather import Gathered, Request, gather
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.report import ReportContext, ReportFiles, write_report
+from stemwatch.service.report.context import PreviousFinding, SourceNotRead, ValveFacts
+from stemwatch.service.store.store import Store
+from stemwatch.service.tasks import StoredBaseline, Task, in_chunks, screen_chunk
+
+CHUNK = 16  # valves that one worker takes at a time; their networks train together
+JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
+
+Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What a run needs beside its request."""
+
+    store: Store
+    executor: Executor
+    out: Path
+    limits: Limits = field(default_factory=Limits)
+    command: tuple[str, ...] = ()
+    new_baseline: bool = False  # make this window each valve's baseline, whatever there was
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult:
+    """What came out: screenings in the tasks' order, the report, and what was not saved or read."""
+
+    screenings: tuple[Screening, ...]
+    report: ReportFiles
+    not_read: tuple[tuple[str, str], ...]
+    not_saved: tuple[tuple[str, str], ...]
+
+
+def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
+    """Screen everything a request names. Raises ``UnreadableSource`` and ``StoreError``."""
+    started = datetime.now(UTC)
+    gathered = gather(request)
+    digest = request.plant.settings_digest if request.plant else ""
+    number = how.store.begin_run(
+        command=how.command, software_version=__version__, settings_digest=digest
+    )
+    previous = {task.tags.valve: _previous(how.store, task, started) for task in gathered.tasks}
+    screenings = screen_all(_with_baselines(gathered.tasks, how.store), how, tell)
+    saved = how.store.save_many(screenings, number)
+    if request.plant is not None:
+        how.store.save_valves(request.plant.valves.values())
+    _keep_networks(screenings, how)
+    how.store.finish_run(number)
+    context = _context(request, how, gathered, previous, started, digest)
+    return RunResult(
+        screenings=tuple(screenings),
+        report=write_report(screenings, context, how.out),
+        not_read=gathered.not_read,
+        not_saved=tuple((failure.valve, failure.reason) for failure in saved.failures),
+    )
+
+
+def screen_all(tasks: Sequence[Task], how: Run, tell: Told) -> list[Screening]:
+    """A screening for each task, in the tasks' order, whatever order they were done in."""
+    chunks = in_chunks(tasks, how.limits, CHUNK)
+    done: dict[int, list[Screening]] = {}
+    count = 0
+    for place, screenings in how.executor.map(screen_chunk, chunks):
+        done[place] = screenings
+        for screening in screenings:
+            count += 1
+            tell(screening, count, len(tasks))
+    return [screening for place in sorted(done) for screening in done[place]]
+
+
+def _with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
+    """Each task with its valve's baseline network, where the store has one."""
+    found: dict[str, StoredBaseline | None] = {}
+    for task in tasks:
+        valve = task.tags.valve
+        if valve not in found:
+            kept = store.baseline(valve)
+            found[valve] = kept and StoredBaseline(network=kept.network, note=kept.note)
+    return [replace(task, baseline=found[task.tags.valve]) for task in tasks]
+
+
+def _keep_networks(screenings: Sequence[Screening], how: Run) -> None:
+    """Keep each valve's fitted network, and make it the baseline where one is due.
+
+    A valve's first window with a network is its first baseline; a healthy one replaces a baseline
+    that was not, and maintenance or the user's word replaces any.
+    """
+    for screening in screenings:
+        if screening.network is None or screening.verdict not in JUDGED:
+            continue
+        blob = screening.network.to_bytes()
+        why = f"fitted to a window that was {screening.verdict.value}"
+        how.store.set_fitted(screening.valve, blob, window=screening.window, reason=why)
+        reason = _due(screening, how)
+        if reason:
+            how.store.set_baseline(screening.valve, blob, window=screening.window, reason=reason)
+
+
+def _due(screening: Screening, how: Run) -> str:
+    """Why this window becomes the valve's baseline, or nothing."""
+    state = screening.verdict.value
+    if how.new_baseline:
+        return f"window chosen by the user ({state})"
+    kept = how.store.baseline(screening.valve)
+    if kept is None:
+        return f"first window with a fit ({state})"
+    if kept.maintenance is not None and _after(screening, kept.maintenance.at):
+        return f"first window after maintenance ({state})"
+    if screening.verdict is Verdict.HEALTHY and f"({Verdict.HEALTHY.value})" not in kept.reason:
+        return f"first healthy window ({state})"
+    return ""
+
+
+def _after(screening: Screening, instant: datetime) -> bool:
+    start, _ = screening.window
+    return start is not None and start >= instant
+
+
+def _previous(store: Store, task: Task, now: datetime) -> PreviousFinding | None:
+    """What was found of the valve before this run, for the trend."""
+    kept = store.previous(task.tags.valve, now)
+    if kept is None:
+        return None
+    return PreviousFinding(
+        verdict=kept.verdict,
+        S=kept.S.value,
+        J=kept.J.value,
+        severity=kept.severity,
+        started=kept.at,
+    )
+
+
+def _context(
+    request: Request,
+    how: Run,
+    gathered: Gathered,
+    previous: dict[str, PreviousFinding | None],
+    started: datetime,
+    digest: str,
+) -> ReportContext:
+    plant = request.plant
+    facts = {
+        task.tags.valve: _facts(plant, task.tags.valve, previous[task.tags.valve])
+        for task in gathered.tasks
+    }
+    not_read = [SourceNotRead(source=s, reason=why) for s, why in gathered.not_read]
+    if plant is not None:
+        not_read += [
+            SourceNotRead(source=str(problem.file), reason=str(problem))
+            for problem in plant.problems
+        ]
+    return ReportContext(
+        started=started,
+        plant=plant.name if plant else "",
+        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
+        command=" ".join(how.command),
+        settings_digest=digest,
+        valves=facts,
+        sources_not_read=tuple(not_read),
+    )
+
+
+def _facts(plant: Plant | None, valve: str, previous: PreviousFinding | None) -> ValveFacts:
+    entry = plant.valves.get(valve) if plant else None
+    if entry is None:
+        return ValveFacts(previous=previous)
+    return ValveFacts(
+        description=entry.description,
+        area=entry.area,
+        criticality=str(entry.criticality),
+        previous=previous,
+    )

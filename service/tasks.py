@@ -1,0 +1,105 @@
+"""``Task``: one valve in one file, small enough to travel to another process, and how to do it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from stemwatch.connectors.connector import WHOLE, ConnectorError, ValveTags, Window
+from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.models.findings import Screening
+from stemwatch.models.limits import Limits
+from stemwatch.models.recording import Provenance
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredBaseline:
+    """A valve's baseline network as bytes, with the sentence that says which one it is."""
+
+    network: bytes
+    note: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """Screen ``tags`` as read from ``path``; ``reason`` is set where that is already hopeless."""
+
+    path: str  # as the user gave it
+    tags: ValveTags
+    read_options: ReadOptions = field(default_factory=ReadOptions)
+    window: Window = WHOLE
+    baseline: StoredBaseline | None = None
+    reason: str = ""  # why there is nothing to screen, and what to do about it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chunk:
+    """Tasks that are done together: their files are opened once, their networks train together."""
+
+    tasks: tuple[Task, ...]
+    limits: Limits
+
+
+@lru_cache(maxsize=2)
+def _open(path: str, options: ReadOptions) -> HistorianFile:
+    """A wide export holds many valves: it is parsed once, not once a valve."""
+    return HistorianFile(path, options)
+
+
+def open_file(path: str, options: ReadOptions) -> HistorianFile:
+    """The file, parsed at most once while its valves are screened one after the other."""
+    return _open(path, options)
+
+
+def screen_chunk(chunk: Chunk) -> list[Screening]:
+    """A screening for each task, in order; what cannot be read is a screening with the reason."""
+    from stemwatch.models.screening import Case, Options, screen
+
+    results: list[Screening | None] = []
+    cases: list[Case] = []
+    for task in chunk.tasks:
+        case = _read(task)
+        results.append(case if isinstance(case, Screening) else None)
+        if not isinstance(case, Screening):
+            cases.append(case)
+    screened = iter(screen(cases, Options(limits=chunk.limits)))
+    return [result if result is not None else next(screened) for result in results]
+
+
+def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+    from stemwatch.models.screening import Case
+
+    if task.reason:
+        return _unread(task, task.reason)
+    try:
+        recording = open_file(task.path, task.read_options).read(task.tags, task.window)
+    except ConnectorError as error:
+        return _unread(task, str(error))
+    except (OSError, ValueError, MemoryError) as error:
+        return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
+    if task.baseline is None:
+        return Case(recording=recording)
+    from stemwatch.models.narx.network import NarxNetwork
+
+    try:
+        network = NarxNetwork.from_bytes(task.baseline.network)
+    except ValueError as error:
+        note = f"{task.baseline.note} It cannot be read ({error}); set a new one."
+        return Case(recording=recording, baseline_note=note)
+    return Case(recording=recording, baseline=network, baseline_note=task.baseline.note)
+
+
+def _unread(task: Task, reason: str) -> Screening:
+    from stemwatch.models.screening import failed
+
+    advice = "Run `stemwatch inspect` on the file: it shows what was understood of it."
+    return failed(task.tags.valve, reason, advice, Provenance(source=task.path))
+
+
+def in_chunks(tasks: Sequence[Task], limits: Limits, size: int) -> list[Chunk]:
+    """Tasks of one file stay together, in chunks of at most ``size``."""
+    return [
+        Chunk(tasks=tuple(tasks[first : first + size]), limits=limits)
+        for first in range(0, len(tasks), size)
+    ]

@@ -1,0 +1,265 @@
+"""Times: day and month, clock changes, offsets, the even grid and what it reports."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pytest
+
+from stemwatch.connectors.connector import (
+    ConnectorError,
+    TagMapping,
+    UnreadableSource,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.historian import ReadOptions
+from stemwatch.models.recording import Quality, Recording, Role
+
+OP = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="OP")})
+BERLIN = ReadOptions(zone="Europe/Berlin")
+
+
+def wide(times: list[str], header: str = "Time") -> str:
+    rows = "".join(f"{time};{i + 0.5}\n" for i, time in enumerate(times))
+    return f"{header};OP\n{rows}"
+
+
+def local(start: datetime, n: int, minutes: int, form: str = "%Y-%m-%d %H:%M:%S") -> list[str]:
+    """Local wall-clock texts of n instants after a UTC start."""
+    zone = ZoneInfo("Europe/Berlin")
+    steps = [start + timedelta(minutes=minutes * i) for i in range(n)]
+    return [step.astimezone(zone).strftime(form) for step in steps]
+
+
+def said(recording: Recording) -> str:
+    return " ".join(recording.provenance.decisions)
+
+
+def test_autumn_repeated_hour_is_told_apart_by_order(open_text) -> None:
+    """The hour that is there twice and in order is read without a gap or a collision."""
+    start = datetime(2026, 10, 24, 22, tzinfo=UTC)
+    recording = open_text(wide(local(start, 48, 10)), options=BERLIN).read(OP)
+    assert recording.start == start
+    assert recording.op.values.tolist() == [i + 0.5 for i in range(48)]
+    assert recording.clock.gaps == 0
+    assert "told apart by their order" in said(recording)
+
+
+def test_autumn_newest_first(open_text) -> None:
+    """A file that runs backwards is turned round, the repeated hour too."""
+    start = datetime(2026, 10, 24, 22, tzinfo=UTC)
+    recording = open_text(wide(local(start, 48, 10)[::-1]), options=BERLIN).read(OP)
+    assert recording.start == start
+    assert recording.op.values.tolist() == [i + 0.5 for i in range(48)][::-1]
+    assert recording.clock.backward_steps == 0
+
+
+def test_autumn_hour_that_is_there_once_is_left_out_and_said(open_text) -> None:
+    """One pass through the repeated hour cannot be placed; the other rows can."""
+    times = [f"2026-10-25 0{h}:{m:02d}:00" for h in (0, 1, 2, 3, 4) for m in range(0, 60, 10)]
+    recording = open_text(wide(times), options=BERLIN).read(OP)
+    assert recording.op.values.tolist()[:12] == [i + 0.5 for i in range(12)]
+    assert (recording.op.quality[12:24] == Quality.MISSING).all()
+    assert recording.op.values.tolist()[24:] == [i + 0.5 for i in range(18, 30)]
+    assert "ambiguous_hour='first' or 'second'" in said(recording)
+
+
+@pytest.mark.parametrize(("policy", "first_hole"), [("first", 18), ("second", 12)])
+def test_autumn_hour_by_policy(open_text, policy: str, first_hole: int) -> None:
+    """Said to be the first or the second pass, the hour is placed there."""
+    times = [f"2026-10-25 0{h}:{m:02d}:00" for h in (0, 1, 2, 3, 4) for m in range(0, 60, 10)]
+    options = ReadOptions(zone="Europe/Berlin", ambiguous_hour=policy)  # type: ignore[arg-type]
+    recording = open_text(wide(times), options=options).read(OP)
+    holes = np.flatnonzero(recording.op.quality == Quality.MISSING)
+    assert holes.tolist() == list(range(first_hole, first_hole + 6))
+
+
+def test_autumn_in_a_narrow_file_is_told_apart_per_tag(open_text) -> None:
+    """Tags one after the other each pass the repeated hour in order."""
+    start = datetime(2026, 10, 24, 23, tzinfo=UTC)
+    rows = [
+        f"{tag},{time},{i}\n" for tag in ("A.OP", "A.PV") for i, time in enumerate(local(start, 24, 10))
+    ]
+    valve = ValveTags(
+        valve="A", tags={Role.OP: TagMapping(tag="A.OP"), Role.PV: TagMapping(tag="A.PV")}
+    )
+    recording = open_text("Tag,Time,Value\n" + "".join(rows), options=BERLIN).read(valve)
+    assert recording.op.values.tolist() == [float(i) for i in range(24)]
+    assert recording.signals[Role.PV].values.tolist() == [float(i) for i in range(24)]
+
+
+def test_spring_is_one_step_forward_in_local_time(open_text) -> None:
+    """Local times that skip the missing hour are even in UTC."""
+    start = datetime(2026, 3, 29, 0, tzinfo=UTC)
+    recording = open_text(wide(local(start, 24, 10)), options=BERLIN).read(OP)
+    assert (recording.clock.gaps, len(recording)) == (0, 24)
+
+
+def test_spring_missing_hour_is_shifted_and_said(open_text) -> None:
+    """Times that no clock showed are moved forward by an hour, with advice on a fixed zone."""
+    times = [f"2026-03-29 0{h}:{m:02d}:00" for h in (1, 2) for m in range(0, 60, 10)]
+    recording = open_text(wide(times), options=BERLIN).read(OP)
+    assert recording.op.values.tolist() == [i + 0.5 for i in range(12)]
+    assert "6 rows have times in the hour that spring skips" in said(recording)
+    left = ReadOptions(zone="Europe/Berlin", missing_hour="leave_out")
+    assert len(open_text(wide(times), "b.csv", left).read(OP)) == 6
+
+
+def test_mixed_offsets_are_one_clock(open_text) -> None:
+    """A file across a clock change with offsets needs no zone."""
+    text = wide(["2026-10-25T02:30:00+02:00", "2026-10-25T02:00:00+01:00", "2026-10-25T02:30:00+01:00"])
+    recording = open_text(text).read(OP)
+    assert recording.start == datetime(2026, 10, 25, 0, 30, tzinfo=UTC)
+    assert recording.interval_s == 1800.0
+
+
+def test_no_zone_keeps_durations_and_hides_the_date(open_text) -> None:
+    """Without a zone there is no start, and a window cannot be asked for."""
+    source = open_text(wide(["2026-05-01 00:00:00", "2026-05-01 00:00:10"]))
+    assert source.read(OP).start is None
+    with pytest.raises(ConnectorError, match="give the zone"):
+        source.read(OP, Window(start=datetime(2026, 5, 1, tzinfo=UTC)))
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        ("13/02/2026", "13/02/2026", datetime(2026, 2, 13, tzinfo=UTC)),
+        ("02/13/2026", "02/13/2026", datetime(2026, 2, 13, tzinfo=UTC)),
+        ("01.02.2026", "01.02.2026", datetime(2026, 2, 1, tzinfo=UTC)),
+        ("03/03/2026", "03/03/2026", datetime(2026, 3, 3, tzinfo=UTC)),
+        ("28-OKT-26", "28-OKT-26", datetime(2026, 10, 28, tzinfo=UTC)),
+        ("28. Mai 2026", "28. Mai 2026", datetime(2026, 5, 28, tzinfo=UTC)),
+        ("1-août-2026", "1-août-2026", datetime(2026, 8, 1, tzinfo=UTC)),
+        ("05-ene-26", "05-ene-26", datetime(2026, 1, 5, tzinfo=UTC)),
+        ("09-gen-2026", "09-gen-2026", datetime(2026, 1, 9, tzinfo=UTC)),
+        ("2026年1月9日", "2026年1月9日", datetime(2026, 1, 9, tzinfo=UTC)),
+    ],
+)
+def test_dates_that_tell_their_order(open_text, first: str, second: str, expected) -> None:
+    """A number above 12, a point, a name or two equal numbers settle the order of a date."""
+    text = wide([f"{first} 00:00:00", f"{second} 00:00:10"])
+    assert open_text(text, options=ReadOptions(zone="UTC")).read(OP).start == expected
+
+
+def test_even_spacing_over_midnight_settles_the_order(open_text) -> None:
+    """31 minutes around midnight of 1 to 2 February are even only with the day first."""
+    times = [f"01/02/2026 23:{m:02d}" for m in range(45, 60)]
+    times += [f"02/02/2026 00:{m:02d}" for m in range(15)]
+    recording = open_text(wide(times), options=ReadOptions(zone="UTC")).read(OP)
+    assert recording.start == datetime(2026, 2, 1, 23, 45, tzinfo=UTC)
+    assert "evenly spaced" in said(recording)
+
+
+def test_undecidable_dates_are_refused(open_text) -> None:
+    """01/02/2026 alone is not guessed; the message says how to tell."""
+    text = wide([f"01/02/2026 00:00:{i:02d}" for i in range(10)])
+    with pytest.raises(UnreadableSource, match="say day_first=True or day_first=False"):
+        open_text(text).tags()
+    options = ReadOptions(zone="UTC", day_first=False)
+    assert open_text(text, options=options).read(OP).start == datetime(2026, 1, 2, tzinfo=UTC)
+
+
+def test_twelve_hour_clock(open_text) -> None:
+    """12 AM is midnight and 12 PM noon."""
+    times = ["1/13/2026 12:00:00 AM", "1/13/2026 6:00:00 AM", "1/13/2026 12:00:00 PM", "1/13/2026 6:00:00 PM"]
+    recording = open_text(wide(times), options=ReadOptions(zone="UTC")).read(OP)
+    assert (recording.interval_s, len(recording)) == (6 * 3600.0, 4)
+
+
+def test_time_format_option(open_text) -> None:
+    """A format that no grammar knows is read by the one that was given."""
+    times = [f"06h{i:02d} on 2026.009" for i in range(4)]
+    options = ReadOptions(zone="UTC", time_format="%Hh%M on %Y.%j", time_column="Time")
+    recording = open_text(wide(times), options=options).read(OP)
+    assert recording.start == datetime(2026, 1, 9, 6, tzinfo=UTC)
+
+
+def seconds(times: list[float]) -> str:
+    return "t_s,OP\n" + "".join(f"{time},{i}\n" for i, time in enumerate(times))
+
+
+def test_holes_are_missing_and_counted(open_text) -> None:
+    """A gap becomes MISSING samples; nothing is put in between."""
+    recording = open_text(seconds([0, 1, 2, 7, 8, 9])).read(OP)
+    assert recording.op.quality.tolist() == [0, 0, 0, 3, 3, 3, 3, 0, 0, 0]
+    assert (recording.clock.gaps, recording.clock.longest_gap_s) == (1, 5.0)
+
+
+def test_repeated_and_backward_times(open_text) -> None:
+    """Of repeated times the last is kept; both faults are counted."""
+    recording = open_text(seconds([0, 1, 1, 2, 4, 3, 5, 6])).read(OP)
+    assert recording.op.values.tolist() == [0, 2, 3, 5, 4, 6, 7]
+    assert (recording.clock.repeated_times, recording.clock.backward_steps) == (1, 1)
+
+
+def test_row_stamped_early_goes_to_the_empty_instant(open_text) -> None:
+    """A repeated time before an empty instant is the row of that instant, and this is said."""
+    recording = open_text(seconds([0, 10, 20, 20, 40, 50, 60])).read(OP)
+    assert recording.op.values.tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert recording.clock.repeated_times == 1
+    assert "stamped early" in said(recording)
+
+
+def test_clock_half_an_interval_off_after_a_gap(open_text) -> None:
+    """After a gap the source goes on off the old grid, with jitter, and loses no sample."""
+    after = [330 + 15 + 30 * i + (i % 3 - 1) for i in range(20)]
+    recording = open_text(seconds([30.0 * i for i in range(10)] + after)).read(OP)
+    assert int(recording.op.usable.sum()) == 30
+
+
+def test_rounded_steps_do_not_drift(open_text) -> None:
+    """Times rounded to milliseconds at three per second fill their grid without holes."""
+    times = [round(i / 3, 3) for i in range(3000)]
+    recording = open_text(seconds(times)).read(OP)
+    assert len(recording) == 3000
+    assert bool(recording.op.usable.all())
+
+
+def test_absurd_grid_is_refused(open_text) -> None:
+    """A grid of more than 50 million samples is refused with what to do."""
+    text = seconds([0, 0.001, 0.002, 0.003, 90000])
+    with pytest.raises(ConnectorError, match="read it in windows or split the file"):
+        open_text(text).read(OP)
+
+
+def test_stray_date_is_left_out(open_text) -> None:
+    """One row dated decades away does not stretch the record."""
+    times = [f"2026-05-01T00:{i // 60:02d}:{i % 60:02d}Z" for i in range(300)]
+    times[100] = "1971-01-01T00:00:00Z"
+    source = open_text(wide(times))
+    assert len(source.read(OP)) == 300
+    assert any("far from all others" in text for text in source.inspect().problems)
+
+
+def test_window_is_half_open(open_text) -> None:
+    """Samples from start (included) to stop (excluded), on the same grid."""
+    source = open_text(wide([f"2026-05-01T00:00:{i:02d}Z" for i in range(30)]))
+    start = datetime(2026, 5, 1, 0, 0, 5, tzinfo=UTC)
+    part = source.read(OP, Window(start=start, stop=start + timedelta(seconds=10)))
+    assert part.start == start
+    assert part.op.values.tolist() == [i + 0.5 for i in range(5, 15)]
+    with pytest.raises(ConnectorError, match="the file covers 2026-05-01 00:00:00 to"):
+        source.read(OP, Window(start=datetime(2027, 1, 1, tzinfo=UTC)))
+
+
+def test_reported_by_exception(open_text) -> None:
+    """OP that is stored when it changes is held, and older values are marked as held."""
+    gaps = [1, 1, 2, 1, 9, 1, 1, 30, 1, 2, 1, 1, 14, 1, 1, 1, 40, 1, 2, 1]
+    times = np.cumsum(gaps)
+    rows = "".join(f"A.OP,2026-01-05T06:{t // 60:02d}:{t % 60:02d}Z,{i}\n" for i, t in enumerate(times))
+    valve = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="A.OP")})
+    recording = open_text("Tag,Time,Value\n" + rows).read(valve)
+    assert recording.interval_s == 1.0
+    assert len(recording) == times[-1] - times[0] + 1
+    assert Quality.HELD in recording.op.quality
+    assert "is reported when it changes" in said(recording)
+
+
+def test_two_clocks_in_one_header_name(open_text) -> None:
+    """A column that is called UTC holds UTC."""
+    source = open_text(wide(["2026-05-01 00:00:00", "2026-05-01 00:00:10"], "Time (UTC)"))
+    assert source.read(OP).start == datetime(2026, 5, 1, tzinfo=UTC)

@@ -1,0 +1,153 @@
+"""The rules of the house that a machine can check, each with the places that break it."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parent.parent
+PACKAGES = ("service", "connectors", "models")
+LONGEST_FUNCTION = 70
+LONGEST_FILE = 450
+# Ways to reach a file or a terminal that need no import.
+BUILT_IN_DOORS = frozenset({"open", "print", "input", "breakpoint"})
+FILE_METHODS = frozenset(
+    {"read_text", "read_bytes", "write_text", "write_bytes", "tofile", "mkdir"}
+)
+NUMPY_FILES = frozenset({"load", "save", "savez", "loadtxt", "savetxt", "fromfile", "memmap"})
+
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def test_the_import_contracts_hold() -> None:
+    """Layers point one way, models do no I/O, and the simulator is apart from what is fitted."""
+    command = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
+    assert command is not None
+    done = subprocess.run(
+        [command, "--no-cache"], cwd=REPOSITORY, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_models_open_print_and_write_nothing() -> None:
+    """What an import contract cannot see: no call in models reaches a file or a terminal."""
+    doors = [
+        f"{_place(path, call)} calls {ast.unparse(call.func)}"
+        for path in _sources(("models",))
+        for call in ast.walk(_tree(path))
+        if isinstance(call, ast.Call) and _is_door(call.func)
+    ]
+    assert doors == []
+
+
+def test_every_module_says_what_it_is() -> None:
+    """A docstring stands at the top of each module of packages and tests."""
+    silent = [_place(path) for path in _everything() if not _says_something(_tree(path))]
+    assert silent == []
+
+
+def test_every_public_function_and_class_says_what_it_does() -> None:
+    """A docstring stands under each public function and class of the packages."""
+    silent = [
+        f"{_place(path, node)} {node.name}"
+        for path in _sources(PACKAGES)
+        for node in _tree(path).body
+        if isinstance(node, Function | ast.ClassDef)
+        if not node.name.startswith("_") and not ast.get_docstring(node)
+    ]
+    assert silent == []
+
+
+def test_every_test_says_what_it_shows() -> None:
+    """A sentence stands under each test."""
+    silent = [
+        f"{_place(path, function)} {function.name}"
+        for path in _sources(("tests",))
+        for function in _functions(path)
+        if function.name.startswith("test_") and not ast.get_docstring(function)
+    ]
+    assert silent == []
+
+
+def test_no_function_is_longer_than_a_screen() -> None:
+    """Functions stay below 70 lines."""
+    long = [
+        f"{_place(path, function)} {function.name}: {_length(function)} lines"
+        for path in _everything()
+        for function in _functions(path)
+        if _length(function) > LONGEST_FUNCTION
+    ]
+    assert long == []
+
+
+def test_no_file_holds_more_than_one_idea_can_fill() -> None:
+    """Files stay below 450 lines."""
+    lengths = {path: len(path.read_text("utf-8").splitlines()) for path in _everything()}
+    long = [f"{_place(p)}: {n} lines" for p, n in lengths.items() if n > LONGEST_FILE]
+    assert long == []
+
+
+def test_nothing_is_left_unfinished() -> None:
+    """No placeholder stands where code or a decision should."""
+    marks = ("TO" + "DO", "FIX" + "ME", "NotImplemented" + "Error")
+    unfinished = [
+        f"{_place(path)} says {mark}"
+        for path in _everything()
+        for mark in marks
+        if mark in path.read_text("utf-8")
+    ]
+    assert unfinished == []
+
+
+@pytest.mark.parametrize("source", ["print(1)", "open('x')", "p.read_text()", "np.load('x')"])
+def test_a_way_to_a_file_or_terminal_is_recognised(source: str) -> None:
+    """The check above sees what it is there for."""
+    call = ast.parse(source, mode="eval").body
+    assert isinstance(call, ast.Call)
+    assert _is_door(call.func)
+
+
+def _is_door(called: ast.expr) -> bool:
+    if isinstance(called, ast.Name):
+        return called.id in BUILT_IN_DOORS
+    if not isinstance(called, ast.Attribute):
+        return False
+    of_numpy = isinstance(called.value, ast.Name) and called.value.id == "np"
+    return called.attr in FILE_METHODS or (of_numpy and called.attr in NUMPY_FILES)
+
+
+def _everything() -> list[Path]:
+    return _sources((*PACKAGES, "tests"))
+
+
+def _sources(folders: tuple[str, ...]) -> list[Path]:
+    return sorted(path for folder in folders for path in (REPOSITORY / folder).rglob("*.py"))
+
+
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
+
+
+def _functions(path: Path) -> Iterator[Function]:
+    return (node for node in ast.walk(_tree(path)) if isinstance(node, Function))
+
+
+def _length(function: Function) -> int:
+    return (function.end_lineno or function.lineno) - function.lineno + 1
+
+
+def _says_something(tree: ast.Module) -> bool:
+    return ast.get_docstring(tree) is not None
+
+
+def _place(path: Path, node: ast.stmt | ast.expr | None = None) -> str:
+    name = path.relative_to(REPOSITORY).as_posix()
+    return name if node is None else f"{name}:{node.lineno}"

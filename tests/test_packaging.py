@@ -1,0 +1,180 @@
+"""The package as a plant gets it: what is in the wheel, what it installs, what it must not hold."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib.metadata import EntryPoint, entry_points, version
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parent.parent
+FOLDERS = ("service", "connectors", "models")
+HEAVY = ("pandas", "torch", "scipy", "numba", "sqlalchemy", "xlsxwriter")
+# Written in pieces, so that this file does not hold what it looks for.
+REGISTRIES = (
+    "py" + "pi.org",
+    "python" + "hosted.org",
+    "download.py" + "torch.org",
+    "npm" + "js.org",
+)
+MACHINE_PATH = re.compile(r"(?<![\w.$/{])/(?:wo" + r"rk|fa" + r"rm|ro" + r"ot|ho" + r"me)/")
+CONNECTORS = tuple(entry_points(group="stemwatch.connectors"))
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """The wheel that pip builds from a clean copy of the sources."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    for name in FOLDERS:
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(REPOSITORY / name, source / name, ignore=ignored)
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(REPOSITORY / name, source / name)
+    build = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    done = _python(*build, "--wheel-dir", str(folder), str(source), cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (built,) = folder.glob("*.whl")
+    return zipfile.ZipFile(built)
+
+
+def test_the_wheel_holds_every_file_of_the_three_folders(wheel: zipfile.ZipFile) -> None:
+    """Pages, styles, schemas, migrations and type marks travel with the code, and nothing else."""
+    expected = {f"stemwatch/{path.as_posix()}" for path in _package_files()}
+    found = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    assert expected == found
+
+
+def test_every_kind_of_file_the_product_needs_is_among_them(wheel: zipfile.ZipFile) -> None:
+    """The list above is not empty by accident: each kind has at least one file in the wheel."""
+    kinds = {Path(name).suffix for name in wheel.namelist()}
+    assert {".py", ".html", ".css", ".js", ".json", ".mako", ".typed"} <= kinds
+
+
+def test_the_wheel_carries_the_licences(wheel: zipfile.ZipFile) -> None:
+    """Our licence and that of the chart library go wherever the wheel goes."""
+    names = wheel.namelist()
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    assert "stemwatch/service/report/vendor/uPlot-LICENSE.txt" in names
+
+
+def test_the_command_is_an_entry_point_that_loads() -> None:
+    """``stemwatch`` is a console command of the installed package."""
+    (script,) = entry_points(group="console_scripts", name="stemwatch")
+    assert callable(script.load())
+
+
+@pytest.mark.parametrize("entry", CONNECTORS, ids=lambda entry: entry.name)
+def test_an_installed_connector_loads_and_keeps_the_seam(entry: EntryPoint) -> None:
+    """Each entry point of ``stemwatch.connectors`` is a class with ``tags`` and ``read``."""
+    connector = entry.load()
+    assert callable(connector.tags)
+    assert callable(connector.read)
+
+
+def test_there_is_a_connector_for_files() -> None:
+    """A fresh installation can read exported files."""
+    assert "csv" in {entry.name for entry in CONNECTORS}
+
+
+def test_the_changelog_begins_with_this_version() -> None:
+    """The newest released heading of CHANGELOG.md is the version that is installed."""
+    text = (REPOSITORY / "CHANGELOG.md").read_text("utf-8")
+    newest = re.search(r"^## \[?(\d[^\]\s]*)", text, re.MULTILINE)
+    assert newest is not None
+    assert newest[1] == version("stemwatch")
+
+
+@pytest.mark.parametrize("command", ["console script", "module"])
+def test_help_is_printed_outside_the_repository(command: str, tmp_path: Path) -> None:
+    """``stemwatch --help`` and ``python -m stemwatch.service --help`` run from any folder."""
+    if command == "module":
+        done = _python("-m", "stemwatch.service", "--help", cwd=tmp_path)
+    else:
+        script = shutil.which("stemwatch", path=str(Path(sys.executable).parent))
+        assert script is not None
+        done = _run([script, "--help"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "screen" in done.stdout
+
+
+def test_the_command_line_loads_no_heavy_library(tmp_path: Path) -> None:
+    """``--help`` answers at once: tables, networks and databases are loaded when they are used."""
+    code = f"import sys, stemwatch.service.cli; print([n for n in {HEAVY} if n in sys.modules])"
+    done = _python("-c", code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
+
+
+def test_no_file_names_a_machine_or_a_package_registry() -> None:
+    """The repository installs anywhere, from whatever index its user has chosen."""
+    named = []
+    for path in _repository_files():
+        text = path.read_text("utf-8", errors="replace")
+        if MACHINE_PATH.search(text) or any(host in text for host in REGISTRIES):
+            named.append(str(path.relative_to(REPOSITORY)))
+    assert named == []
+
+
+def test_every_dependency_is_pinned() -> None:
+    """What pyproject.toml asks for stands in constraints.txt with one exact version."""
+    import tomllib
+
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))
+    asked = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
+    lines = (REPOSITORY / "constraints.txt").read_text("utf-8").splitlines()
+    pins = [line for line in lines if line and not line.startswith("#")]
+    assert [pin for pin in pins if not re.fullmatch(r"[\w.-]+==[\w.]+", pin)] == []
+    pinned = {_plain(pin) for pin in pins}
+    assert [name for name in asked if _plain(name) not in pinned] == []
+
+
+def _plain(requirement: str) -> str:
+    """The name of a requirement, in the spelling that all spellings of it share."""
+    return re.split(r"[\[<>=~!; ]", requirement)[0].lower().replace("_", "-")
+
+
+def _package_files() -> list[Path]:
+    found = (path for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*"))
+    return [
+        path.relative_to(REPOSITORY)
+        for path in found
+        if path.is_file() and "__pycache__" not in path.parts
+    ]
+
+
+def _repository_files() -> list[Path]:
+    """What git has or would add; without git, what lies in the folders of the project."""
+    listed = _run(["git", "ls-files", "-co", "--exclude-standard"], REPOSITORY)
+    if listed.returncode == 0:
+        found = [REPOSITORY / name for name in listed.stdout.splitlines()]
+    else:
+        folders = (*FOLDERS, "tests", "docs", "deploy", ".ci")
+        found = [path for folder in folders for path in (REPOSITORY / folder).rglob("*")]
+        found += REPOSITORY.glob("*.*")
+    return [path for path in found if path.is_file() and "__pycache__" not in path.parts]
+
+
+def _python(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return _run([sys.executable, *arguments], cwd)
+
+
+def _run(command: list[str], cwd: Path) -> subprocess.CompletedProcess[str]:
+    # Rich draws help in the width of the terminal, and colours it where it thinks it may.
+    environment = os.environ | {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "200"}
+    return subprocess.run(
+        command,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        stdin=subprocess.DEVNULL,
+        env=environment,
+        check=False,
+    )
