@@ -44,7 +44,7 @@ def of_recording(recording: Recording) -> list[Indicator]:
     op = recording.op.values[np.isfinite(recording.op.values)]
     far = swing(op)
     threshold = max(0.1 * far, 0.2)
-    usable = 100.0 * float(recording.usable.mean())
+    usable = 100.0 * float(recording.usable.mean()) if len(recording) else 0.0
     found = [
         *_one("op_swing_percent", far, "%", "Range of OP, 1st to 99th percentile", "none"),
         *_one("op_reversals", float(reversals(op, threshold).size), "", "Times OP turned round"),

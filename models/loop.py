@@ -45,9 +45,9 @@ def _high_pass(values: Floats, interval_s: float) -> Floats:
 def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     """Oscillation of a signal (n,) without holes, or ``None`` where there is nothing to measure.
 
-    Zero crossings of the autocorrelation give half periods ``h``; the period is ``2 mean(h)`` and
-    the regularity ``mean(h) / (3 std(h)) * sqrt(...)`` in the common form ``T / (3 std(T))`` over
-    full periods.
+    Zero crossings of the autocorrelation give half periods ``h``; the period is ``T = 2 mean(h)``
+    and the regularity ``T / (3 s)`` with the spread ``s = 2 std(h)``, that is, half periods that
+    are long and short together.
     """
     if values.size < 64 or float(np.std(values)) < 1e-9 * (1.0 + float(np.abs(values).max())):
         return None

@@ -9,16 +9,26 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.findings import DataQuality
 from stemwatch.models.forensics import interpolated, noise_sigma, quantum, repeat_share
 from stemwatch.models.limits import Limits
-from stemwatch.models.recording import PERCENT, Bools, Quality, Recording, Role, Signal
+from stemwatch.models.recording import PERCENT, Bools, Floats, Quality, Recording, Role, Signal
+from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
 
 FROZEN_S = 30.0  # a noisy transmitter does not repeat itself to the last bit for this long
 FROZEN_SAMPLES = 20
+MOST_REPEATS = 0.3  # a reading that repeats itself less often than this has noise
+# White noise turns round at two samples of three, a moving stem hardly ever.
+NOISE_TURNS = 0.4
 NEGLIGIBLE_SHARE = 0.005
+# The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
+NOISE_SWING = 6.0
+# A sticking stem may lag by a quarter of a cycle and more, which gives 0 or a little less.
+AGAINST = -0.8
+STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
 UNIT_REMEDY = "Give its values at 0 % and 100 % (low, high) so that it can be read as percent."
 
 
@@ -42,10 +52,10 @@ class Assessment:
     interpolated_share: float
 
 
-def _runs(flags: Bools) -> list[tuple[int, int]]:
-    """(first, last + 1) of each run of True."""
+def _run_edges(flags: Bools) -> NDArray[np.int64]:
+    """(m, 2) first and last + 1 of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+    return np.asarray(edges.reshape(-1, 2), dtype=np.int64)
 
 
 def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
@@ -53,22 +63,59 @@ def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
 
     Where the reading has noise, any long exact repeat is frozen. A coarse reading repeats itself
     whenever the stem rests, so there a run counts only while OP moves four times as far as in the
-    valve's other rests.
+    valve's other rests, each rest weighed by how long it lasts.
     """
     if recording.mv is None:
         return []
     mv, op = recording.mv.values, recording.op.values
-    least = max(FROZEN_SAMPLES, round(FROZEN_S / recording.interval_s))
     same = np.concatenate(([False], np.diff(mv) == 0.0))
-    runs = [(a - 1, b) for a, b in _runs(same) if b - a + 1 >= least]
-    if not runs:
+    runs = _run_edges(same) - (1, 0)  # the sample that is repeated belongs to the run
+    length = runs[:, 1] - runs[:, 0]
+    runs, length = runs[length > 3], length[length > 3]
+    long = length >= max(FROZEN_SAMPLES, round(FROZEN_S / recording.interval_s))
+    if not long.any():
         return []
-    if repeat_share(mv) < 0.3:  # outside its frozen runs the reading never repeats: it has noise
-        return runs
-    moved = np.array([swing(op[a:b]) for a, b in runs])
-    everything = [swing(op[a:b]) for a, b in _runs(same) if b - a >= 3]
-    usual = float(np.median(everything)) if everything else 0.0
-    return [run for run, far in zip(runs, moved, strict=True) if far > max(4.0 * usual, 6.0)]
+    if not _noisy(mv, runs[long]):
+        moved = _way(op, runs)
+        long &= moved > np.maximum(4.0 * _usual_of_others(moved, length), 6.0)
+    return [(int(a), int(b)) for a, b in runs[long]]
+
+
+def _noisy(mv: Floats, runs: NDArray[np.int64]) -> bool:
+    """True where the reading, outside its long repeats, turns round at every other sample.
+
+    A reading that seldom repeats itself at all has noise too, however fast the stem moves.
+    """
+    if repeat_share(mv) < MOST_REPEATS:
+        return True
+    outside = mv.copy()
+    for first, last in runs:
+        outside[first:last] = np.nan
+    steps = np.diff(outside)
+    turning = steps[1:] * steps[:-1]
+    turning = turning[np.isfinite(turning)]
+    return bool(turning.size >= 100 and np.mean(turning < 0.0) > NOISE_TURNS)
+
+
+def _way(op: Floats, runs: NDArray[np.int64]) -> Floats:
+    """(m,) range of OP within each run."""
+    edges, padded = runs.ravel(), np.append(op, np.nan)
+    high, low = (f.reduceat(padded, edges)[::2] for f in (np.fmax, np.fmin))
+    return np.asarray(high - low)
+
+
+def _usual_of_others(moved: Floats, length: NDArray[np.int64]) -> Floats:
+    """(m,) for each run the median of ``moved`` over the others, weighted by ``length``."""
+    order = np.argsort(moved, kind="stable")
+    total = np.cumsum(length[order])
+    own = length[order]
+    half = 0.5 * (total[-1] - own)
+    before = np.searchsorted(total, half)
+    after = np.searchsorted(total, half + own)
+    place = np.where(before < np.arange(order.size), before, np.minimum(after, order.size - 1))
+    usual = np.empty(order.size)
+    usual[order] = np.where(total[-1] > own, moved[order][place], 0.0)
+    return usual
 
 
 def _mask(recording: Recording, role: Role, runs: list[tuple[int, int]]) -> Recording:
@@ -132,21 +179,64 @@ def _position_obstacles(recording: Recording) -> list[Obstacle]:
                 UNIT_REMEDY,
             )
         ]
-    return _still_obstacles(recording)
+    return _still_obstacles(recording) or _reversed_obstacles(recording)
+
+
+def _reversed_obstacles(recording: Recording) -> list[Obstacle]:
+    """A position that runs against OP: a fit would read the whole swing as sticking."""
+    assert recording.mv is not None
+    pairs = recording.usable
+    op, mv = recording.op.values[pairs], recording.mv.values[pairs]
+    if op.size < 10 or swing(op) == 0.0 or swing(mv) == 0.0:
+        return []
+    together = float(np.corrcoef(op, mv)[0, 1])
+    if together > AGAINST:
+        return []
+    return [
+        Obstacle(
+            "position_reversed",
+            f"the position falls when OP rises (correlation {together:.2f}): it counts the other "
+            "way, so S and J cannot be read from the two as they are",
+            "Give the position's values at 0 % and 100 % of OP (low, high) the other way round.",
+        )
+    ]
+
+
+def _command_obstacles(recording: Recording) -> list[Obstacle]:
+    """A command that is not in percent, by its unit or by its values."""
+    op = recording.op.values[np.isfinite(recording.op.values)]
+    if recording.op.unit != PERCENT:
+        reason = f"OP ({recording.op.tag}) is in {recording.op.unit or 'an unknown unit'}"
+    elif op.size and np.mean((op < -10.0) | (op > 110.0)) > 0.5:
+        reason = f"OP ({recording.op.tag}) runs from {op.min():.4g} to {op.max():.4g}"
+    else:
+        return []
+    return [Obstacle("op_unit", f"{reason}, not in percent of span", UNIT_REMEDY)]
 
 
 def _still_obstacles(recording: Recording) -> list[Obstacle]:
-    """A position that does not move while OP does."""
+    """A position that does not move while OP does, or by its noise only."""
     assert recording.mv is not None
     mv, far = recording.mv.values, swing(recording.op.values)
     finite = mv[np.isfinite(mv)]
-    if finite.size and float(np.ptp(finite)) == 0.0 and far > 2.0:
+    if far <= 2.0 or not finite.size:
+        return []
+    if float(np.ptp(finite)) == 0.0:
         return [
             Obstacle(
                 "position_frozen",
                 f"the position did not change by one digit while OP moved over {far:.1f} %: "
                 "either the transmitter is frozen or the stem is stuck fast",
-                "Look at the valve: a stroke test tells a stuck stem from a dead transmitter.",
+                STUCK_REMEDY,
+            )
+        ]
+    if swing(mv) <= NOISE_SWING * noise_sigma(mv):
+        return [
+            Obstacle(
+                "position_still",
+                f"the position shows nothing but its noise while OP moved over {far:.1f} %: either "
+                "the stem is stuck fast or this is not the position of this valve",
+                STUCK_REMEDY,
             )
         ]
     return []
@@ -154,6 +244,8 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
 
 def _length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     usable = int(recording.usable.sum())
+    if not len(recording):
+        return [Obstacle("empty", "the recording holds no sample", "Choose another time window.")]
     found = []
     if recording.duration_s < limits.min_duration_s or usable < limits.min_samples:
         found.append(
@@ -172,6 +264,17 @@ def _length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
                 "bad_samples",
                 f"{bad:.0%} of the samples are missing or marked bad",
                 "Mend the archive or the transmitter, or choose another time window.",
+            )
+        )
+    fitted = int(np.sum(scored_samples(recording)))
+    if not found and fitted < limits.min_samples:
+        found.append(
+            Obstacle(
+                "broken_up",
+                f"holes break the recording into pieces too short to fit: {fitted} samples are "
+                f"more than {WARM_UP_S:.0f} s after a hole",
+                f"Export at least {limits.min_samples:.0f} samples without holes, or mend the "
+                "archive.",
             )
         )
     return found
@@ -238,6 +341,8 @@ def _record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obsta
 def _remarks(recording: Recording, frozen: float, drawn: float) -> list[tuple[str, str]]:
     """(grade it costs, sentence) for what a verdict can live with."""
     remarks: list[tuple[str, str]] = []
+    if not len(recording):
+        return remarks
     bad = 1.0 - float(recording.usable.mean())
     if bad > NEGLIGIBLE_SHARE:
         remarks.append(("C" if bad > 0.1 else "B", f"{bad:.1%} of the samples are unusable"))
@@ -272,9 +377,9 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     Grade A: nothing to remark; B, C: a verdict with care; D: none possible.
     """
     runs = frozen_runs(recording)
-    frozen = sum(b - a - 1 for a, b in runs) / len(recording)
+    frozen = sum(b - a - 1 for a, b in runs) / max(len(recording), 1)
     drawn = _drawn_share(recording)
-    obstacles = _position_obstacles(recording)
+    obstacles = _command_obstacles(recording) + _position_obstacles(recording)
     if not obstacles:
         if runs:
             recording = _mask(recording, Role.MV, runs)

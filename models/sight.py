@@ -20,7 +20,7 @@ def _coarse(name: str, signal: Signal) -> list[str]:
     """Resolution, repeats, codes: what the archive left of the signal."""
     said = []
     finite = signal.values[np.isfinite(signal.values)]
-    codes = float(np.mean(signal.quality == Quality.CODE))
+    codes = float(np.mean(signal.quality == Quality.CODE)) if signal.values.size else 0.0
     if codes > 0.01:
         said.append(f"{name} holds state codes instead of values in {codes:.0%} of the samples.")
     if finite.size < 10:
@@ -59,11 +59,13 @@ def _limits(recording: Recording) -> list[str]:
     if recording.op.unit != PERCENT:
         return [f"OP is in {recording.op.unit or 'an unknown unit'}, not in percent."]
     op = recording.op.values[np.isfinite(recording.op.values)]
+    if not op.size:
+        return []
     said = []
     for share, where in ((np.mean(op <= 0.0), "lower"), (np.mean(op >= 100.0), "upper")):
         if share > 0.05:
             said.append(f"OP is at its {where} limit for {share:.0%} of the time.")
-    if op.size and (op.min() < -10.0 or op.max() > 110.0):
+    if op.min() < -10.0 or op.max() > 110.0:
         said.append(f"OP runs from {op.min():.4g} to {op.max():.4g}: it is not in percent.")
     return said
 

@@ -53,6 +53,9 @@ class LocalProcesses:
         self, work: Callable[[Item], Result], items: Iterable[Item]
     ) -> Iterator[tuple[int, Result]]:
         left = dict(enumerate(items))
+        if len(left) < 2:  # starting a process would cost more than it brings
+            yield from InProcess().map(work, left.values())
+            return
         # A spawned worker inherits no threads; a forked one may inherit a lock that nobody holds.
         pool = ProcessPoolExecutor(
             self.workers, mp_context=get_context("spawn"), initializer=_one_thread
@@ -76,8 +79,6 @@ def _one_thread() -> None:
 
 
 def choose_executor(workers: int | None) -> Executor:
-    """``workers`` processes; by default one per core, and none where starting them costs more."""
-    if workers is None:
-        workers = (os.cpu_count() or 1) if items > 3 else 1
-    workers = min(workers, items)
+    """``workers`` processes; by default one per core."""
+    workers = workers or os.cpu_count() or 1
     return LocalProcesses(workers) if workers > 1 else InProcess()

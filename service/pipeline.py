@@ -60,11 +60,11 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
     number = how.store.begin_run(
         command=how.command, software_version=__version__, settings_digest=digest
     )
-    previous = {task.tags.valve: _previous(how.store, task, started) for task in gathered.tasks}
-    screenings = screen_all(_with_baselines(gathered.tasks, how.store), how, tell)
-    saved = how.store.save_many(screenings, number)
     if request.plant is not None:
         how.store.save_valves(request.plant.valves.values())
+    screenings = screen_all(_with_baselines(gathered.tasks, how.store), how, tell)
+    previous = {one.valve: _previous(how.store, one, started) for one in screenings}
+    saved = how.store.save_many(screenings, number)
     _keep_networks(screenings, how)
     how.store.finish_run(number)
     context = _context(request, how, gathered, previous, started, digest)
@@ -96,7 +96,9 @@ def _with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
         valve = task.tags.valve
         if valve not in found:
             kept = store.baseline(valve)
-            found[valve] = kept and StoredBaseline(network=kept.network, note=kept.note)
+            found[valve] = (
+                None if kept is None else StoredBaseline(network=kept.network, note=kept.note)
+            )
     return [replace(task, baseline=found[task.tags.valve]) for task in tasks]
 
 
@@ -137,11 +139,12 @@ def _after(screening: Screening, instant: datetime) -> bool:
     return start is not None and start >= instant
 
 
-def _previous(store: Store, task: Task, now: datetime) -> PreviousFinding | None:
-    """What was found of the valve before this run, for the trend."""
-    kept = store.previous(task.tags.valve, now)
-    if kept is None:
-        return None
+def _previous(store: Store, screening: Screening, now: datetime) -> PreviousFinding | None:
+    """What was found of the valve in an earlier window, for the trend."""
+    _, end = screening.window
+    kept = store.previous(screening.valve, end or now)
+    if kept is None or kept.provenance.digest == screening.provenance.digest:
+        return None  # the same file again is not a change
     return PreviousFinding(
         verdict=kept.verdict,
         S=kept.S.value,
@@ -160,10 +163,7 @@ def _context(
     digest: str,
 ) -> ReportContext:
     plant = request.plant
-    facts = {
-        task.tags.valve: _facts(plant, task.tags.valve, previous[task.tags.valve])
-        for task in gathered.tasks
-    }
+    facts = {valve: _facts(plant, valve, before) for valve, before in previous.items()}
     not_read = [SourceNotRead(source=s, reason=why) for s, why in gathered.not_read]
     if plant is not None:
         not_read += [

@@ -33,6 +33,8 @@ _GROUPED = {
 }
 _MARKS = re.compile(r"[ '\u00a0\u202f]")
 _WITH_UNIT = re.compile(r"^(?P<number>[^A-Za-z%°]*[0-9.,])\s*(?P<unit>[A-Za-z%°][^\s]*)$")
+# A comma that does not stand before exactly three digits cannot mark thousands.
+_CERTAIN_COMMA = re.compile(r",(?:[0-9]{1,2}(?![0-9])|[0-9]{4})")
 _COMMA_NUMBER = re.compile(rf"{_SIGN}[0-9][0-9.,' \u00a0\u202f]*{_EXPONENT}")
 
 
@@ -92,7 +94,7 @@ def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) 
     comma, point, either = votes["comma"], votes["point"], votes["either"]
     if comma or point:
         if comma > point:
-            return ",", f"The decimal mark is a comma ({comma} different numbers show it)."
+            return ",", f"The decimal mark is a comma ({comma} numbers show it)."
         return ".", "The decimal mark is a point."
     if not either:
         return ".", "No number has a decimal mark; a point is taken."
@@ -112,6 +114,10 @@ def _votes(columns: Iterable[Sequence[str]]) -> Counter[str]:
         joined = "\n".join(cells)
         if "," not in joined:
             votes["point"] += "." in joined and _quick(cells[:500], ".") is not None
+            continue
+        certain = len(_CERTAIN_COMMA.findall(joined))
+        if certain and _quick(cells, ",") is not None:
+            votes["comma"] += certain
             continue
         for text in dict.fromkeys(cells):
             votes[_vote(text.strip())] += 1

@@ -102,8 +102,8 @@ class NarxNetwork:
         ``op`` (n,) percent. ``y0`` is one opening to start from, or the measured MV (n,), of which
         only the two samples before a (re)start are used. The run starts again from the measurement
         after every unusable sample and, with ``horizon``, after so many samples. ``usable`` (n,)
-        defaults to all; no number, or one of 1e15 and more, is never usable. NaN where the run could not be: unusable samples. The two
-        samples it starts from are the measured ones.
+        defaults to all; what is not a number, or 1e15 and more, never is. NaN at unusable samples;
+        the two samples a run starts from are the measured ones.
 
         Raises ``ValueError`` on unequal lengths, a horizon below 1, or gaps without a measured MV
         to start from again.

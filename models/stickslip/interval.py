@@ -26,6 +26,7 @@ COVERAGE = (2.5, 97.5)  # percentiles of a 95 % interval
 # (S + J)/2. Calibrated on 120 simulated sticking valves of the force-balance plant (draw_sticky,
 # seed 11); `stemwatch trial` prints how often the intervals hold on other seeds.
 MODEL_ERROR = 0.08
+LEAST_ERROR_PERCENT = 0.1  # a lag and a narrow dead band can stand for each other about this far
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,8 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
     S = draws[:, at.S_PERCENT]
     J = S * draws[:, at.RATIO]
     step = _command_step(fit)
-    share = MODEL_ERROR * 0.5 * (fit.S + fit.J)
-    return StickSlipSample(S=_blur(S, step, share, rng), J=_blur(J, step, share, rng))
+    error = max(MODEL_ERROR * 0.5 * (fit.S + fit.J), LEAST_ERROR_PERCENT)
+    return StickSlipSample(S=_blur(S, step, error, rng), J=_blur(J, step, error, rng))
 
 
 def _command_step(fit: StickSlipFit) -> float:

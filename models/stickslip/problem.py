@@ -67,7 +67,7 @@ class Problem:
         """``start`` with a resynchronisation at the beginning of each block of time."""
         n = self.op.size
         marks = self.start.copy()
-        begins = np.arange(1, self.n_blocks) * n // self.n_blocks
+        begins = -(-np.arange(1, self.n_blocks) * n // self.n_blocks)  # rounded up, as ``block`` is
         marks[begins[marks[begins] == 0]] = kernel.RESYNC
         return marks
 
@@ -111,6 +111,13 @@ def _scored(usable: Bools, start: Bools, warm_up: int) -> Bools:
     return np.asarray(usable & begun & (since >= warm_up))
 
 
+def scored_samples(recording: Recording) -> Bools:
+    """(n,) True at the samples a fit is scored on: usable, and past the warm-up after a hole."""
+    usable = recording.usable
+    warm_up = min(round(WARM_UP_S / recording.interval_s), len(recording) // 10)
+    return _scored(usable, _restarts(usable), max(warm_up, 1))
+
+
 def make_problem(recording: Recording) -> Problem:
     """The fitting problem of a recording that has OP and MV; raises ``ValueError`` without MV."""
     if recording.mv is None:
@@ -120,10 +127,10 @@ def make_problem(recording: Recording) -> Problem:
     length = max(BLOCK_S / recording.interval_s, BLOCK_SAMPLES)
     n_blocks = max(MIN_BLOCKS, round(n / length))
     start = _restarts(usable)
-    warm_up = min(round(WARM_UP_S / recording.interval_s), n // 10)
-    scored = _scored(usable, start, max(warm_up, 1))
+    scored = scored_samples(recording)
     block = np.where(scored, np.arange(n) * n_blocks // n, -1).astype(np.int64)
-    op = _bridge(recording.op.values, usable)
+    # A hole in MV alone says nothing against the command.
+    op = _bridge(recording.op.values, recording.op.usable)
     mv = _bridge(recording.mv.values, usable)
     low, high = np.percentile(op, (1.0, 99.0))
     steps = np.where(usable, recording.mv.values, np.nan)

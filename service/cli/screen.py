@@ -117,6 +117,13 @@ def _window(from_: str, to: str, zone: str):  # type: ignore[no-untyped-def]
     return Window(start=start, stop=stop)
 
 
+def screen_plant(plant: Path, out: Path, workers: int | None) -> tuple[Screening, ...]:
+    """Screen a plant file's own sources into its own database."""
+    from stemwatch.service.gather import Request
+
+    return _run(Request(plant=_load(plant, None)), out, "", workers, False, None)
+
+
 def _run(
     request: Request,
     out: Path,

@@ -37,6 +37,7 @@ STYLE = {
     Verdict.HEALTHY: "green",
 }
 ORDER = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
+WIDE = 130  # columns of a terminal from which the summary has room for sentences
 SHOWN = 40  # lines of the summary; the report has all
 
 
@@ -75,7 +76,9 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("valves"),
-        TaskProgressColumn(show_speed=True, text_format="[progress.percentage]{task.percentage:.0f} %"),
+        TaskProgressColumn(
+            show_speed=True, text_format="[progress.percentage]{task.percentage:.0f} %"
+        ),
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
@@ -101,8 +104,11 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table = Table(title=_counts(screenings), title_justify="left")
     for name, right in (("", True), ("valve", False), ("verdict", False), ("S, %", True)):
         table.add_column(name, justify="right" if right else "left")
-    for name, right in (("J, %", True), ("shape", False), ("data", False), ("why", False)):
-        table.add_column(name, justify="right" if right else "left")
+    for name, right in (("J, %", True), ("shape", False), ("data", False)):
+        table.add_column(name, justify="right" if right else "left", no_wrap=True)
+    wide = out.width >= WIDE
+    if wide:  # in a narrow terminal the sentence would stand in a column of single words
+        table.add_column("why")
     for rank, one in enumerate(ranked(screenings)[:SHOWN], start=1):
         table.add_row(
             str(rank),
@@ -112,7 +118,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
             _number(one.J),
             one.shape.value if one.shape else "",
             one.quality.grade,
-            escape(one.reason),
+            *([escape(one.reason)] if wide else []),
         )
     return table
 

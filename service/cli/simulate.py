@@ -1,0 +1,68 @@
+"""``stemwatch simulate``: recordings with known truth from the plant simulator."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from stemwatch.models.plant import PlantLoop, SimulatedLoop
+
+START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
+
+
+class What(StrEnum):
+    """Which loops to simulate."""
+
+    DEMO = "demo"
+    HEALTHY = "healthy"
+    STICKY = "sticky"
+
+
+def simulate(
+    out: Annotated[Path, typer.Option(help="Folder to write into.")] = Path("simulated"),
+    what: Annotated[
+        What, typer.Option(help="The demo plant, or random healthy or sticking loops.")
+    ] = What.DEMO,
+    count: Annotated[int, typer.Option(min=1, max=10_000, help="How many, if random.")] = 20,
+    seed: o.Seed = 1,
+    start: Annotated[str, typer.Option(help="Time of the first sample, ISO.")] = "",
+    zone: o.Zone = "Europe/Berlin",
+) -> None:
+    """Write a historian export of simulated valves, its plant.toml, and the truth beside it.
+
+    The simulator integrates the force balance of each valve at one millisecond inside a closed
+    loop; it shares no code with the models that are fitted. truth.json is for whoever wants to mark
+    the result: S, J, shape, whether the valve is healthy, and everything that was drawn.
+    """
+    from stemwatch.service.cli import views
+    from stemwatch.service.export import write_export
+
+    begin = o.instant(start, zone, "--start") or START
+    views.say(f"Simulating {what.value} loops ...")
+    written = write_export(simulated(what, count, seed), out, start=begin, zone=zone)
+    for path in (*written.files, written.plant_toml, written.truth_file):
+        views.out.print(str(path), highlight=False, soft_wrap=True)
+
+
+def simulated(what: What, count: int, seed: int) -> list[SimulatedLoop]:
+    """The loops, each with a seed of its own."""
+    from stemwatch.models.plant import simulate_loop
+
+    return [
+        simulate_loop(loop, seed + place) for place, loop in enumerate(_loops(what, count, seed))
+    ]
+
+
+def _loops(what: What, count: int, seed: int) -> list[PlantLoop]:
+    from stemwatch.models.plant import demo_plant, draw_healthy, draw_sticky
+
+    if what is What.DEMO:
+        return demo_plant(seed)
+    return draw_healthy(count, seed) if what is What.HEALTHY else draw_sticky(count, seed)
