@@ -10,7 +10,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import Residual
 from stemwatch.models.limits import Limits
 from stemwatch.models.quality import Obstacle
-from stemwatch.models.recording import Floats
+from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.verdict import Shape, Verdict
 
 # J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).
@@ -19,6 +19,7 @@ NO_OFFSET = (0.85, 1.15)
 # Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
 FRICTION_MEAN, FRICTION_T = 0.05, 2.0
 # From these on, friction is beyond doubt, however much its slips scatter in time.
+MOST_CONFIDENCE = 0.99  # bootstrap draws know nothing of what no model here describes
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
 NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
@@ -58,6 +59,7 @@ class Evidence:
     typical_percent: float  # 100 (1 - median |residual| / median |MV - median MV|), the same run
     narx: Residual | None
     sigma: float  # measurement noise of the position, percent
+    slow: str  # what is slow beside friction, a sentence, or nothing
     baseline_ratio: float | None
     cycling_s: float | None  # period of the loop's regular oscillation
 
@@ -87,13 +89,18 @@ def shape_of(S: float, J: float) -> Shape:
 def undetermined(obstacles: tuple[Obstacle, ...]) -> Judgement:
     """No verdict, because of the first obstacle; all of them count, the first is said."""
     first = obstacles[0]
-    more = f" (and {len(obstacles) - 1} more, see data quality)" if len(obstacles) > 1 else ""
+    more = f" (and {len(obstacles) - 1} more, see data quality)" if obstacles[1:] else ""
     return Judgement(
         verdict=Verdict.UNDETERMINED,
         reason=f"Cannot tell: {first.reason}{more}.",
         advice=first.remedy,
         severity=15.0,
     )
+
+
+def _share(draws: Bools) -> float:
+    """The share of bootstrap draws that agree; never more than the method can vouch for."""
+    return min(float(np.mean(draws)), MOST_CONFIDENCE)
 
 
 def _percent(value: float | None) -> str:
@@ -137,12 +144,12 @@ def _sticky(evidence: Evidence, limits: Limits) -> Judgement:
         verdict=Verdict.STICKY,
         reason=(
             f"The stem sticks: after a reversal OP must move {_width(evidence)} before the stem "
-            f"lets go{jump}{cycle}."
+            f"lets go{jump}{cycle}.{evidence.slow}"
         ),
         advice=NEXT[shape],
         shape=shape,
         severity=50.0 + 50.0 * float(1.0 - np.exp(-(S + J) / 8.0)),
-        confidence=float(np.mean(evidence.S_draws >= limits.sticky_S_percent)),
+        confidence=_share(evidence.S_draws >= limits.sticky_S_percent),
     )
 
 
@@ -150,7 +157,7 @@ def _watch(evidence: Evidence, limits: Limits, why: str, confidence: float) -> J
     S, J = float(evidence.S.value or 0.0), float(evidence.J.value or 0.0)
     return Judgement(
         verdict=Verdict.WATCH,
-        reason=why,
+        reason=why + evidence.slow,
         advice=(
             "Screen it again next week; plan a check of packing and positioner if S grows or the "
             "loop begins to cycle."
@@ -162,7 +169,7 @@ def _watch(evidence: Evidence, limits: Limits, why: str, confidence: float) -> J
 
 
 def _healthy(evidence: Evidence, limits: Limits) -> Judgement:
-    text = f"The stem follows: S is {_width(evidence)}."
+    text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
         text += f" The loop oscillates all the same, every {evidence.cycling_s:.0f} s."
@@ -173,7 +180,7 @@ def _healthy(evidence: Evidence, limits: Limits) -> Judgement:
         reason=text,
         advice=advice,
         severity=10.0 * min(S / limits.watch_S_percent, 1.0),
-        confidence=float(np.mean(evidence.S_draws < limits.sticky_S_percent)),
+        confidence=_share(evidence.S_draws < limits.sticky_S_percent),
     )
 
 
@@ -218,7 +225,7 @@ def judge(evidence: Evidence, limits: Limits) -> Judgement:
                 f"S lies anywhere between {_percent(low)} and {_percent(high)}",
                 "Record a longer window, or one in which OP reverses more often.",
             )
-        share = float(np.mean(evidence.S_draws >= limits.watch_S_percent))
+        share = _share(evidence.S_draws >= limits.watch_S_percent)
         return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
     ratio = evidence.baseline_ratio
     if ratio is not None and ratio > limits.baseline_ratio_watch:

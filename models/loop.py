@@ -12,6 +12,7 @@ MIN_CROSSINGS = 6  # zero crossings of the autocorrelation that make a period
 # Regularity above 1 is the usual criterion for an oscillation (Thornhill, Huang and Zhang 2003,
 # quoted from memory): the spread of the half periods is below a third of their mean.
 REGULAR = 1.0
+LEAST_SPREAD = 1e-9  # standard deviation over the largest value: less is floating-point noise
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,11 @@ def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     and the regularity ``T / (3 s)`` with the spread ``s = 2 std(h)``, that is, half periods that
     are long and short together.
     """
-    if values.size < 64 or float(np.std(values)) < 1e-9 * (1.0 + float(np.abs(values).max())):
+    largest = float(np.abs(values).max(initial=0.0))
+    if values.size < 64 or largest == 0.0:
+        return None
+    values = values / largest  # so that no square leaves the range of floating point
+    if float(np.std(values)) < LEAST_SPREAD:
         return None
     acf = _autocorrelation(_high_pass(values, interval_s))[: values.size // 2]
     sign = np.signbit(acf)

@@ -25,6 +25,7 @@ from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording, Role
 from stemwatch.models.sight import still_seen
+from stemwatch.models.slowness import slowness
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval
 from stemwatch.models.verdict import Verdict
@@ -291,6 +292,7 @@ def _with_verdict(
         narx=residuals["narx"],
         typical_percent=_typical_percent(fit),
         sigma=fit.bench.problem.sigma,
+        slow=slowness(fit),
         baseline_ratio=ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
     )

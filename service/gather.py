@@ -19,9 +19,10 @@ from stemwatch.models.recording import Role
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.tasks import Task, open_file
 
+MOST_NAMED = 12  # tags of a file that are listed
 NO_VALVE = (
-    "no controller output was recognised in this file. Say which tags are meant with --op and "
-    "--mv, or in a plant.toml; `stemwatch inspect` shows the tags"
+    "no controller output was recognised in this file; say which tags are meant with --op and "
+    "--mv, or in a plant.toml (`stemwatch inspect` shows the tags)."
 )
 
 
@@ -129,8 +130,17 @@ def _of_file(request: Request, path: str) -> list[Task]:
     except ConnectorError as error:
         return [_hopeless(path, stem, str(error))]
     if not proposed:
-        return [_hopeless(path, stem, f"{path}: {NO_VALVE}")]
+        return [replace(_hopeless(path, stem, NO_VALVE), seen=_columns(path, options))]
     return [_task(path, valve, options, window) for valve in proposed]
+
+
+def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:
+    """What a readable file without a recognised valve holds, and why no tag was taken for OP."""
+    infos = open_file(path, options).tags()
+    names = ", ".join(info.tag for info in infos[:MOST_NAMED])
+    more = f" and {len(infos) - MOST_NAMED} more" if len(infos) > MOST_NAMED else ""
+    remarks = [f"{info.tag}: {info.remark}" for info in infos[:MOST_NAMED] if info.remark]
+    return (f"The file was read; its tags are {names}{more}.", *remarks)
 
 
 def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> Task:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 from stemwatch.connectors.connector import WHOLE, ConnectorError, ValveTags, Window
@@ -31,6 +31,7 @@ class Task:
     window: Window = WHOLE
     baseline: StoredBaseline | None = None
     reason: str = ""  # why there is nothing to screen, and what to do about it
+    seen: tuple[str, ...] = ()  # what can be said of a readable file all the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +72,7 @@ def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late,
     from stemwatch.models.screening import Case
 
     if task.reason:
-        return _unread(task, task.reason)
+        return replace(_unread(task, task.reason), still_seen=task.seen)
     try:
         recording = open_file(task.path, task.read_options).read(task.tags, task.window)
     except ConnectorError as error:

@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import fields
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, get_args
 
@@ -35,6 +34,7 @@ PAGES = [
 ]
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 COMMAND_LINE = re.compile(r"^(?:\$ |> )?stemwatch ([a-z-]+)(.*)$", re.MULTILINE)
+TABLES = (Top, LimitsSection, Source, Valve, Tag)
 SCHEMA = REPOSITORY / "service/report/contract.schema.json"
 
 
@@ -174,12 +174,11 @@ def test_every_field_of_the_json_contract_is_described() -> None:
     assert {name for name in names if f"`{name}`" not in page} == set()
 
 
-def test_the_readme_speaks_of_this_version_of_the_contract() -> None:
+def test_the_page_of_the_contract_names_its_version() -> None:
     """The version in the heading of docs/json.md is the schema's."""
     schema = json.loads(SCHEMA.read_text("utf-8"))
     number = schema["$defs"]["screening"]["properties"]["version"]["const"]
     assert _page("json.md").startswith(f"# The JSON contract, version {number}\n")
-    assert version("stemwatch")
 
 
 def _keys(model: type[BaseModel]) -> Iterator[str]:

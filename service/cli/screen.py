@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stemwatch.service.gather import Request
     from stemwatch.service.plantfile import Plant
 
+MOST_REASONS = 5  # of a run in which nothing could be read
 TAGS = "Which tag is what (one valve per file)"
 
 
@@ -165,6 +166,8 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
     from stemwatch.service.report import to_contract
 
     views.out.print(views.summary(result.screenings))
+    for line in views.undetermined_lines(result.screenings):
+        views.out.print(line, highlight=False)
     for place, reason in (*result.not_read, *result.not_saved):
         views.say(f"left out: {place}: {reason}")
     if json_file is not None:
@@ -172,6 +175,8 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")
     views.out.print(f"Report: {result.report.html.resolve()}", highlight=False, soft_wrap=True)
-    if not any(one.recording is not None for one in result.screenings):
-        views.say_error("nothing could be screened: no source gave a recording")
+    if not any(one.recording is not None or one.still_seen for one in result.screenings):
+        for one in result.screenings[:MOST_REASONS]:
+            views.say_error(one.reason)
+        views.say_error("nothing could be screened: no source could be read as it was asked for")
         raise typer.Exit(2)

@@ -38,6 +38,7 @@ STYLE = {
 }
 ORDER = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
+NAMED = 6  # valves that are named for one reason
 SHOWN = 40  # lines of the summary; the report has all
 
 
@@ -121,6 +122,18 @@ def summary(screenings: Sequence[Screening]) -> Table:
             *([escape(one.reason)] if wide else []),
         )
     return table
+
+
+def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
+    """One line for each reason why there is no verdict, with the valves it stopped."""
+    by_reason: dict[str, list[str]] = {}
+    for one in screenings:
+        if one.verdict is Verdict.UNDETERMINED:
+            by_reason.setdefault(one.reason, []).append(one.valve)
+    for reason, valves in by_reason.items():
+        names = ", ".join(dict.fromkeys(valves[:NAMED]))
+        more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
+        yield f"[cyan]undetermined[/] [bold]{escape(names)}{more}[/]  {escape(reason)}"
 
 
 def _counts(screenings: Sequence[Screening]) -> str:

@@ -1,0 +1,56 @@
+"""What stands between command and stem beside friction, in words a fitter can use."""
+
+from __future__ import annotations
+
+from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip.fit import StickSlipFit
+
+# Less than this is how good valves are, and not worth a word.
+WORTH_SAYING_S = 0.5
+SLOW_PERCENT_PER_S = 10.0
+MISREAD = 1.5  # how far S and J alone must be off
+MISREAD_PERCENT = 0.5
+# The gain of the actuator over friction alone on held-out data that makes it certain.
+CERTAIN_MEAN, CERTAIN_T = 0.1, 2.4
+
+
+def slowness(fit: StickSlipFit) -> str:
+    """A sentence with a blank before it, or nothing where only friction is certain.
+
+    Rising and falling are those of the position; which of them opens the valve is not known here.
+    """
+    if fit.hypothesis != "both":
+        return ""
+    if fit.of_actuator.mean < CERTAIN_MEAN or fit.of_actuator.t < CERTAIN_T:
+        return ""
+    parts = [*_late(fit), *_limited(fit)]
+    if not parts:
+        return ""
+    return f" Beside friction, {' and '.join(parts)}{_misread(fit)}."
+
+
+def _late(fit: StickSlipFit) -> list[str]:
+    c = fit.candidate
+    parts = []
+    if c[at.DEAD_TIME_S] >= WORTH_SAYING_S:
+        parts.append(f"the command arrives {c[at.DEAD_TIME_S]:.1f} s late (or the clocks differ)")
+    lag = max(c[at.LAG_UP_S], c[at.LAG_DOWN_S])
+    if lag >= 2.0 * WORTH_SAYING_S:
+        parts.append(f"the actuator takes about {lag:.1f} s")
+    return parts
+
+
+def _limited(fit: StickSlipFit) -> list[str]:
+    c = fit.candidate
+    parts = []
+    for name, where in (("rising", at.SLOW_UP), ("falling", at.SLOW_DOWN)):
+        if c[where] * SLOW_PERCENT_PER_S > 1.0:
+            parts.append(f"the position moves at no more than {1.0 / c[where]:.1f} %/s {name}")
+    return parts
+
+
+def _misread(fit: StickSlipFit) -> str:
+    naive = float(fit.naive[at.S_PERCENT])
+    if naive > MISREAD * fit.S and naive - fit.S > MISREAD_PERCENT:
+        return f"; S and J alone would have read S as {naive:.1f} %"
+    return ""
