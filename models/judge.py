@@ -60,6 +60,7 @@ class Evidence:
     narx: Residual | None
     sigma: float  # measurement noise of the position, percent
     slow: str  # what is slow beside friction, a sentence, or nothing
+    baseline: Residual | None  # the baseline network's, on this window
     baseline_ratio: float | None
     cycling_s: float | None  # period of the loop's regular oscillation
 
@@ -184,6 +185,14 @@ def _healthy(evidence: Evidence, limits: Limits) -> Judgement:
     )
 
 
+def _moved_away(evidence: Evidence, limits: Limits) -> bool:
+    """True where the valve no longer behaves as in its baseline window, by an amount that matters."""
+    ratio, residual = evidence.baseline_ratio, evidence.baseline
+    if ratio is None or residual is None:
+        return False
+    return ratio > limits.baseline_ratio_watch and residual.rmse > NEGLIGIBLE_PERCENT
+
+
 def _cannot_tell(reason: str, advice: str) -> Judgement:
     return Judgement(
         verdict=Verdict.UNDETERMINED,
@@ -227,11 +236,10 @@ def judge(evidence: Evidence, limits: Limits) -> Judgement:
             )
         share = _share(evidence.S_draws >= limits.watch_S_percent)
         return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
-    ratio = evidence.baseline_ratio
-    if ratio is not None and ratio > limits.baseline_ratio_watch:
+    if _moved_away(evidence, limits):
         why = (
-            f"The stem still follows (S {_width(evidence)}), but {ratio:.1f} times worse than in "
-            "its baseline window."
+            f"The stem still follows (S {_width(evidence)}), but {evidence.baseline_ratio:.1f} "
+            "times worse than in its baseline window."
         )
         return _watch(evidence, limits, why, 0.5)
     if high >= limits.sticky_S_percent:

@@ -293,6 +293,7 @@ def _with_verdict(
         typical_percent=_typical_percent(fit),
         sigma=fit.bench.problem.sigma,
         slow=slowness(fit),
+        baseline=baseline,
         baseline_ratio=ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
     )

@@ -17,6 +17,7 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.units import is_unit
 from stemwatch.models.recording import Floats
 
+_LONGEST = 400  # characters; longer cells are no numbers
 _SIGN = r"[+\-\u2212]?"
 _EXPONENT = r"(?:[eE][+\-]?[0-9]+)?"
 _PLAIN = {
@@ -41,6 +42,8 @@ _COMMA_NUMBER = re.compile(rf"{_SIGN}[0-9][0-9.,' \u00a0\u202f]*{_EXPONENT}")
 def parse_number(text: str, decimal: str) -> float | None:
     """The number that ``text`` is, or ``None``. ``decimal`` is the file's decimal mark."""
     text = text.strip()
+    if len(text) > _LONGEST:
+        return None
     if _PLAIN[decimal].fullmatch(text):
         return float(text.replace(decimal, ".").replace("\u2212", "-"))
     if _GROUPED[decimal].fullmatch(text):
@@ -125,7 +128,7 @@ def _votes(columns: Iterable[Sequence[str]]) -> Counter[str]:
 
 
 def _vote(text: str) -> str:
-    if not _COMMA_NUMBER.fullmatch(text):
+    if len(text) > _LONGEST or not _COMMA_NUMBER.fullmatch(text):
         return "none"
     as_point = bool(_PLAIN["."].fullmatch(text) or _GROUPED["."].fullmatch(text))
     as_comma = bool(_PLAIN[","].fullmatch(text) or _GROUPED[","].fullmatch(text))

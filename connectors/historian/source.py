@@ -11,6 +11,7 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.rows import Rows, sniff_separator, split_rows
 
 _HEAD = 60
+_LINE = 4000
 _SAMPLE = 300
 
 
@@ -28,8 +29,8 @@ class Source:
 
     @property
     def head(self) -> list[str]:
-        """The first lines, for signatures."""
-        return self.document.lines[:_HEAD]
+        """The first lines, for signatures; of a line longer than any header's start, its start."""
+        return [line[:_LINE] for line in self.document.lines[:_HEAD]]
 
     def separator(self, skip: int = 0) -> str:
         """The user's separator, or the one that divides the lines evenly; a comma where none

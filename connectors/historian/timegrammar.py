@@ -26,6 +26,8 @@ AFTERNOON = frozenset(("pm", "p.m.", "오후", "下午", "午後"))
 MORNING = frozenset(("am", "a.m.", "오전", "上午", "午前"))
 ZONE_MINUTES = {"z": 0, "utc": 0, "gmt": 0, "cet": 60, "mez": 60, "cest": 120, "mesz": 120}
 
+_LONGEST = 60  # characters; no time is written with more
+
 _AMPM = r"(?:[AaPp]\.?[Mm]\.?|오전|오후|上午|下午|午前|午後)"
 _DATE = r"""
 (?: (?P<Y>[0-9]{4})(?P<sep>[-/.]|\.\ )(?P<m>[0-9]{1,2})(?P=sep)(?P<d>[0-9]{1,2})\.?
@@ -52,7 +54,8 @@ _CLOCK_ONLY = re.compile(_CLOCK, re.VERBOSE)
 
 def match_time(text: str) -> re.Match[str] | None:
     """The parts of a date with or without a time of day, or ``None``."""
-    match = _WHOLE.fullmatch(text.strip())
+    text = text.strip()
+    match = _WHOLE.fullmatch(text) if len(text) <= _LONGEST else None
     if match is not None:
         name = match["mon"] or match["mon2"]
         if name and name.lower() not in MONTH_NUMBER:
@@ -73,4 +76,4 @@ def is_date_only(text: str) -> bool:
 
 def is_clock_only(text: str) -> bool:
     """A time of day without its date."""
-    return _CLOCK_ONLY.fullmatch(text.strip()) is not None
+    return len(text) <= _LONGEST and _CLOCK_ONLY.fullmatch(text.strip()) is not None

@@ -46,6 +46,7 @@ _SPELLINGS = {
     "pH": ("ph",),
     "": ("noengunits", "none", "-", "unitless"),
 }
+_LONGEST = 300  # characters of a header; longer ones are damage
 _CANONICAL = {s: unit for unit, spellings in _SPELLINGS.items() for s in spellings}
 _BRACKETED = re.compile(r"^(?P<name>.*\S)\s*[\[(](?P<unit>[^\[\]()]{1,16})[\])]$")
 _AFTER_FIELD = re.compile(r"^(?P<name>\S+\.(?:CV|ST|ACTUAL|TARGET))\s+(?P<unit>\S.*)$", re.I)
@@ -72,6 +73,8 @@ def split_unit(header: str) -> tuple[str, str]:
     Three forms: ``FIC101.OP [%]``, ``FIC-400B/PID1/PV.CV gal/min``, ``LC74_20X_pct``.
     """
     header = header.strip()
+    if len(header) > _LONGEST:
+        return header, ""
     after_field = _AFTER_FIELD.match(header)
     if after_field:
         return after_field["name"], canonical(after_field["unit"])

@@ -43,6 +43,8 @@ def inspect(
     seen = HistorianFile(file, chosen).inspect()
     for table in views.inspection_tables(seen):
         views.out.print(table)
+    for line in views.inspection_remarks(seen):
+        views.out.print(line, highlight=False)
     views.out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
     views.out.print(Syntax(seen.plant_toml(), "toml", background_color="default"))
     if json_file is not None:

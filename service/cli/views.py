@@ -153,8 +153,8 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
         facts.add_row(name, escape(value))
     yield facts
     tags = Table(title="Tags", title_justify="left")
-    for name in ("tag", "role", "unit", "valve", "range", "bad", "every, s", "evidence", "remark"):
-        tags.add_column(name)
+    for name in ("tag", "role", "unit", "valve", "range", "bad", "every, s", "evidence"):
+        tags.add_column(name, overflow="fold")
     for tag in seen.tags:
         low_high = "" if tag.low is None or tag.high is None else f"{tag.low:.4g} to {tag.high:.4g}"
         every = tag.own_interval_s or tag.interval_s
@@ -167,9 +167,19 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
             f"{tag.bad_share:.1%}",
             "" if every is None else f"{every:g}",
             "; ".join(_evidence(tag)),
-            escape(tag.remark),
         )
     yield tags
+
+
+def inspection_remarks(seen: Inspection) -> Iterator[str]:
+    """Why each tag has its role, or what has to be said about it; same remarks together."""
+    by_remark: dict[str, list[str]] = {}
+    for tag in seen.tags:
+        if tag.remark:
+            by_remark.setdefault(tag.remark, []).append(tag.tag)
+    for remark, tags in by_remark.items():
+        names = ", ".join(tags[:NAMED]) + (" ..." if len(tags) > NAMED else "")
+        yield f"[bold]{escape(names)}[/]  {escape(remark)}"
 
 
 def _facts(seen: Inspection) -> list[tuple[str, str]]:
@@ -180,7 +190,7 @@ def _facts(seen: Inspection) -> list[tuple[str, str]]:
     return [
         ("layout", seen.layout),
         ("encoding, separator, decimal mark", f"{seen.encoding}, {separator}, {seen.decimal!r}"),
-        ("time", seen.zone or "no time column"),
+        ("time", seen.zone or "counted from a start that the file does not date"),
         ("window", window),
         ("rows", str(seen.rows)),
         ("sampling interval, jitter", f"{interval}, {clock.jitter_s:.3g} s"),
@@ -200,6 +210,6 @@ def _evidence(tag) -> list[str]:  # type: ignore[no-untyped-def]  # TagInspectio
         found.append(f"compressed ({tag.line_share:.0%} on lines)")
     if tag.quantum:
         found.append(f"steps of {tag.quantum:.3g}")
-    if tag.frozen:
+    if tag.frozen and tag.role not in ("sp", "mode"):  # those are meant to rest
         found.append(f"frozen up to {tag.longest_repeat_s:g} s")
     return found

@@ -12,7 +12,7 @@ from stemwatch.connectors.historian.layouts.generic import parse_table
 from stemwatch.connectors.historian.raw import RawTable
 from stemwatch.connectors.historian.source import Source
 
-_TAG = re.compile(r"[^,;\t\"/]+/[^,;\t\"/]+/[A-Z_0-9]+\.(?:CV|ACTUAL|ST)(?: [^,;\t\"]+)?")
+_TAG = re.compile(r"[^,;\t\"/]{1,80}/[^,;\t\"/]{1,80}/[A-Z_0-9]{1,40}\.(?:CV|ACTUAL|ST)\b")
 
 
 class DeltaV:
