@@ -186,7 +186,7 @@ def _healthy(evidence: Evidence, limits: Limits) -> Judgement:
 
 
 def _moved_away(evidence: Evidence, limits: Limits) -> bool:
-    """True where the valve no longer behaves as in its baseline window, by an amount that matters."""
+    """True where the valve behaves otherwise than in its baseline window, and it matters."""
     ratio, residual = evidence.baseline_ratio, evidence.baseline
     if ratio is None or residual is None:
         return False

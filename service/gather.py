@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 from stemwatch.connectors.connector import (
@@ -119,7 +119,7 @@ def _of_file(request: Request, path: str) -> list[Task]:
     options, window = request.read_options, request.window
     if request.plant is not None:
         valves = [request.plant.valve_tags(v) for v in request.plant.valves.values()]
-        options = replace(options, zone=options.zone or request.plant.zone)
+        options = _plant_options(request.plant, path, options)
         tasks = [t for t in _of_files(valves, [path], options, window) if not t.reason]
         return tasks or [_hopeless(path, stem, f"{path}: none of the plant's OP tags is in it")]
     if request.tags:
@@ -132,6 +132,29 @@ def _of_file(request: Request, path: str) -> list[Task]:
     if not proposed:
         return [replace(_hopeless(path, stem, NO_VALVE), seen=_columns(path, options))]
     return [_task(path, valve, options, window) for valve in proposed]
+
+
+def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
+    """How the plant says its exports are written, with what the command line says laid over it.
+
+    The source is the one whose pattern matches the file, or the only one.
+    """
+    wanted = Path(path).resolve()
+    sources = [
+        source
+        for source in plant.sources.values()
+        if len(plant.sources) == 1 or wanted in {f.resolve() for f in plant.source_files(source)}
+    ]
+    base = (
+        ReadOptions(**plant.read_options(sources[0])) if sources else ReadOptions(zone=plant.zone)
+    )
+    default = ReadOptions()
+    said = {
+        field.name: getattr(given, field.name)
+        for field in fields(given)
+        if getattr(given, field.name) != getattr(default, field.name)
+    }
+    return replace(base, **said)
 
 
 def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:

@@ -113,7 +113,7 @@ def simulate(op: Floats, mv: Floats, start: Marks, dt: float, q: Floats, out: Fl
 
 
 @njit(cache=True)
-def block_losses(
+def block_losses(  # noqa: C901  # one loop without calls is what makes it fast
     op: Floats,
     mv: Floats,
     start: Marks,

@@ -81,7 +81,9 @@ def test_autumn_in_a_narrow_file_is_told_apart_per_tag(open_text) -> None:
     """Tags one after the other each pass the repeated hour in order."""
     start = datetime(2026, 10, 24, 23, tzinfo=UTC)
     rows = [
-        f"{tag},{time},{i}\n" for tag in ("A.OP", "A.PV") for i, time in enumerate(local(start, 24, 10))
+        f"{tag},{time},{i}\n"
+        for tag in ("A.OP", "A.PV")
+        for i, time in enumerate(local(start, 24, 10))
     ]
     valve = ValveTags(
         valve="A", tags={Role.OP: TagMapping(tag="A.OP"), Role.PV: TagMapping(tag="A.PV")}
@@ -110,7 +112,9 @@ def test_spring_missing_hour_is_shifted_and_said(open_text) -> None:
 
 def test_mixed_offsets_are_one_clock(open_text) -> None:
     """A file across a clock change with offsets needs no zone."""
-    text = wide(["2026-10-25T02:30:00+02:00", "2026-10-25T02:00:00+01:00", "2026-10-25T02:30:00+01:00"])
+    text = wide(
+        ["2026-10-25T02:30:00+02:00", "2026-10-25T02:00:00+01:00", "2026-10-25T02:30:00+01:00"]
+    )
     recording = open_text(text).read(OP)
     assert recording.start == datetime(2026, 10, 25, 0, 30, tzinfo=UTC)
     assert recording.interval_s == 1800.0
@@ -165,7 +169,12 @@ def test_undecidable_dates_are_refused(open_text) -> None:
 
 def test_twelve_hour_clock(open_text) -> None:
     """12 AM is midnight and 12 PM noon."""
-    times = ["1/13/2026 12:00:00 AM", "1/13/2026 6:00:00 AM", "1/13/2026 12:00:00 PM", "1/13/2026 6:00:00 PM"]
+    times = [
+        "1/13/2026 12:00:00 AM",
+        "1/13/2026 6:00:00 AM",
+        "1/13/2026 12:00:00 PM",
+        "1/13/2026 6:00:00 PM",
+    ]
     recording = open_text(wide(times), options=ReadOptions(zone="UTC")).read(OP)
     assert (recording.interval_s, len(recording)) == (6 * 3600.0, 4)
 
@@ -250,7 +259,9 @@ def test_reported_by_exception(open_text) -> None:
     """OP that is stored when it changes is held, and older values are marked as held."""
     gaps = [1, 1, 2, 1, 9, 1, 1, 30, 1, 2, 1, 1, 14, 1, 1, 1, 40, 1, 2, 1]
     times = np.cumsum(gaps)
-    rows = "".join(f"A.OP,2026-01-05T06:{t // 60:02d}:{t % 60:02d}Z,{i}\n" for i, t in enumerate(times))
+    rows = "".join(
+        f"A.OP,2026-01-05T06:{t // 60:02d}:{t % 60:02d}Z,{i}\n" for i, t in enumerate(times)
+    )
     valve = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="A.OP")})
     recording = open_text("Tag,Time,Value\n" + rows).read(valve)
     assert recording.interval_s == 1.0

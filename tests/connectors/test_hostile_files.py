@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -18,9 +17,7 @@ from stemwatch.connectors.historian.numbers import parse_number
 from stemwatch.connectors.historian.opened import OpenedFile, open_file
 from stemwatch.models.recording import Role
 
-quick = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow]
-)
+quick = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 HOSTILE = [
     "", " ", "NaN", "inf", "-inf", "1e308", "-1e308", "1e999", "1e-300", "3.5e-44", "=1+1",
     "=cmd|'/c calc'!A1", "١٢٣", "１２", "1_000", "0x1F", "1,5", "1.5", "1.181,2", "11,006.5", "Bad",
@@ -59,17 +56,22 @@ def assert_no_invented_number(opened: OpenedFile, text: str) -> None:
         assert set(values[np.isfinite(values)].tolist()) <= written
 
 
-def write(content: bytes) -> Path:
-    path = Path(tempfile.mkdtemp()) / "x.csv"
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One file that every example writes anew."""
+    return tmp_path_factory.mktemp("hostile") / "x.csv"
+
+
+def write(path: Path, content: bytes) -> Path:
     path.write_bytes(content)
     return path
 
 
 @quick
 @given(st.binary(max_size=400))
-def test_random_bytes(content: bytes) -> None:
+def test_random_bytes(path: Path, content: bytes) -> None:
     """Random bytes are an error with the file's name, or a table, and never anything else."""
-    look(write(content))
+    look(write(path, content))
 
 
 BASES = {
@@ -103,7 +105,7 @@ BASES = {
 @pytest.mark.parametrize("base", BASES, ids=str)
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
-def test_replaced_cells(base: str, data: st.DataObject) -> None:
+def test_replaced_cells(path: Path, base: str, data: st.DataObject) -> None:
     """Hostile cells anywhere in any layout: no crash, and no number that is not in the text."""
     lines = [re.split(r"([,;\t])", line) for line in BASES[base].split("\n")]
     for _ in range(data.draw(st.integers(1, 5))):
@@ -111,7 +113,7 @@ def test_replaced_cells(base: str, data: st.DataObject) -> None:
         cell = data.draw(st.integers(0, len(lines[row]) - 1))
         lines[row][cell] = data.draw(st.sampled_from(HOSTILE) | st.text(max_size=8))
     text = "\n".join("".join(line) for line in lines)
-    opened = look(write(text.encode("utf-8", "replace")))
+    opened = look(write(path, text.encode("utf-8", "replace")))
     if opened is not None and base not in ("extract", "processdata"):
         assert_no_invented_number(opened, text.replace("\0", ""))
 
@@ -119,34 +121,32 @@ def test_replaced_cells(base: str, data: st.DataObject) -> None:
 @pytest.mark.parametrize("base", BASES, ids=str)
 @settings(max_examples=15, deadline=None)
 @given(cut=st.floats(0, 1), encoding=st.sampled_from(["utf-8", "utf-16", "cp1252"]))
-def test_cut_anywhere(base: str, cut: float, encoding: str) -> None:
+def test_cut_anywhere(path: Path, base: str, cut: float, encoding: str) -> None:
     """A file cut at any byte is read up to there or refused."""
     content = BASES[base].encode(encoding)
-    look(write(content[: int(cut * len(content))]))
+    look(write(path, content[: int(cut * len(content))]))
 
 
 @quick
 @given(data=st.data())
-def test_mixed_up_lines(data: st.DataObject) -> None:
+def test_mixed_up_lines(path: Path, data: st.DataObject) -> None:
     """Lines of different layouts in one file."""
     pool = [line for text in BASES.values() for line in text.split("\n")]
     lines = data.draw(st.lists(st.sampled_from(pool), max_size=40))
-    look(write("\n".join(lines).encode()))
+    look(write(path, "\n".join(lines).encode()))
 
 
-def test_huge_field_is_one_cell(tmp_path: Path) -> None:
+def test_huge_field_is_one_cell(path: Path) -> None:
     """A field of a megabyte is a bad cell of its row."""
     text = BASES["plain"].replace("3,1,2,3.5", f"3,1,2,{'9x' * 500_000}")
-    path = tmp_path / "x.csv"
     path.write_text(text)
     opened = look(path)
     assert opened is not None
     assert int(np.isfinite(opened.column("OP").values).sum()) == 11
 
 
-def test_many_cells_in_one_row(tmp_path: Path) -> None:
+def test_many_cells_in_one_row(path: Path) -> None:
     """A row of a million cells is reported and left out."""
-    path = tmp_path / "x.csv"
     path.write_text(BASES["plain"] + "1," * 1_000_000 + "\n")
     opened = look(path)
     assert opened is not None
@@ -175,6 +175,7 @@ numbers = st.floats(-1e6, 1e6, allow_nan=False).map(lambda v: round(v, 4) + 0.0)
     step_s=st.sampled_from([1, 5, 10, 60, 3600]),
 )
 def test_round_trip(
+    path: Path,
     values: list[float],
     form: str,
     separator: str,
@@ -191,7 +192,7 @@ def test_round_trip(
         number = repr(value).replace(".", decimal)
         time = (start + timedelta(seconds=i * step_s)).strftime(FORMS[form])
         lines.append(f"{time}{separator}{quote}{number}{quote}")
-    path = write(end.join([*lines, ""]).encode(encoding))
+    write(path, end.join([*lines, ""]).encode(encoding))
     options = ReadOptions(zone="UTC", decimal=decimal)  # type: ignore[arg-type]
     valve = ValveTags(valve="V", tags={Role.OP: TagMapping(tag="Höhe.OP")})
     recording = HistorianFile(path, options).read(valve)

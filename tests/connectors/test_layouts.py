@@ -290,9 +290,7 @@ PREAMBLE = "Plant export\nInterval,10\n\nTime,FIC1.OP,FIC1.ZT,FIC1.PV\n,%,%,t/h\
 
 def test_generic_wide_with_preamble_and_units(open_text) -> None:
     """Preamble rows, a row of units, a position by its word ZT."""
-    text = PREAMBLE + "".join(
-        f"2026-01-05 06:00:{i:02d},{i}.5,{i}.25,{i}.75\n" for i in range(20)
-    )
+    text = PREAMBLE + "".join(f"2026-01-05 06:00:{i:02d},{i}.5,{i}.25,{i}.75\n" for i in range(20))
     source = open_text(text)
     (valve,) = propose_valves(source)
     assert valve.tags[Role.MV] == TagMapping(tag="FIC1.ZT", unit="%")
@@ -305,9 +303,7 @@ def test_generic_narrow_holds_slower_tags(open_text) -> None:
     """A tag slower than OP is held at its own rate, and no longer than a few of its intervals."""
     rows = [f"FIC1.OP,2026-01-05T06:00:{i:02d}Z,{50 + i}\n" for i in range(60)]
     rows += [f"FIC1.PV,2026-01-05T06:00:{i:02d}Z,{i}\n" for i in range(0, 30, 5)]
-    recording = open_text("Tag,Time,Value\n" + "".join(rows)).read(
-        mapped("FIC1.OP", pv="FIC1.PV")
-    )
+    recording = open_text("Tag,Time,Value\n" + "".join(rows)).read(mapped("FIC1.OP", pv="FIC1.PV"))
     pv = recording.signals[Role.PV]
     assert recording.interval_s == 1.0
     assert pv.values[:10].tolist() == [0.0] * 5 + [5.0] * 5

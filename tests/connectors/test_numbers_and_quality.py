@@ -164,7 +164,9 @@ def test_encodings(open_text, encoding: str) -> None:
 
 def test_chinese_without_utf8(open_text) -> None:
     """GBK is told from cp1252 by its byte pairs."""
-    text = "时间,回炼油返塔流量,液位\n" + "".join(f"2026-01-13 06:00:{i:02d},{i},1\n" for i in range(9))
+    text = "时间,回炼油返塔流量,液位\n" + "".join(
+        f"2026-01-13 06:00:{i:02d},{i},1\n" for i in range(9)
+    )
     source = open_text(text.encode("gbk"))
     assert [tag.tag for tag in source.tags()] == ["回炼油返塔流量", "液位"]
 
@@ -219,7 +221,7 @@ def test_ragged_rows_are_reported_and_the_rest_is_read(open_text) -> None:
 
 def test_stray_quote_spoils_its_own_line_only(open_text) -> None:
     """A quotation mark that is never closed does not swallow the rest of the file."""
-    text = "t_s,OP\n" + "".join(f'{i},{chr(34) if i == 3 else ""}{i}\n' for i in range(9))
+    text = "t_s,OP\n" + "".join(f"{i},{chr(34) if i == 3 else ''}{i}\n" for i in range(9))
     source = open_text(text)
     assert source.read(OP).op.values.tolist() == [float(i) for i in range(9)]
     assert any("line 5: a quotation mark is never closed" in p for p in source.inspect().problems)
@@ -234,15 +236,15 @@ def test_duplicated_tags_stay_apart(open_text) -> None:
 def test_unknown_tag_lists_the_nearest(open_text) -> None:
     """A misspelt tag is answered with the nearest ones."""
     valve = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="FIC102.OP")})
-    with pytest.raises(UnknownTag, match=r"no tag 'FIC102.OP' among 2; the nearest are 'FIC101.OP'"):
+    with pytest.raises(
+        UnknownTag, match=r"no tag 'FIC102.OP' among 2; the nearest are 'FIC101.OP'"
+    ):
         open_text("t_s,FIC101.OP,T7\n0,1,2\n1,1,2\n").read(valve)
 
 
 def test_same_tag_for_op_and_mv_is_refused(open_text) -> None:
     """One tag as both command and position is refused: such a valve looks perfect."""
-    both = ValveTags(
-        valve="A", tags={Role.OP: TagMapping(tag="OP"), Role.MV: TagMapping(tag="op")}
-    )
+    both = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="OP"), Role.MV: TagMapping(tag="op")})
     with pytest.raises(ConnectorError, match="given for both OP and MV"):
         open_text(column(["1", "2"])).read(both)
 

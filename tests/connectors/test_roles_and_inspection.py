@@ -166,7 +166,10 @@ def test_slow_scan_is_measured(open_text) -> None:
     slow = np.repeat(rng.normal(50, 5, 61), 10)[4:604]
     rows = "".join(f"{i},{rng.normal(50, 5):.3f},{slow[i]:.3f}\n" for i in range(600))
     source = open_text("t_s,OP,PV\n" + rows)
-    assert {t.tag: dict(t.facts) for t in source.tags()} == {"OP": {}, "PV": {"own_interval_s": 10.0}}
+    assert {t.tag: dict(t.facts) for t in source.tags()} == {
+        "OP": {},
+        "PV": {"own_interval_s": 10.0},
+    }
     (valve,) = propose_valves(source)
     recording = source.read(valve)
     assert recording.signals[Role.PV].interval_s == 10.0

@@ -1,0 +1,131 @@
+"""What tests of the command line share: a way to run it, and a small plant's export."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+
+from stemwatch.models.plant import demo_plant, simulate_loop
+from stemwatch.service.cli import main, views
+from stemwatch.service.export import write_export
+
+START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
+WIDTH = 200  # columns, so that a sentence stands on one line
+HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"  # tags of the small plant
+_PLACES = {HEALTHY: 6, STICKY: 3, BLIND: 12}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a command ended and what it printed."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def said(self) -> str:
+        """Both streams as running text, without frames and line breaks."""
+        return " ".join(re.sub("[─-╿]", " ", self.out + self.err).split())
+
+
+Stemwatch = Callable[..., Outcome]
+
+
+def run_main(*arguments: object) -> Outcome:
+    """``stemwatch ARGUMENTS`` in this process, through the function that the script calls."""
+    out, err = io.StringIO(), io.StringIO()
+    status = 0
+    with contextlib.ExitStack() as around:
+        around.enter_context(patch.object(sys, "argv", ["stemwatch", *map(str, arguments)]))
+        around.enter_context(patch.dict(os.environ, COLUMNS=str(WIDTH)))
+        for console in (views.out, views.err):
+            around.enter_context(patch.object(console, "_width", WIDTH))
+        around.enter_context(contextlib.redirect_stdout(out))
+        around.enter_context(contextlib.redirect_stderr(err))
+        try:
+            main()
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else int(end.code is not None)
+    return Outcome(status=status, out=out.getvalue(), err=err.getvalue())
+
+
+def run_process(
+    *arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None
+) -> Outcome:
+    """``stemwatch ARGUMENTS`` as a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-m", "stemwatch.service", *map(str, arguments)],
+        cwd=cwd,
+        env={**os.environ, "OMP_NUM_THREADS": "1", **(env or {})},
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+        check=False,
+    )
+    return Outcome(status=done.returncode, out=done.stdout, err=done.stderr)
+
+
+@pytest.fixture(scope="session")
+def stemwatch() -> Stemwatch:
+    """Runs the command line in this process."""
+    return run_main
+
+
+@pytest.fixture(scope="session")
+def stemwatch_process() -> Stemwatch:
+    """Runs the command line as a process of its own."""
+    return run_process
+
+
+def write_small_plant(folder: Path, tags: Sequence[str], minutes: float, **more: object) -> Path:
+    """Export the small plant's valves ``tags`` into ``folder``; returns the plant file."""
+    loops = demo_plant(1)
+    simulated = [
+        simulate_loop(replace(loops[_PLACES[tag]], duration_s=60.0 * minutes), seed=_PLACES[tag])
+        for tag in tags
+    ]
+    options = {"start": START, "zone": "Europe/Berlin", **more}
+    return write_export(simulated, folder, **options).plant_toml
+
+
+@pytest.fixture(scope="session")
+def small_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """plant.toml of a healthy, a sticking and an unmeasured valve: half an hour at 1 s."""
+    folder = tmp_path_factory.mktemp("plant")
+    return write_small_plant(folder, (HEALTHY, STICKY, BLIND), minutes=30)
+
+
+@pytest.fixture(scope="session")
+def export(small_plant: Path) -> Path:
+    """The small plant's historian export."""
+    return small_plant.parent / "export" / "historian.csv"
+
+
+@pytest.fixture
+def plant(small_plant: Path, tmp_path: Path) -> Iterator[Path]:
+    """A plant file of its own, with a database of its own, that names the shared export."""
+    text = small_plant.read_text(encoding="utf-8")
+    path = tmp_path / "plant.toml"
+    export = (small_plant.parent / "export").as_posix()
+    path.write_text(text.replace('"export/', f'"{export}/'), encoding="utf-8")
+    yield path
+
+
+@pytest.fixture(scope="session")
+def one_valve(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The export of the sticking valve alone, a quarter of an hour."""
+    folder = tmp_path_factory.mktemp("one")
+    plant = write_small_plant(folder, (STICKY,), minutes=15)
+    return plant.parent / "export" / "historian.csv"
