@@ -36,8 +36,13 @@ def _autocorrelation(values: Floats) -> Floats:
 
 
 def _high_pass(values: Floats, interval_s: float) -> Floats:
-    """Take out what is slower than a quarter of the record: drift is no oscillation."""
-    spectrum = np.fft.rfft(values - values.mean())
+    """Take out what is slower than a quarter of the record: drift is no oscillation.
+
+    The straight line goes first, because a spectrum sees it as a jump at the record's ends.
+    """
+    time = np.linspace(-1.0, 1.0, values.size)
+    slope = float(time @ values) / float(time @ time)
+    spectrum = np.fft.rfft(values - values.mean() - slope * time)
     frequency = np.fft.rfftfreq(values.size, interval_s)
     spectrum[frequency < 4.0 / (values.size * interval_s)] = 0.0
     return np.asarray(np.fft.irfft(spectrum, values.size))

@@ -64,14 +64,19 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
     return _still_obstacles(recording) or _reversed_obstacles(recording)
 
 
-def _reversed_obstacles(recording: Recording) -> list[Obstacle]:
-    """A position that runs against OP: a fit would read the whole swing as sticking."""
+def _correlation(recording: Recording) -> float:
+    """Of OP and position; 0 where one of them does not move."""
     assert recording.mv is not None
     pairs = recording.usable
     op, mv = recording.op.values[pairs], recording.mv.values[pairs]
     if op.size < 10 or swing(op) == 0.0 or swing(mv) == 0.0:
-        return []
-    together = float(np.corrcoef(op, mv)[0, 1])
+        return 0.0
+    return float(np.corrcoef(op, mv)[0, 1])
+
+
+def _reversed_obstacles(recording: Recording) -> list[Obstacle]:
+    """A position that runs against OP: a fit would read the whole swing as sticking."""
+    together = _correlation(recording)
     if together > AGAINST:
         return []
     return [
@@ -127,7 +132,8 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
                 STUCK_REMEDY,
             )
         ]
-    if swing(mv) <= NOISE_SWING * noise_sigma(mv):
+    # A position that is sampled too slowly looks like noise as well, but goes with OP.
+    if swing(mv) <= NOISE_SWING * noise_sigma(mv) and abs(_correlation(recording)) < -AGAINST:
         return [
             Obstacle(
                 "position_still",
@@ -190,7 +196,8 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     """An OP whose movement could not show a sticking stem."""
     op = recording.op.values[np.isfinite(recording.op.values)]
     far = swing(op)
-    threshold = max(0.1 * far, 4.0 * noise_sigma(op), 0.2)
+    # An OP that is sampled too slowly looks like noise; its turns must not be lost for that.
+    threshold = max(0.1 * far, min(4.0 * noise_sigma(op), 0.5 * far), 0.2)
     turns = int(reversals(op, threshold).size) if op.size else 0
     manual = "the loop was in manual and " if _manual(recording) else ""
     remedy = (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.timefields import Ints
-from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
+from stemwatch.models.recording import ClockFacts, Floats, Quality
 
 MAX_SAMPLES = 50_000_000
 _GAP = 1.5  # intervals
@@ -77,9 +77,10 @@ def by_exception(ns: Ints) -> bool:
 def interval_ns(ns: Ints) -> float:
     """The clock's interval from the times of OP.
 
-    The median step; where the steps are rounded (33, 33, 34 ms) their mean, so that the grid does
-    not drift away from the samples; of a tag reported by exception its tenth shortest step,
-    rounded to 1, 2 or 5.
+    The mean of the even steps where four digits say it, so that rounded times (4.9999, 5.0001 ms)
+    give the interval they stand for; else the median step, or the mean where a grid of the median
+    would drift half an interval away from the samples (33, 33, 34 ms). Of a tag reported by
+    exception its 10th percentile step, rounded to 1, 2 or 5.
     """
     steps = np.diff(np.unique(ns)).astype(np.float64)
     if by_exception(ns):
@@ -87,6 +88,9 @@ def interval_ns(ns: Ints) -> float:
     median = float(np.median(steps))
     even = steps[steps <= _GAP * median]
     mean = float(even.mean())
+    simple = float(f"{mean:.4g}")
+    if abs(simple - mean) * even.size < 0.05 * median:
+        return simple
     drifts = abs(mean - median) * even.size > 0.5 * median
     return mean if drifts and abs(mean - median) < 0.05 * median else median
 
@@ -211,8 +215,3 @@ def _hold_limit(ns: Ints, own: float, exception: bool) -> float:
     if not exception:
         return _HOLD * own
     return max(_HOLD * own, float(np.percentile(np.diff(np.unique(ns)), 99)))
-
-
-def on_rows(column: Column) -> Bools:
-    """(n,) mask of samples whose value a fit may use."""
-    return np.asarray(column.quality == Quality.GOOD)

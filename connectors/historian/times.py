@@ -115,21 +115,30 @@ def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> 
 
 
 def _relative(numbers: Floats, ok: Bools, header: str, notes: Notes) -> Instants:
-    days = ok & (numbers >= _EXCEL_DAYS[0]) & (numbers <= _EXCEL_DAYS[1])
-    if _DATE_NAME.search(header) and days[ok].all():
+    if _are_excel_days(numbers[ok], header):
         notes.decide(f"The numbers of column {header!r} are Excel days; their zone is not known.")
         ns = np.round((np.where(ok, numbers, 0.0) - _EXCEL_DAYS[0]) * 86_400e3).astype(np.int64)
         zone = "The times are Excel days without a zone."
         return Instants(ns=ns * 1_000_000, ok=ok, known=False, zone=zone)
     unit = _UNIT.search(header)
     scale = _UNIT_NS[unit[1]] if unit else 1e9
-    ok = ok & (np.abs(numbers) * scale < _MAX_SECONDS * 1e9)
+    ok = ok & (np.abs(numbers) < _MAX_SECONDS * 1e9 / scale)
     notes.decide(
         f"The numbers of column {header!r} are {unit[1] if unit else 'seconds'} since a start "
         "that the file does not date."
     )
     ns = np.round(np.where(ok, numbers, 0.0) * scale).astype(np.int64)
     return Instants(ns=ns, ok=ok, known=False, zone="")
+
+
+def _are_excel_days(numbers: Floats, header: str) -> bool:
+    """Day numbers of 1970 to 2100 under a header that names a date, or in steps of minutes."""
+    if not ((numbers >= _EXCEL_DAYS[0]) & (numbers <= _EXCEL_DAYS[1])).all():
+        return False
+    if _DATE_NAME.search(header):
+        return True
+    steps = np.abs(np.diff(numbers))
+    return bool(header.strip().lower() == "time" and steps.size and np.median(steps) < 0.05)
 
 
 def _by_format(

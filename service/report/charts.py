@@ -2,15 +2,18 @@
 
 start      epoch seconds of sample 0, or null where the date is not known
 first,step seconds from sample 0 to the first point, and from point to point
+interval   seconds from sample to sample
 heldout    seconds from sample 0 to the part that no model was fitted to, or null
-panels     [{id, title, unit, summary, series: [{role, label, values}]}], one even clock
-loop       {title, x, y, seconds, op, traces: [{role, label, values}]} or null
+stretch    {from, to, why}, seconds from sample 0: what the plots open on, or null for all
+detail     the samples of the stretch that are drawn one by one, or null where all samples are
+panels     [{id, title, unit, summary, series: [{role, label, values, detail}]}], one even clock
+loop       {title, x, y, seconds, op, traces: [{role, of, label, values}]} or null
 thinned    samples a point stands for, 1 where every sample is drawn
 """
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,12 +22,25 @@ from numpy.typing import NDArray
 from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.service.report.decimate import Grid, lowest_and_highest, telling_samples
+from stemwatch.service.report.pack import packed, packed_indices
+from stemwatch.service.report.stretch import Stretch, typical_stretch
 from stemwatch.service.report.words import figure, printable
 
-# Four digits of what a trace spans: 1/10 pixel of the tallest plot, and half the file size.
-DIGITS_OF_RANGE = 4
+# The loop of a whole record is a cloud with an outline; its stretch is drawn sample by sample.
+LOOP_POINTS = 800
+
+_SIGNALS = (Role.OP, Role.MV, Role.PV)
 
 Chart = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Frame:
+    """At which samples the traces of one recording are drawn: everywhere, and in the stretch."""
+
+    grid: Grid
+    stretch: Stretch | None
+    detail: NDArray[np.intp] | None
 
 
 def chart_of(screening: Screening) -> Chart | None:
@@ -32,45 +48,67 @@ def chart_of(screening: Screening) -> Chart | None:
     recording = screening.recording
     if recording is None or not len(recording) or not np.isfinite(recording.op.values).any():
         return None
-    grid = Grid.of(len(recording))
+    frame = _frame(screening, recording)
+    grid = frame.grid
     heldout = screening.traces.heldout_from
     panels = [
-        _travel(screening, recording, grid),
-        _process(recording, grid),
-        _residuals(screening, recording, grid),
+        _travel(screening, recording, frame),
+        _process(recording, frame),
+        _residuals(screening, recording, frame),
     ]
     return {
         "start": None if recording.start is None else recording.start.timestamp(),
         "first": grid.first * recording.interval_s,
         "step": grid.step * recording.interval_s,
+        "interval": recording.interval_s,
         "heldout": None if heldout is None else heldout * recording.interval_s,
+        "stretch": _stretch(frame.stretch, recording.interval_s),
+        "detail": None if frame.detail is None else packed_indices(frame.detail),
         "panels": [panel for panel in panels if panel is not None],
         "loop": _loop(screening, recording),
         "thinned": grid.bucket,
     }
 
 
-def _travel(screening: Screening, recording: Recording, grid: Grid) -> Chart:
-    series = [_series("op", "OP", recording.op.values, grid)]
+def _frame(screening: Screening, recording: Recording) -> _Frame:
+    grid, stretch = Grid.of(len(recording)), typical_stretch(screening)
+    if stretch is None or grid.bucket == 1:
+        return _Frame(grid=grid, stretch=stretch, detail=None)
+    drawn = [recording.signals[role].values for role in _SIGNALS if role in recording.signals]
+    if screening.traces.stiction is not None:
+        drawn.append(screening.traces.stiction)
+    part = [trace[stretch.first : stretch.last] for trace in drawn]
+    return _Frame(grid=grid, stretch=stretch, detail=stretch.first + telling_samples(part))
+
+
+def _stretch(stretch: Stretch | None, interval_s: float) -> Chart | None:
+    if stretch is None:
+        return None
+    last = (stretch.last - 1) * interval_s
+    return {"from": stretch.first * interval_s, "to": last, "why": stretch.why}
+
+
+def _travel(screening: Screening, recording: Recording, frame: _Frame) -> Chart:
+    series = [_series("op", "OP", recording.op.values, frame)]
     if recording.mv is not None:
-        series.append(_series("mv", "MV", recording.mv.values, grid))
+        series.append(_series("mv", "MV", recording.mv.values, frame))
     if screening.traces.stiction is not None:
         label = "stick-slip model"
-        series.append(_series("stiction", label, screening.traces.stiction, grid))
+        series.append(_series("stiction", label, screening.traces.stiction, frame))
     title = "Controller output and stem" if len(series) > 1 else "Controller output"
     return _panel("travel", title, "%", series)
 
 
-def _process(recording: Recording, grid: Grid) -> Chart | None:
+def _process(recording: Recording, frame: _Frame) -> Chart | None:
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
     shown = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
     if pv is None:
         return None
-    series = [_series(role, role.upper(), signal.values, grid) for role, signal in shown]
+    series = [_series(role, role.upper(), signal.values, frame) for role, signal in shown]
     return _panel("process", "Process", pv.unit, series)
 
 
-def _residuals(screening: Screening, recording: Recording, grid: Grid) -> Chart | None:
+def _residuals(screening: Screening, recording: Recording, frame: _Frame) -> Chart | None:
     mv, traces = recording.mv, screening.traces
     if mv is None:
         return None
@@ -79,7 +117,7 @@ def _residuals(screening: Screening, recording: Recording, grid: Grid) -> Chart 
         ("narx", "MV − NARX network", traces.narx),
     )
     series = [
-        _series(role, label, _difference(mv, simulated), grid)
+        _series(role, label, _difference(mv, simulated), frame)
         for role, label, simulated in models
         if simulated is not None
     ]
@@ -97,9 +135,12 @@ def _difference(mv: Signal, simulated: Floats) -> Floats:
     return np.asarray(mv.values - simulated)
 
 
-def _series(role: str, label: str, values: Floats, grid: Grid) -> Chart:
-    drawn = lowest_and_highest(values, grid)
-    return {"role": role, "label": label, "said": _range(label, drawn), "values": _packed(drawn)}
+def _series(role: str, label: str, values: Floats, frame: _Frame) -> Chart:
+    drawn = lowest_and_highest(values, frame.grid)
+    series = {"role": role, "label": label, "said": _range(label, drawn), "values": packed(drawn)}
+    if frame.detail is not None:
+        series["detail"] = packed(values[frame.detail])
+    return series
 
 
 def _panel(name: str, title: str, unit: str, series: list[Chart]) -> Chart:
@@ -131,43 +172,19 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
     drawn = [op, vertical.values]
     if simulated is not None and name == "MV":
         drawn.append(simulated)
-    picked = telling_samples(drawn)
-    labels = (("recorded", "recorded"), ("stiction", "stick-slip model"))
+    picked = telling_samples(drawn, LOOP_POINTS)
+    labels = (
+        ("recorded", name.lower(), "recorded"),
+        ("stiction", "stiction", "stick-slip model"),
+    )
     return {
         "title": f"{name} against OP",
         "x": "OP, %",
         "y": f"{name}, {printable(vertical.unit)}".rstrip(", "),
-        "seconds": _packed(recording.time_s[picked]),
-        "op": _packed(op[picked]),
+        "seconds": packed(recording.time_s[picked]),
+        "op": packed(op[picked]),
         "traces": [
-            {"role": role, "label": label, "values": _packed(trace[picked])}
-            for (role, label), trace in zip(labels, drawn[1:], strict=False)
+            {"role": role, "of": of, "label": label, "values": packed(trace[picked])}
+            for (role, of, label), trace in zip(labels, drawn[1:], strict=False)
         ],
     }
-
-
-def _packed(values: Floats) -> Chart:
-    """Rounded to what can be seen, as whole steps from sample to sample: half the file's size.
-
-    A value is the sum of ``steps`` up to it, divided by ``per``; null is a gap and adds nothing.
-    """
-    known = np.isfinite(values)
-    places = _places(values[known])
-    whole = np.round(values[known] * 10.0**places).astype(np.int64)
-    steps: list[int | None] = [None] * values.size
-    for place, step in zip(np.flatnonzero(known).tolist(), _steps(whole), strict=True):
-        steps[place] = step
-    return {"per": 10**places, "steps": steps}
-
-
-def _steps(whole: NDArray[np.int64]) -> list[int]:
-    steps: list[int] = np.diff(whole, prepend=0).tolist()
-    return steps
-
-
-def _places(known: Floats) -> int:
-    """Decimals that keep ``DIGITS_OF_RANGE`` digits of the range of ``known``."""
-    if not known.size:
-        return 0
-    size = float(np.ptp(known)) or abs(float(known[0])) or 1.0
-    return min(12, max(0, DIGITS_OF_RANGE - 1 - math.floor(math.log10(size))))

@@ -85,7 +85,7 @@ def test_empty_words_are_missing(open_text, word: str) -> None:
 def test_undecidable_decimal_mark(open_text) -> None:
     """1,234 alone between tabs is not guessed."""
     text = column(["1,234", "2,345"], "\t")
-    with pytest.raises(UnreadableSource, match="say decimal=',' or decimal='.'"):
+    with pytest.raises(UnreadableSource, match=r"say decimal=',' or decimal='\.'"):
         open_text(text).tags()
     assert open_text(text, options=ReadOptions(decimal=",")).read(OP).op.values[0] == 1.234
 
@@ -123,7 +123,8 @@ def test_largest_floats_are_no_values(open_text) -> None:
 def quality_file(codes: list[str], values: list[str] | None = None) -> str:
     values = values or [str(i) for i in range(len(codes))]
     rows = "".join(
-        f"A,2026-01-05T06:00:{i:02d}Z,{v},{c}\n" for i, (c, v) in enumerate(zip(codes, values))
+        f"A,2026-01-05T06:00:{i:02d}Z,{v},{c}\n"
+        for i, (c, v) in enumerate(zip(codes, values, strict=True))
     )
     return "Tag,Time,Value,Quality\n" + rows
 
@@ -225,6 +226,25 @@ def test_stray_quote_spoils_its_own_line_only(open_text) -> None:
     source = open_text(text)
     assert source.read(OP).op.values.tolist() == [float(i) for i in range(9)]
     assert any("line 5: a quotation mark is never closed" in p for p in source.inspect().problems)
+
+
+def test_quoted_line_end_in_a_header(open_text) -> None:
+    """A header cell over two lines is one cell, and line numbers stay those of the file."""
+    source = open_text('t_s,"OP\nof valve",PV\n0,1,2\n1,1\n2,1,2\n3,1,2\n')
+    assert len(source.tags()) == 2
+    assert source.inspect().problems[0].startswith("line 4: 2 cells where 3 were expected")
+
+
+def test_one_row_is_not_enough(open_text) -> None:
+    """A single row of data is refused by that reason."""
+    with pytest.raises(UnreadableSource, match="only one row of data"):
+        open_text("t_s,OP\n0,1\n").tags()
+
+
+def test_excel_days(open_text) -> None:
+    """Times as Excel day numbers keep their durations."""
+    rows = "".join(f"{46035 + i / 1440:.9f},{i}\n" for i in range(9))
+    assert open_text("Time,OP\n" + rows).read(OP).interval_s == pytest.approx(60.0)
 
 
 def test_duplicated_tags_stay_apart(open_text) -> None:

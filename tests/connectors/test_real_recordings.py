@@ -103,7 +103,7 @@ def test_isdb_loops_are_whole(recordings: Path) -> None:
     for loop in loops:
         path = recordings / "isdb" / loop["file"]
         recording = only(path)
-        rows = sum(1 for line in path.open() if line.strip()) - 1
+        rows = sum(bool(line.strip()) for line in path.read_text().splitlines()) - 1
         assert (recording.valve, int(recording.op.usable.sum())) == (loop["loop"], rows)
         assert recording.interval_s == pytest.approx(float(loop["sampling_interval_s"]))
 

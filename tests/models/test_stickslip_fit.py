@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -136,14 +135,19 @@ def test_intervals_hold_the_truth(shape):
 
 
 def test_intervals_hold_at_about_their_rate():
-    """Over drawn sticking valves most 95 % intervals of S hold the simulated S."""
+    """Of drawn sticking valves without positioner most 95 % intervals hold the simulated values."""
     held = []
     for seed, loop in enumerate(draw_sticky(16, 77)):
-        one = simulate_loop(replace(loop, duration_s=1800.0), seed)
+        if loop.valve.positioner_gain > 0.0:
+            continue
+        one = simulate_loop(loop, seed)
         fit = fit_stickslip(one.recording)
-        low, high = interval(bootstrap(fit).S, fit.S)
-        held.append(low <= one.truth.S <= high)
-    assert np.mean(held) >= 0.8
+        draws = bootstrap(fit)
+        for name, value in (("S", fit.S), ("J", fit.J)):
+            low, high = interval(getattr(draws, name), value)
+            held.append(low <= getattr(one.truth, name) <= high)
+    assert len(held) >= 24
+    assert np.mean(held) >= 0.85
 
 
 def test_interval_is_widened_to_its_value():
@@ -160,11 +164,11 @@ def slowed(op, tau_s, delay):
     return np.array(out)
 
 
-def limit_cycle(S, J, tau_s, delay, seed=0):
-    """A command of irregular sweeps, and the stem behind a slow actuator."""
-    rng = np.random.default_rng(seed)
+def swept(S, J, tau_s, delay, reach):
+    """A command of irregular sweeps up to twice ``reach``, and the stem behind a slow actuator."""
+    rng = np.random.default_rng(0)
     turns = np.cumsum(rng.uniform(20.0, 60.0, 80))
-    heights = 50.0 + rng.uniform(0.8, 2.0, 80) * S * np.where(np.arange(80) % 2, 1.0, -1.0)
+    heights = 50.0 + rng.uniform(0.8, 2.0, 80) * reach * np.where(np.arange(80) % 2, 1.0, -1.0)
     op = np.interp(np.arange(1800.0), turns, heights)
     marks = np.zeros(1800, dtype=np.uint8)
     marks[0] = kernel.START
@@ -178,7 +182,7 @@ def limit_cycle(S, J, tau_s, delay, seed=0):
 
 def test_a_hidden_lag_does_not_change_S_and_J():
     """A lag of 4 s and a delay of 3 s mislead S and J alone, and not the fit that is chosen."""
-    fit = fit_stickslip(limit_cycle(3.0, 1.5, 4.0, 3))
+    fit = fit_stickslip(swept(3.0, 1.5, 4.0, 3, reach=3.0))
     assert "both" == fit.hypothesis
     assert abs(fit.naive[at.S_PERCENT] - 3.0) > 1.0
     assert abs(fit.S - 3.0) < 0.15
@@ -188,14 +192,14 @@ def test_a_hidden_lag_does_not_change_S_and_J():
 
 def test_a_slow_healthy_valve_has_a_small_S():
     """An actuator of 5 s and 2 s of dead time reads as friction to S and J alone, and only there."""
-    fit = fit_stickslip(limit_cycle(0.3, 0.0, 5.0, 2))
+    fit = fit_stickslip(swept(0.3, 0.0, 5.0, 2, reach=4.0))
     assert fit.naive[at.S_PERCENT] > 2.0 * fit.S
     assert fit.S < 0.5
 
 
 def test_no_actuator_is_seen_where_there_is_none():
     """Stick-slip alone is not asked to share its record with an actuator."""
-    fit = fit_stickslip(limit_cycle(4.0, 1.0, 1e-3, 0))
+    fit = fit_stickslip(swept(4.0, 1.0, 1e-3, 0, reach=4.0))
     assert "sticking" == fit.hypothesis
     assert abs(fit.S - 4.0) < 0.1
     assert abs(fit.J - 1.0) < 0.1
@@ -245,10 +249,10 @@ def test_holes_and_gaps_leave_S_and_J():
 
 @pytest.mark.parametrize("step", [0.25, 1.0])
 def test_coarse_command_keeps_S(step):
-    """OP recorded in steps of up to 1 % leaves S, which spans several of them."""
+    """OP recorded coarsely leaves S within one of its steps."""
     recording = simulated(5.0, 2.0).recording
     op = np.round(recording.op.values / step) * step
-    assert abs(fit_stickslip(recorded(op, recording.signals[Role.MV].values)).S - 5.0) < 0.4
+    assert abs(fit_stickslip(recorded(op, recording.signals[Role.MV].values)).S - 5.0) < step
 
 
 def test_heldout_part_was_not_fitted():

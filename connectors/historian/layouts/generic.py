@@ -26,7 +26,7 @@ from stemwatch.connectors.historian.structure import (
     is_number,
 )
 from stemwatch.connectors.historian.timegrammar import is_time
-from stemwatch.connectors.historian.wide import Body, table_body, wide_table
+from stemwatch.connectors.historian.wide import table_body, wide_table
 from stemwatch.connectors.historian.words import word_quality
 from stemwatch.models.recording import Quality
 
@@ -127,7 +127,12 @@ def _refuse_text(source: Source, rows: Rows, structure: Structure) -> None:
         not is_number(cell) and not is_time(cell) and word_quality(cell) is Quality.BAD
         for cell in cells
     )
-    if words > 0.1 * len(cells) or len(rows.cells) - structure.first_row < 2:
+    if len(sample) < 2:
+        raise UnreadableSource(
+            f"{source.name}: line {rows.numbers[structure.first_row]}: only one row of data was "
+            "found; at least two are needed to tell the interval"
+        )
+    if words > 0.1 * len(cells):
         raise UnreadableSource(
             f"{source.name}: there is no time column and {words} of {len(cells)} cells are words "
             f"(such as {sample[0][0][:40]!r} in line {rows.numbers[structure.first_row]}); this is "
@@ -135,5 +140,4 @@ def _refuse_text(source: Source, rows: Rows, structure: Structure) -> None:
         )
 
 
-__all__ = ["LAYOUT", "Body", "Generic", "parse_table"]
 LAYOUT = Generic()

@@ -1,0 +1,57 @@
+"""What every network here is: one step of a NARX model, ``y(t) = f(weights, lags)``.
+
+``lags`` are the last axis of a tensor, in the order of ``LAGS``; a network takes those it needs.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from stemwatch.models.recording import Floats
+
+LAGS = ("u(t)", "u(t-1)", "u(t-2)", "y(t-1)", "y(t-2)")
+COMMANDS = 3
+SEEDS = 2  # a run needs y(t-1) and y(t-2)
+
+
+class Step(Protocol):
+    """``weights`` (B, P) of B networks of one form, ``lags`` (B, R, 5), answer (B, R)."""
+
+    def __call__(self, weights: Tensor, lags: Tensor) -> Tensor: ...
+
+
+def run_free(step: Step, weights: Tensor, u: Tensor, y: Tensor, limit: float) -> Tensor:
+    """(B, T, R) free runs of B networks over R inputs, each fed its own output.
+
+    ``u`` and ``y`` (T, R); of ``y`` only the first two samples are used, and are returned as they
+    are. What leaves ``-limit`` to ``limit`` is held there, so that a run which diverges has an
+    error that can be averaged.
+    """
+    runs = [sample.expand(weights.shape[0], -1) for sample in y[:SEEDS]]
+    for t in range(SEEDS, u.shape[0]):
+        commands = torch.stack([u[t], u[t - 1], u[t - 2]], dim=-1).expand(
+            weights.shape[0], -1, COMMANDS
+        )
+        fed_back = torch.stack([runs[-1], runs[-2]], dim=-1)
+        answer = step(weights, torch.cat([commands, fed_back], dim=-1))
+        runs.append(torch.nan_to_num(answer, nan=limit).clamp(-limit, limit))
+    return torch.stack(runs, dim=1)
+
+
+def simulate(
+    step: Step, weights: Floats, inputs: list[Floats], truths: list[Floats], limit: float
+) -> Floats:
+    """(B, inputs, n) free runs over inputs of one length, started from the first two samples."""
+    u, y = (torch.from_numpy(_columns(signals)) for signals in (inputs, truths))
+    with torch.inference_mode():
+        runs = run_free(step, torch.from_numpy(weights), u, y, limit)
+    return runs.transpose(1, 2).contiguous().numpy()
+
+
+def _columns(signals: list[Floats]) -> Floats:
+    import numpy as np
+
+    return np.ascontiguousarray(np.stack(signals, axis=1))

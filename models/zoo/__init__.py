@@ -1,0 +1,1 @@
+"""Stiction models of the literature behind one protocol: simulate, fit, compare."""

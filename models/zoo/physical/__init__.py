@@ -1,0 +1,1 @@
+"""Force balances of a pneumatic spring-and-diaphragm valve, in SI units."""

@@ -1,0 +1,131 @@
+"""Numbers a planner can trend."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models import indicators
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import Indicator, Residual
+from stemwatch.models.plant import Actuator, PlantLoop, Valve, simulate_loop
+from stemwatch.models.plant.loop import Load, LoadKind
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.stickslip.fit import fit_stickslip
+
+
+@cache
+def simulated(lag_s=0.1, dead_time_s=0.0):
+    return simulate_loop(
+        PlantLoop(
+            valve=Valve(S=5.0, J=4.0, actuator=Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)),
+            setpoints=((10.0, 51.3), (400.0, 55.0), (800.0, 47.0), (1200.0, 52.0)),
+            loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
+            duration_s=1800.0,
+        ),
+        2,
+    )
+
+
+@cache
+def of_fit(lag_s=0.1, dead_time_s=0.0) -> dict[str, Indicator]:
+    fit = fit_stickslip(simulated(lag_s, dead_time_s).recording)
+    S, J = (Estimate(value=v, low=0.9 * v, high=1.1 * v, unit="%") for v in (fit.S, fit.J))
+    return {one.name: one for one in indicators.of_fit(fit, S, J)}
+
+
+def named(found) -> dict[str, float]:
+    return {one.name: one.value for one in found}
+
+
+def test_every_indicator_says_what_it_is():
+    """Each has a snake-case name, a finite value, a meaning, and a direction that is worse."""
+    found = [*indicators.of_recording(simulated().recording), *of_fit(2.0, 1.0).values()]
+    names = [one.name for one in found]
+    assert len(names) == len(set(names))
+    for one in found:
+        assert one.name.replace("_", "").isalnum()
+        assert np.isfinite(one.value)
+        assert one.meaning
+        assert one.worse in ("up", "down", "none")
+
+
+def test_movement_of_a_recording():
+    """Swing, reversals and usable share are those of the signal."""
+    t = np.arange(1000.0)
+    op = 50.0 + 5.0 * np.sin(2 * np.pi * t / 100.0)
+    mv = np.where(t < 100, np.nan, op)
+    signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "MV")}
+    found = named(
+        indicators.of_recording(Recording(valve="V", signals=signals, interval_s=1.0))
+    )
+    assert abs(found["op_swing_percent"] - 10.0) < 0.1
+    assert 20.0 == found["op_reversals"]
+    assert 90.0 == found["usable_percent"]
+    assert abs(found["loop_period_s"] - 100.0) < 2.0
+
+
+@pytest.mark.parametrize("op", [[], [50.0], [np.nan] * 100])
+def test_next_to_nothing(op):
+    """No sample, one sample or no number at all give finite indicators."""
+    signals = {Role.OP: Signal.good(np.array(op, dtype=float), "OP")}
+    found = named(indicators.of_recording(Recording(valve="V", signals=signals, interval_s=1.0)))
+    assert 0.0 == found["op_swing_percent"]
+    assert np.isfinite(list(found.values())).all()
+
+
+def test_S_and_J_carry_their_intervals():
+    """S and J are indicators with the interval of their estimates."""
+    S = of_fit()["S_percent"]
+    assert abs(S.value - 5.0) < 0.5
+    assert (0.9 * S.value, 1.1 * S.value) == (S.low, S.high)
+    assert abs(of_fit()["J_percent"].value - 4.0) < 0.5
+
+
+def test_dead_band_and_wear():
+    """The dead band is S - J; slips and travel per hour are those of half an hour, doubled."""
+    found = {name: one.value for name, one in of_fit().items()}
+    assert abs(found["dead_band_percent"] - (found["S_percent"] - found["J_percent"])) < 1e-9
+    assert abs(found["slips_per_hour"] - 2.0 * found["slip_count"]) < 1e-6
+    assert abs(found["travel_per_hour_percent"] - 2.0 * found["travel_percent"]) < 1e-6
+
+
+def test_slips_of_a_sticking_stem():
+    """The slips that are counted are those of the simulated stem, within a tenth."""
+    jumps = np.abs(np.diff(simulated().stem)) > 2.0
+    true = np.sum(jumps[1:] & ~jumps[:-1])
+    assert abs(of_fit()["slip_count"].value - true) <= 0.1 * true
+
+
+def test_actuator_only_where_it_is_asked_for():
+    """Lags and dead time are indicators of a slow actuator, and of no quick one."""
+    assert "lag_rising_s" not in of_fit()
+    slow = of_fit(2.0, 1.0)
+    total = slow["dead_time_s"].value + 0.5 * (
+        slow["lag_rising_s"].value + slow["lag_falling_s"].value
+    )
+    assert 1.5 < total < 4.5
+
+
+def test_residuals():
+    """Each residual that is there becomes rmse, fit and, for a network, one-step error."""
+    residuals = {
+        "stiction": Residual(rmse=0.5, normalised=0.2),
+        "narx": Residual(rmse=0.3, normalised=0.1, one_step=0.05),
+        "baseline": None,
+    }
+    found = named(indicators.of_residuals(residuals, 1.4))
+    assert 0.5 == found["stiction_rmse_percent"]
+    assert 80.0 == found["stiction_fit_percent"]
+    assert "stiction_one_step_rmse_percent" not in found
+    assert 0.05 == found["narx_one_step_rmse_percent"]
+    assert "baseline_rmse_percent" not in found
+    assert 1.4 == found["baseline_ratio"]
+
+
+def test_numbers_that_are_none_are_left_out():
+    """An infinite rmse is no indicator."""
+    residuals = {"narx": Residual(rmse=np.inf, normalised=0.1)}
+    assert "narx_rmse_percent" not in named(indicators.of_residuals(residuals, None))

@@ -1,0 +1,250 @@
+"""From recordings to verdicts: one valve's failure is never another's."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.narx.training import train
+from stemwatch.models.plant import Actuator, PlantLoop, Valve, simulate_loop
+from stemwatch.models.plant.loop import Load, LoadKind
+from stemwatch.models.recording import Provenance, Recording, Role, Signal
+from stemwatch.models.screening import Case, Options, _example, failed, screen
+from stemwatch.models.verdict import Verdict
+
+QUICK = Options(narx=False)
+
+
+@cache
+def plant(S=5.0, J=2.0, lag_s=0.1, dead_time_s=0.0, seed=1) -> Recording:
+    """Half an hour of a flow loop under load, with three set-point steps."""
+    actuator = Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)
+    return simulate_loop(
+        PlantLoop(
+            valve=Valve(S=S, J=J, actuator=actuator),
+            setpoints=((10.0, 51.3), (400.0, 55.0), (800.0, 47.0), (1200.0, 52.0)),
+            loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
+            duration_s=1800.0,
+        ),
+        seed,
+    ).recording
+
+
+def recorded(op, mv=None, *, interval_s=1.0, valve="V") -> Recording:
+    signals = {Role.OP: Signal.good(np.asarray(op, dtype=float), "V.OP")}
+    if mv is not None:
+        signals[Role.MV] = Signal.good(np.asarray(mv, dtype=float), "V.ZT")
+    return Recording(valve=valve, signals=signals, interval_s=interval_s)
+
+
+def quick(*recordings) -> list[Screening]:
+    return screen([Case(recording=one) for one in recordings], QUICK)
+
+
+def consistent(screening):
+    """What every screening must be, whatever it was made of."""
+    for estimate in (screening.S, screening.J):
+        assert (estimate.value is None) != (estimate.reason is None)
+        if estimate.value is not None:
+            assert estimate.low <= estimate.value <= estimate.high
+    numbers = {one.name: (one.value, one.low, one.high) for one in screening.indicators.values()}
+    numbers["S"] = (screening.S.value, screening.S.low, screening.S.high)
+    numbers["J"] = (screening.J.value, screening.J.low, screening.J.high)
+    numbers["more"] = (screening.severity, screening.confidence, screening.seconds)
+    for name, residual in screening.residuals.items():
+        if residual is not None:
+            numbers[name] = (residual.rmse, residual.normalised, residual.one_step)
+    json.dumps(numbers, allow_nan=False)
+    assert {"stiction", "narx", "baseline"} == set(screening.residuals)
+    assert screening.quality.grade in "ABCD"
+    assert 0.0 <= screening.severity <= 100.0
+    assert (screening.confidence is None) == (screening.verdict is Verdict.UNDETERMINED)
+    for sentence in (screening.reason, screening.advice, *screening.still_seen):
+        assert sentence.endswith(".")
+        assert not any(word in sentence.split() for word in ("None", "nan", "inf"))
+    assert "broke down" not in screening.reason
+
+
+def test_no_cases():
+    """Nothing to screen gives nothing."""
+    assert [] == screen([])
+
+
+def test_sticky_and_healthy():
+    """A sticking valve is called sticky with its S and J, a healthy slow one is not."""
+    sticky, healthy = quick(plant(), plant(0.3, 0.0, 2.0, 1.0))
+    consistent(sticky)
+    consistent(healthy)
+    assert Verdict.STICKY is sticky.verdict
+    assert sticky.S.low <= 5.0 <= sticky.S.high
+    assert Verdict.HEALTHY is healthy.verdict
+    assert sticky.severity > healthy.severity
+
+
+def test_traces_lie_on_the_clock():
+    """The simulated positions have the recording's length, and the held-out part begins in it."""
+    one = quick(plant())[0]
+    assert len(one.recording) == one.traces.stiction.size
+    assert one.traces.narx is None
+    assert 0 < one.traces.heldout_from < len(one.recording)
+    assert one.residuals["stiction"].rmse < 1.0
+
+
+def test_order_and_company_do_not_matter():
+    """Each valve gets the same result alone and among others, in the order of the cases."""
+    recordings = [plant(), recorded([50.0]), plant(0.3, 0.0, 2.0, 1.0)]
+    together = quick(*recordings)
+    alone = [quick(one)[0] for one in recordings]
+    assert [a.verdict for a in alone] == [t.verdict for t in together]
+    assert [str(a.S) for a in alone] == [str(t.S) for t in together]
+
+
+def test_a_valve_that_crashes_does_not_stop_the_others():
+    """An error in one valve's science is that valve's result, with its kind and what to do."""
+    broken = plant()
+    broken = replace(broken, signals={**broken.signals, Role.PV: None})
+    first, second = quick(broken, plant())
+    assert Verdict.UNDETERMINED is first.verdict
+    assert "broke down on this recording (AttributeError" in first.reason
+    assert "the other valves are not affected" in first.advice
+    assert first.recording is broken
+    assert Verdict.STICKY is second.verdict
+
+
+def test_unreadable_source():
+    """A source that could not be read becomes a screening with the reader's sentence."""
+    one = failed("FV-1", "no such file.", "Check the path.", Provenance(source="x.csv"))
+    consistent(one)
+    assert "Cannot tell: no such file." == one.reason
+    assert (None, None) == one.window
+    assert 0.0 == one.finite_share()
+
+
+def test_no_position_still_says_something():
+    """Without a position there is no verdict, and what was seen is told."""
+    one = quick(recorded(plant().op.values))[0]
+    consistent(one)
+    assert Verdict.UNDETERMINED is one.verdict
+    assert "there is no valve position" in one.reason
+    assert one.S.reason == one.J.reason
+    assert len(one.still_seen) >= 2
+
+
+def test_no_false_accusation_of_a_reversed_position():
+    """A position that counts the other way is not a sticking valve."""
+    base = plant()
+    mv = 100.0 - base.signals[Role.MV].values
+    assert Verdict.UNDETERMINED is quick(recorded(base.op.values, mv))[0].verdict
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_slow_healthy_valves_are_not_accused(seed):
+    """Lags and dead times of seconds, without friction to speak of, are never called sticky."""
+    one = quick(plant(0.3, 0.05, 1.0 + seed, 0.5 * seed, seed))[0]
+    consistent(one)
+    assert Verdict.STICKY is not one.verdict
+
+
+def network_of(recording: Recording) -> NarxNetwork:
+    return train([_example(recording, 1080)])[0].network
+
+
+def test_baseline_is_compared():
+    """The baseline network follows its own valve, and no longer the valve that began to stick."""
+    healthy = plant(0.3, 0.0, 0.5)
+    network = network_of(healthy)
+    note = "Baseline of May."
+    same, worse = screen(
+        [
+            Case(recording=plant(0.3, 0.0, 0.5, seed=2), baseline=network, baseline_note=note),
+            Case(recording=plant(5.0, 2.0, 0.5, seed=2), baseline=network, baseline_note=note),
+        ],
+        QUICK,
+    )
+    consistent(same)
+    consistent(worse)
+    assert Verdict.HEALTHY is same.verdict
+    assert same.baseline_note.startswith(note)
+    ratio = [one.indicators["baseline_ratio"].value for one in (same, worse)]
+    assert ratio[1] > 3.0 * ratio[0]
+    assert worse.residuals["baseline"].rmse > same.residuals["baseline"].rmse
+
+
+def test_baseline_of_another_interval_is_not_compared():
+    """A baseline that cannot be compared costs nothing but the comparison, and says why."""
+    network = replace(network_of(plant(0.3, 0.0, 0.5)), interval_s=5.0)
+    one = screen([Case(recording=plant(), baseline=network, baseline_note="May.")], QUICK)[0]
+    consistent(one)
+    assert Verdict.STICKY is one.verdict
+    assert one.residuals["baseline"] is None
+    assert "May. Not compared: the baseline network was trained at" in one.baseline_note
+
+
+def test_narx_gives_residual_trace_and_network():
+    """With the network on, its residual, its trace and itself are part of the screening."""
+    one = screen([Case(recording=plant())])[0]
+    consistent(one)
+    assert one.network is not None
+    assert one.residuals["narx"].one_step <= one.residuals["narx"].rmse
+    assert len(one.recording) == one.traces.narx.size
+
+
+parts = st.sampled_from(["constant", "ramp", "walk", "sine", "noise", "huge", "nan", "holed", "op"])
+
+
+@st.composite
+def any_signal(draw, n, op=None):
+    kind = draw(parts)
+    made = np.random.default_rng(draw(st.integers(0, 9)))
+    t = np.arange(float(n))
+    values = {
+        "constant": np.full(n, draw(st.sampled_from([0.0, 50.0, 3.5e-44, -7.0]))),
+        "ramp": t / 10.0,
+        "walk": 50.0 + np.cumsum(made.standard_normal(n)),
+        "sine": 50.0 + 10.0 * np.sin(t / draw(st.sampled_from([0.5, 5.0, 50.0]))),
+        "noise": 50.0 + made.standard_normal(n),
+        "huge": made.standard_normal(n) * 10.0 ** draw(st.sampled_from([3, 30, 300])),
+        "nan": np.full(n, np.nan),
+        "holed": np.where(made.random(n) < 0.2, np.nan, 50.0 + np.sin(t / 9.0) * 8.0),
+        "op": t if op is None else op + 0.1 * made.standard_normal(n),
+    }[kind]
+    if draw(st.booleans()) and n > 3:
+        values = values.copy()
+        values[draw(st.integers(0, n - 1))] = draw(st.sampled_from([np.nan, 0.0, 1e300, -1e300]))
+    return values
+
+
+@st.composite
+def any_recording(draw):
+    n = draw(st.sampled_from([0, 1, 2, 3, 17, 63, 250, 700]))
+    op = draw(any_signal(n))
+    mv = draw(st.none() | any_signal(n, op))
+    return recorded(op, mv, interval_s=draw(st.sampled_from([0.05, 1.0, 60.0])))
+
+
+@settings(max_examples=120, deadline=None)
+@given(any_recording())
+def test_any_recording_gives_a_finite_screening(recording):
+    """Whatever a recording holds, the screening is consistent, finite and without a breakdown."""
+    consistent(quick(recording)[0])
+
+
+@pytest.mark.recordings
+def test_a_real_rate_limited_valve_is_not_sticky(recordings):
+    """S and J alone read 8 % and more out of a healthy valve that closes slowly; the verdict does
+    not fall for it."""
+    frame = pd.read_csv(recordings / "damadics" / "lublin_actuator3_one_hour.csv")
+    one = quick(recorded(frame["LC74_20CV_pct"], frame["LC74_20X_pct"], valve="LC74_20"))[0]
+    consistent(one)
+    assert one.indicators["naive_S_percent"].value > 8.0
+    assert one.S.value < 2.0
+    assert Verdict.STICKY is not one.verdict

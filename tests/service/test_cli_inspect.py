@@ -1,0 +1,148 @@
+"""``stemwatch inspect``: what is understood of an export, and a mapping that can be pasted."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from stemwatch.service.plantfile import load_plant
+
+
+def proposal(text: str) -> str:
+    """The proposed mapping, as a user would copy it."""
+    return text[text.index("[[sources]]") :]
+
+
+def narrow(export: Path, folder: Path) -> Path:
+    """The export's valve as tag, time, value: one row for each sample."""
+    header, _units, *rows = export.read_text(encoding="utf-8").splitlines()
+    tags = header.split(",")[1:]
+    lines = ["TagName,Timestamp,Value,Quality"]
+    for row in rows:
+        time, *cells = row.split(",")
+        lines += [f"{tag},{time},{cell},Good" for tag, cell in zip(tags, cells, strict=True)]
+    path = folder / "narrow.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def german(export: Path, folder: Path) -> Path:
+    """The export as a German spreadsheet saves it: semicolons, decimal commas, cp1252."""
+    text = export.read_text(encoding="utf-8").replace(",", ";").replace(".", ",")
+    path = folder / "deutsch.csv"
+    text = text.replace("FIC-104,", "FIC-104.")  # the dot in a tag is no decimal mark
+    text = text.replace("+01:00", "").replace("t/h", "m³/h").replace("\n", "\r\n")
+    path.write_bytes(text.encode("cp1252"))
+    return path
+
+
+def packed(export: Path, folder: Path) -> Path:
+    """The export with gzip."""
+    path = folder / "historian.csv.gz"
+    path.write_bytes(gzip.compress(export.read_bytes()))
+    return path
+
+
+def as_it_is(export: Path, folder: Path) -> Path:
+    """The wide export itself."""
+    return export
+
+
+@pytest.mark.parametrize("layout", [as_it_is, narrow, german, packed])
+def test_the_proposed_mapping_loads_and_screens(
+    stemwatch, one_valve: Path, tmp_path: Path, layout
+) -> None:
+    """Whatever the layout, the proposed text, pasted as printed, is a plant file that screens."""
+    file = layout(one_valve, tmp_path)
+    seen = stemwatch("inspect", file, "--zone", "Europe/Berlin")
+    assert seen.status == 0, seen.said
+    plant = tmp_path / "plant.toml"
+    plant.write_text(proposal(seen.out), encoding="utf-8")
+
+    loaded = load_plant(plant)
+    assert loaded.problems == ()
+    assert list(loaded.valves) == ["FIC-104"]
+
+    found = tmp_path / "found.json"
+    status = stemwatch(
+        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", found, "--workers", 1
+    )
+    assert status.status == 0, status.said
+    (valve,) = json.loads(found.read_text(encoding="utf-8"))
+    assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
+
+
+def test_the_tables_show_what_was_understood(stemwatch, one_valve: Path) -> None:
+    """Encoding, window, interval, and each tag with role and unit are printed."""
+    outcome = stemwatch("inspect", one_valve)
+    assert outcome.status == 0
+    for fact in ("utf-8", "2026-03-02 06:00:00+00:00", "FIC-104.ZT", "t/h", "900"):
+        assert fact in outcome.said
+
+
+def test_a_tag_named_mv_is_not_guessed(stemwatch, tmp_path: Path) -> None:
+    """A lone MV column is proposed neither as command nor as position, and the text asks."""
+    rows = [
+        f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{50 + k % 7},{20 + k % 5}" for k in range(300)
+    ]
+    file = tmp_path / "loop.csv"
+    file.write_text("\n".join(["Time,FC7.MV,FC7.PV", *rows]), encoding="utf-8")
+    outcome = stemwatch("inspect", file)
+    assert outcome.status == 0
+    assert "Not proposed, because the controller output (OP) is not certain" in outcome.said
+    assert "[[valves]]" not in proposal(outcome.out)
+
+
+def test_json_holds_everything_that_was_found(stemwatch, one_valve: Path, tmp_path: Path) -> None:
+    """--json writes the inspection with every tag and its evidence."""
+    file = tmp_path / "seen.json"
+    outcome = stemwatch("inspect", one_valve, "--json", file)
+    assert outcome.status == 0
+    seen = json.loads(file.read_text(encoding="utf-8"))
+    assert {"OP", "ZT", "PV", "SP", "MODE"} == {t["tag"].split(".")[1] for t in seen["tags"]}
+    assert seen["interval_s"] == 1.0
+    assert seen["start"] == "2026-03-02T06:00:00+00:00"
+
+
+def test_a_redirected_proposal_is_whole_toml(
+    stemwatch_process, one_valve: Path, tmp_path: Path
+) -> None:
+    """In a narrow terminal or a pipe no line of the proposal is cut or wrapped."""
+    deep = tmp_path / ("a folder with a rather long name, as plants have them " * 2).strip()
+    deep.mkdir()
+    file = deep / "export of the whole unit 4711, last week.csv"
+    file.write_bytes(one_valve.read_bytes())
+    outcome = stemwatch_process("inspect", file, env={"COLUMNS": "60"})
+    assert outcome.status == 0, outcome.err
+    mapping = tomllib.loads(proposal(outcome.out))
+    assert str(file) == mapping["sources"][0]["path"]
+
+
+def test_a_file_that_is_no_recording_is_refused(stemwatch, tmp_path: Path) -> None:
+    """A file without a row of numbers ends with 2 and says what was expected."""
+    file = tmp_path / "notes.csv"
+    file.write_text("who,what\nAnna,packing\nBert,seat\n", encoding="utf-8")
+    outcome = stemwatch("inspect", file)
+    assert outcome.status == 2
+    assert "notes.csv" in outcome.said
+    assert "Expected" in outcome.said
+
+
+def test_a_file_that_is_not_there_is_wrong_usage(stemwatch, tmp_path: Path) -> None:
+    """The message names the file."""
+    outcome = stemwatch("inspect", tmp_path / "gone.csv")
+    assert outcome.status == 2
+    assert "there is no file" in outcome.said
+    assert "gone.csv" in outcome.said
+
+
+def test_a_wrong_decimal_mark_is_wrong_usage(stemwatch, one_valve: Path) -> None:
+    """An option that makes no sense ends with 2 and a sentence, not with a traceback."""
+    outcome = stemwatch("inspect", one_valve, "--decimal", "x")
+    assert outcome.status == 2
+    assert "decimal" in outcome.said
+    assert "Traceback" not in outcome.said

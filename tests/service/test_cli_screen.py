@@ -1,0 +1,225 @@
+"""``stemwatch screen``: every way to say what to screen, and what it leaves behind."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PAIR = ("--op", "FIC-104.OP", "--mv", "FIC-104.ZT")
+
+
+@pytest.fixture
+def screened(stemwatch, tmp_path: Path):
+    """Screens with one worker into a folder of its own; gives outcome and contract objects."""
+
+    def screen(*arguments: object) -> tuple[Any, list[dict[str, Any]]]:
+        out = tmp_path / "out"
+        outcome = stemwatch("screen", *arguments, "--out", out, "--workers", 1)
+        file = out / "valves.json"
+        valves = json.loads(file.read_text(encoding="utf-8")) if file.exists() else []
+        return outcome, valves
+
+    return screen
+
+
+def verdicts(valves: list[dict[str, Any]]) -> dict[str, str]:
+    return {valve["valve"]: valve["verdict"] for valve in valves}
+
+
+def test_a_file_with_the_tags_given(screened, one_valve: Path) -> None:
+    """--op and --mv screen one valve; without --valve it has the file's name."""
+    outcome, valves = screened(one_valve, *PAIR)
+    assert outcome.status == 0
+    assert verdicts(valves) == {"historian": "sticky"}
+    assert "sticky historian" in outcome.said
+
+
+def test_pv_sp_mode_and_name_given(screened, one_valve: Path) -> None:
+    """All roles can be named on the command line, and so can the valve."""
+    more = ("--pv", "FIC-104.PV", "--sp", "FIC-104.SP", "--mode", "FIC-104.MODE")
+    outcome, valves = screened(one_valve, *PAIR, *more, "--valve", "Recycle gas")
+    assert outcome.status == 0
+    assert verdicts(valves) == {"Recycle gas": "sticky"}
+
+
+def test_a_file_without_any_tags_given(screened, export: Path) -> None:
+    """Roles that tags leave no doubt about are found, and all valves of the file screened."""
+    outcome, valves = screened(export)
+    assert outcome.status == 0
+    assert verdicts(valves) == {
+        "FIC-104": "sticky",
+        "FIC-113": "undetermined",
+        "FIC-107": "healthy",
+    }
+
+
+def test_a_plant_file_screens_its_own_sources(screened, plant: Path) -> None:
+    """--plant alone screens every valve, worst first, and keeps results beside the plant file."""
+    outcome, valves = screened("--plant", plant)
+    assert outcome.status == 0
+    assert ["sticky", "undetermined", "healthy"] == [valve["verdict"] for valve in valves]
+    assert (plant.parent / "stemwatch.db").is_file()
+    assert "3 valves: 1 sticky, 1 undetermined, 1 healthy" in outcome.said
+
+
+def test_a_plant_file_with_another_export(screened, plant: Path, one_valve: Path) -> None:
+    """With a source given, the plant's tags are looked for in that file."""
+    outcome, valves = screened(one_valve, "--plant", plant)
+    assert outcome.status == 0
+    assert verdicts(valves) == {"FIC-104": "sticky"}
+    assert valves[0]["recording"] == str(one_valve)
+
+
+def test_a_packed_file(screened, one_valve: Path, tmp_path: Path) -> None:
+    """A .gz is read as it is, and the valve's name has neither ending."""
+    file = tmp_path / "unit7.csv.gz"
+    file.write_bytes(gzip.compress(one_valve.read_bytes()))
+    outcome, valves = screened(file, *PAIR)
+    assert outcome.status == 0
+    assert verdicts(valves) == {"unit7": "sticky"}
+
+
+@pytest.fixture
+def folder(one_valve: Path, tmp_path: Path) -> Path:
+    """A folder with two good exports, a broken one and notes."""
+    path = tmp_path / "exports"
+    (path / "older").mkdir(parents=True)
+    shutil.copy(one_valve, path / "monday.csv")
+    shutil.copy(one_valve, path / "older" / "sunday.csv")
+    (path / "cut.csv").write_text("Time,FIC-104.OP,FIC-104.ZT\n", encoding="utf-8")
+    (path / "read me.txt").write_text("Exported by Anna.\n", encoding="utf-8")
+    (path / "picture.png").write_bytes(b"\x89PNG")
+    return path
+
+
+def test_a_folder_with_bad_files_among_good_ones(screened, folder: Path) -> None:
+    """Good files are screened, bad ones reported by name and reason, and the status is 0."""
+    outcome, valves = screened(folder, *PAIR)
+    assert outcome.status == 0
+    assert verdicts(valves) == {"monday": "sticky", "sunday": "sticky"}
+    for name in ("cut.csv", "read me.txt"):
+        assert f"left out: {folder / name}" in outcome.said
+    assert "picture.png" not in outcome.said
+    report = (folder.parent / "out" / "report.html").read_text(encoding="utf-8")
+    assert "cut.csv" in report
+
+
+def test_a_glob(screened, folder: Path) -> None:
+    """A pattern that the shell did not expand names the files it matches and no others."""
+    outcome, valves = screened(folder / "mon*.csv", *PAIR)
+    assert outcome.status == 0
+    assert verdicts(valves) == {"monday": "sticky"}
+
+
+def test_a_bad_file_named_beside_a_good_one(screened, folder: Path) -> None:
+    """A file named by hand is a result with a reason; the good one is screened all the same."""
+    outcome, valves = screened(folder / "cut.csv", folder / "monday.csv", *PAIR)
+    assert outcome.status == 0
+    assert verdicts(valves) == {"monday": "sticky", "cut": "undetermined"}
+    assert "cut.csv" in next(v["reason"] for v in valves if v["valve"] == "cut")
+
+
+def test_an_empty_folder(screened, tmp_path: Path) -> None:
+    """A folder without recordings ends with 2 and says so."""
+    (tmp_path / "empty").mkdir()
+    outcome, _ = screened(tmp_path / "empty")
+    assert outcome.status == 2
+    assert "nothing could be screened" in outcome.said
+
+
+def test_a_source_that_is_not_there(screened, tmp_path: Path) -> None:
+    """A pattern without a file ends with 2, naming it and what would be right."""
+    outcome, _ = screened(tmp_path / "gone*.csv")
+    assert outcome.status == 2
+    assert "gone*.csv: no such file, folder or pattern; expected for example" in outcome.said
+
+
+def test_a_missing_tag_names_the_nearest(screened, one_valve: Path) -> None:
+    """A misspelt tag ends with 2 and proposes what was probably meant."""
+    outcome, _ = screened(one_valve, "--op", "FIC-104.OPP", "--mv", "FIC-104.ZT")
+    assert outcome.status == 2
+    assert "there is no tag 'FIC-104.OPP'" in outcome.said
+    assert "nearest are 'FIC-104.OP'" in outcome.said
+
+
+def test_a_readable_file_without_a_known_command(screened, tmp_path: Path) -> None:
+    """Numbers without a recognisable OP are no failure: status 0, and what to do is said."""
+    rows = [f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{k % 7},{k % 5}" for k in range(300)]
+    file = tmp_path / "tanks.csv"
+    file.write_text("\n".join(["Time,upper,lower", *rows]), encoding="utf-8")
+    outcome, valves = screened(file)
+    assert outcome.status == 0
+    assert verdicts(valves) == {"tanks": "undetermined"}
+    assert "no controller output was recognised" in outcome.said
+    assert "--op" in outcome.said
+    assert "upper" in " ".join(valves[0]["still_seen"])
+
+
+def test_json_is_the_reports_own(screened, export: Path, tmp_path: Path) -> None:
+    """--json writes byte for byte the objects of the report, one for each valve, worst first."""
+    file = tmp_path / "mine.json"
+    outcome, valves = screened(export, "--json", file)
+    assert outcome.status == 0
+    assert valves == json.loads(file.read_text(encoding="utf-8"))
+    assert [1, 1, 1] == [valve["version"] for valve in valves]
+
+
+def test_the_report_is_four_files_that_agree(screened, export: Path, tmp_path: Path) -> None:
+    """HTML, CSV, XLSX and JSON are there, and the CSV ranks as the JSON does."""
+    outcome, valves = screened(export)
+    out = tmp_path / "out"
+    assert outcome.status == 0
+    assert {"report.html", "valves.csv", "valves.xlsx", "valves.json", "stemwatch.db"} <= {
+        path.name for path in out.iterdir()
+    }
+    with (out / "valves.csv").open(encoding="utf-8-sig", newline="") as table:
+        rows = list(csv.DictReader(table))
+    assert [valve["valve"] for valve in valves] == [row["valve"] for row in rows]
+    assert str(out / "report.html") in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("verdict", "status"), [("sticky", 1), ("watch", 0), ("undetermined", 1), ("healthy", 1)]
+)
+def test_findings_count_where_asked(screened, export: Path, verdict: str, status: int) -> None:
+    """--fail-on ends with 1 where a valve has that verdict and with 0 where none has."""
+    outcome, _ = screened(export, "--fail-on", verdict)
+    assert status == outcome.status
+
+
+def test_limits_of_the_plant_file_decide(screened, plant: Path) -> None:
+    """A plant that tolerates much stiction calls the same valve healthy."""
+    limits = "[limits]\nwatch_S_percent = 9.0\nsticky_S_percent = 12.0\n\n"
+    plant.write_text(limits + plant.read_text(encoding="utf-8"), encoding="utf-8")
+    outcome, valves = screened("--plant", plant)
+    assert outcome.status == 0
+    assert verdicts(valves)["FIC-104"] != "sticky"
+
+
+def test_a_mistake_in_the_plant_file_costs_one_valve(screened, plant: Path) -> None:
+    """A valve with a misspelt key is reported with its line; the others are screened."""
+    text = plant.read_text(encoding="utf-8").replace("criticality = 3", "critcality = 3", 1)
+    plant.write_text(text, encoding="utf-8")
+    outcome, valves = screened("--plant", plant)
+    line = text[: text.index("critcality")].count("\n") + 1
+    assert outcome.status == 0
+    assert "critcality" in outcome.err
+    assert f"line {line}" in outcome.said or f":{line}" in outcome.said
+    assert len(valves) >= 2
+
+
+def test_a_valve_whose_tag_is_nowhere_is_reported(screened, plant: Path) -> None:
+    """A valve that no export holds is undetermined with the reason; the rest goes on."""
+    text = plant.read_text(encoding="utf-8").replace('"FIC-107.OP"', '"FIC-777.OP"')
+    plant.write_text(text, encoding="utf-8")
+    outcome, valves = screened("--plant", plant)
+    assert outcome.status == 0
+    assert verdicts(valves)["FIC-104"] == "sticky"
+    reason = next(v["reason"] for v in valves if v["valve"] == "FIC-107")
+    assert "the OP tag FIC-777.OP is in none of the source's files" in reason

@@ -1,0 +1,101 @@
+"""What ``stemwatch screen`` answers to wrong usage, and how it understands a window."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+WRONG = {
+    "nothing to screen": ((), "give a file, a folder or --plant plant.toml"),
+    "position without command": (("x.csv", "--mv", "ZT"), "the controller output is needed: --op"),
+    "no such plant file": (("--plant", "gone.toml"), "there is no file gone.toml"),
+    "not a time": (("x.csv", "--from", "yesterday"), "'yesterday' is not a time; expected ISO"),
+    "not a zone": (("x.csv", "--from", "2026-03-02", "--zone", "CEST"), "'CEST' is not an IANA"),
+    "window backwards": (
+        ("x.csv", "--from", "2026-03-03", "--to", "2026-03-02"),
+        "--from 2026-03-03 00:00:00+00:00 is not before --to 2026-03-02 00:00:00+00:00",
+    ),
+    "no such verdict": (("x.csv", "--fail-on", "broken"), "'broken' is not one of"),
+    "no workers": (("x.csv", "--workers", "0"), "Invalid value for '--workers'"),
+    "no such option": (("x.csv", "--quick"), "No such option"),
+    "no database": (("x.csv", "--db", "oracle://x"), "the store needs SQLite or PostgreSQL"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "says"), WRONG.values(), ids=WRONG.keys())
+def test_wrong_usage_is_told(
+    stemwatch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple, says: str
+) -> None:
+    """Each mistake ends with 2 and a sentence that says what was found and expected."""
+    monkeypatch.chdir(tmp_path)
+    outcome = stemwatch("screen", *arguments)
+    assert outcome.status == 2
+    assert says in outcome.said
+    assert "Traceback" not in outcome.said
+
+
+WINDOWS = {
+    "with an offset": (("--from", "2026-03-02T06:10+00:00", "--to", "2026-03-02T06:20+00:00"), 10),
+    "in another offset": (
+        ("--from", "2026-03-02T07:10+01:00", "--to", "2026-03-02T07:20+01:00"),
+        10,
+    ),
+    "in the zone given": (
+        ("--from", "2026-03-02T07:10", "--to", "2026-03-02T07:20", "--zone", "Europe/Berlin"),
+        10,
+    ),
+    "without any zone, in UTC": (("--from", "2026-03-02T06:10", "--to", "2026-03-02T06:20"), 10),
+    "open at its end": (("--from", "2026-03-02T06:05Z"), 5),
+}
+
+
+@pytest.mark.parametrize(("window", "first"), WINDOWS.values(), ids=WINDOWS.keys())
+def test_a_window_is_what_was_asked_for(
+    stemwatch, export: Path, tmp_path: Path, window: tuple[str, ...], first: int
+) -> None:
+    """--from and --to are instants, whatever zone they are said in."""
+    file = tmp_path / "found.json"
+    outcome = stemwatch(
+        "screen", export, *window, "--out", tmp_path / "out", "--json", file, "--workers", 1
+    )
+    assert outcome.status == 0, outcome.said
+    last = 20 if "--to" in window else 30
+    for valve in json.loads(file.read_text(encoding="utf-8")):
+        assert {
+            "start": f"2026-03-02T06:{first:02}:00+00:00",
+            "end": f"2026-03-02T06:{last:02}:00+00:00",
+        } == valve["window"]
+
+
+def test_a_window_in_the_plants_zone(stemwatch, plant: Path, tmp_path: Path) -> None:
+    """With a plant file, a bare time is the plant's local time."""
+    file = tmp_path / "found.json"
+    outcome = stemwatch(
+        "screen", "--plant", plant, "--from", "2026-03-02T07:15", "--out", tmp_path / "out",
+        "--json", file, "--workers", 1,
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.said
+    starts = {v["window"]["start"] for v in json.loads(file.read_text(encoding="utf-8"))}
+    assert starts == {"2026-03-02T06:15:00+00:00"}
+
+
+def test_a_window_without_samples(stemwatch, export: Path, tmp_path: Path) -> None:
+    """A window outside the export ends with 2 and says what the export holds."""
+    outcome = stemwatch(
+        "screen", export, "--from", "2027-01-01T00:00Z", "--out", tmp_path, "--workers", 1
+    )
+    assert outcome.status == 2
+    assert "2026-03-02" in outcome.said
+
+
+def test_a_window_of_a_file_without_zone(stemwatch, one_valve: Path, tmp_path: Path) -> None:
+    """Times without a zone cannot be cut to a window; the message says to give --zone."""
+    file = tmp_path / "local.csv"
+    file.write_text(one_valve.read_text(encoding="utf-8").replace("+01:00", ""), encoding="utf-8")
+    arguments = ("screen", file, "--from", "2026-03-02T07:05", "--out", tmp_path, "--workers", 1)
+    refused = stemwatch(*arguments)
+    assert refused.status == 2
+    assert "zone" in refused.said
+    assert stemwatch(*arguments, "--zone", "Europe/Berlin").status == 0

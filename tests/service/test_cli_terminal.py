@@ -1,0 +1,118 @@
+"""What a terminal is shown: hostile tags, narrow windows, no colours, progress."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+HOSTILE = {
+    "markup": "[bold red]FIC[/]",
+    "an escape sequence": "FIC\x1b[2J\x1b]0;gone\x07",
+    "a formula": '=HYPERLINK("http://x")',
+    "a page": "<script>alert(1)</script>",
+    "a link": "[link=http://x]FIC[/link]",
+    "an override of direction": "FIC\u202e401",
+    "spaces and umlauts": "Ventil Größe 7 µ",
+}
+
+
+def renamed(export: Path, path: Path, stem: str) -> Path:
+    """The export with ``FIC-104`` in its header replaced."""
+    with export.open(encoding="utf-8", newline="") as source:
+        header, *rows = csv.reader(source)
+    with path.open("w", encoding="utf-8", newline="") as out:
+        writer = csv.writer(out)
+        writer.writerow([cell.replace("FIC-104", stem) for cell in header])
+        writer.writerows(rows)
+    return path
+
+
+@pytest.mark.parametrize("stem", HOSTILE.values(), ids=HOSTILE.keys())
+def test_a_hostile_name_is_shown_and_does_nothing(
+    stemwatch, one_valve: Path, tmp_path: Path, stem: str
+) -> None:
+    """Whatever a valve or its tags are called, it is screened, and no control code gets out."""
+    file = renamed(one_valve, tmp_path / "loop.csv", stem)
+    outcome = stemwatch(
+        "screen", file, "--op", f"{stem}.OP", "--mv", f"{stem}.ZT", "--valve", stem,
+        "--out", tmp_path / "out", "--workers", 1,
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.said
+    (valve,) = json.loads((tmp_path / "out" / "valves.json").read_text(encoding="utf-8"))
+    assert valve["verdict"] == "sticky"
+    assert not set("\x1b\x07\u202e") & set(outcome.out + outcome.err)
+    if stem.isprintable():
+        assert stem in outcome.said
+
+
+def test_inspect_shows_a_hostile_name_and_does_nothing(
+    stemwatch, one_valve: Path, tmp_path: Path
+) -> None:
+    """The tables and the proposed mapping of a file with markup in its tags hold it as text."""
+    file = renamed(one_valve, tmp_path / "loop.csv", HOSTILE["markup"])
+    outcome = stemwatch("inspect", file)
+    assert outcome.status == 0
+    assert "[bold red]FIC[/].OP" in outcome.said
+
+
+@pytest.mark.parametrize("name", ["an escape sequence", "an override of direction"])
+def test_inspect_lets_no_control_code_out(
+    stemwatch, one_valve: Path, tmp_path: Path, name: str
+) -> None:
+    """A tag with a control code does not steer the terminal of whoever inspects the file."""
+    file = renamed(one_valve, tmp_path / "loop.csv", HOSTILE[name])
+    outcome = stemwatch("inspect", file)
+    assert outcome.status == 0
+    assert not set("\x1b\x07\u202e") & set(outcome.out + outcome.err)
+
+
+def test_a_narrow_terminal_without_colours(stemwatch_process, export: Path, tmp_path: Path) -> None:
+    """At 60 columns and with NO_COLOR every valve is still listed, within the width, in plain."""
+    outcome = stemwatch_process(
+        "screen", export, "--out", "r", "--workers", 1,
+        cwd=tmp_path, env={"COLUMNS": "60", "NO_COLOR": "1", "TERM": "xterm"},
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert "\x1b" not in outcome.out + outcome.err
+    for tag in ("FIC-104", "FIC-107", "FIC-113"):
+        assert tag in outcome.said
+    table = [line for line in outcome.out.splitlines() if line[:1] in "┏┃┡│└"]
+    assert table
+    assert max(map(len, table)) <= 60
+
+
+def test_an_old_console_shows_question_marks_instead_of_failing(
+    stemwatch_process, one_valve: Path, tmp_path: Path
+) -> None:
+    """Where the console knows no frames and no umlauts, the run still ends well."""
+    file = renamed(one_valve, tmp_path / "loop.csv", "Größe")
+    outcome = stemwatch_process(
+        "screen", file, "--op", "Größe.OP", "--mv", "Größe.ZT", "--valve", "Größe",
+        "--out", tmp_path / "out", "--workers", 1, env={"PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    assert "Gr??e" in outcome.out
+
+
+def test_progress_counts_valves_and_names_those_that_matter(
+    stemwatch, export: Path, tmp_path: Path
+) -> None:
+    """Progress goes to standard error with done, rate and a line for the sticking valve only."""
+    outcome = stemwatch("screen", export, "--out", tmp_path, "--workers", 1)
+    assert outcome.status == 0
+    assert "3/3" in outcome.err
+    assert "/s" in outcome.err
+    assert "sticky       FIC-104  The stem sticks" in outcome.err
+    assert "FIC-107" not in outcome.err
+    assert "3/3" not in outcome.out
+
+
+def test_reasons_that_are_alike_are_said_once(stemwatch, export: Path, tmp_path: Path) -> None:
+    """Below the summary, valves without a verdict are grouped by their reason."""
+    outcome = stemwatch("screen", export, "--out", tmp_path, "--workers", 1)
+    lines = [line for line in outcome.out.splitlines() if line.startswith("undetermined FIC-113")]
+    assert 1 == len(lines)
+    assert "there is no valve position in this recording" in lines[0]
