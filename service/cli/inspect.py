@@ -46,7 +46,9 @@ def inspect(
     for line in views.inspection_remarks(seen):
         views.out.print(line, highlight=False)
     views.out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
-    mapping = Syntax("", "toml", background_color="default").highlight(seen.plant_toml())
+    mapping = Syntax("", "toml", background_color="default").highlight(
+        views.as_toml_escapes(seen.plant_toml())
+    )
     views.out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
     if json_file is not None:
         text = json.dumps(seen.to_dict(), indent=1, ensure_ascii=False)

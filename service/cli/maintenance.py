@@ -41,4 +41,5 @@ def maintenance(
         ):
             raise typer.BadParameter(f"no valve {valve} in this store", param_hint="VALVE")
         store.record_maintenance(valve, moment, note, who)
-    views.out.print(f"Recorded for {valve} at {moment.isoformat()}: {note}", highlight=False)
+    said = views.escape(f"Recorded for {valve} at {moment.isoformat()}: {note}")
+    views.out.print(said, highlight=False)

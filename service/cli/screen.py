@@ -174,7 +174,11 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         objects = [to_contract(one) for one in views.ranked(result.screenings)]
         text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")
-    views.out.print(f"Report: {result.report.html.resolve()}", highlight=False, soft_wrap=True)
+    views.out.print(
+        f"Report: {views.escape(str(result.report.html.resolve()))}",
+        highlight=False,
+        soft_wrap=True,
+    )
     if not any(one.recording is not None or one.still_seen for one in result.screenings):
         for one in result.screenings[:MOST_REASONS]:
             views.say_error(one.reason)

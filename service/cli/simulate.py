@@ -48,7 +48,7 @@ def simulate(
     views.say(f"Simulating {what.value} loops ...")
     written = write_export(simulated(what, count, seed), out, start=begin, zone=zone)
     for path in (*written.files, written.plant_toml, written.truth_file):
-        views.out.print(str(path), highlight=False, soft_wrap=True)
+        views.out.print(views.escape(str(path)), highlight=False, soft_wrap=True)
 
 
 def simulated(what: What, count: int, seed: int) -> list[SimulatedLoop]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.markup import escape
+from rich.markup import escape as _escape_markup
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -39,7 +40,23 @@ STYLE = {
 ORDER = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
 NAMED = 6  # valves that are named for one reason
+NARROW = 76  # below this only what matters most
 SHOWN = 40  # lines of the summary; the report has all
+
+# Control characters, and the format characters that reverse or hide letters.
+_UNPRINTABLE = re.compile(
+    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
+)
+
+
+def escape(text: str) -> str:
+    """``text`` as the terminal may have it: no markup, and nothing that steers the terminal."""
+    return _escape_markup(_UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", text))
+
+
+def as_toml_escapes(text: str) -> str:
+    """TOML whose control characters and invisible letters are written as its own escapes."""
+    return _UNPRINTABLE.sub(lambda found: f"\\U{ord(found[0]):08x}", text)
 
 
 def say_error(text: str) -> None:
@@ -103,22 +120,25 @@ def ranked(screenings: Sequence[Screening]) -> list[Screening]:
 def summary(screenings: Sequence[Screening]) -> Table:
     """The ranking, worst first."""
     table = Table(title=_counts(screenings), title_justify="left")
-    for name, right in (("", True), ("valve", False), ("verdict", False), ("S, %", True)):
-        table.add_column(name, justify="right" if right else "left")
-    for name, right in (("J, %", True), ("shape", False), ("data", False)):
-        table.add_column(name, justify="right" if right else "left", no_wrap=True)
-    wide = out.width >= WIDE
+    narrow, wide = out.width < NARROW, out.width >= WIDE
+    table.add_column("", justify="right")
+    table.add_column("valve", overflow="fold")  # a name that is cut is no name
+    table.add_column("verdict", no_wrap=True, min_width=len(Verdict.UNDETERMINED))
+    for name in ("S, %", "J, %"):
+        table.add_column(name, justify="right")
+    for name in () if narrow else ("shape", "data"):
+        table.add_column(name, no_wrap=True)
     if wide:  # in a narrow terminal the sentence would stand in a column of single words
         table.add_column("why")
     for rank, one in enumerate(ranked(screenings)[:SHOWN], start=1):
+        more = () if narrow else (one.shape.value if one.shape else "", one.quality.grade)
         table.add_row(
             str(rank),
             escape(one.valve),
             f"[{STYLE[one.verdict]}]{one.verdict.value}[/]",
             _number(one.S),
             _number(one.J),
-            one.shape.value if one.shape else "",
-            one.quality.grade,
+            *more,
             *([escape(one.reason)] if wide else []),
         )
     return table

@@ -64,9 +64,14 @@ var stemwatchAxes = (function () {
   }
 
   // Only the lowest of a stack of plots says the date and the zone.
+  // Room for "08:15" and, where the ticks are closer than a minute, for "08:15:30".
+  function room(u, index, from, to, width) {
+    return (to - from) / width * 56 < 60 ? 74 : 56;
+  }
+
   function time(known, lowest) {
     return axis({
-      incrs: known ? undefined : STEPS, values: known ? (lowest ? dated : undated) : elapsed, space: 56, size: known && lowest ? 42 : 22,
+      incrs: known ? undefined : STEPS, values: known ? (lowest ? dated : undated) : elapsed, space: room, size: known && lowest ? 42 : 22,
       label: lowest ? label(known) : undefined, labelSize: 18
     });
   }
@@ -78,5 +83,13 @@ var stemwatchAxes = (function () {
     };
   }
 
-  return { axis: axis, time: time, moment: moment, colour: colour, tzDate: function (at) { return inZone(at); } };
+  // A span in words, with dates where the record runs over midnight.
+  function between(known, ends, from, to) {
+    var said = moment(known);
+    var dates = known && day(inZone(ends[0])) !== day(inZone(ends[1]));
+    var one = function (at) { return (dates ? day(inZone(at)) + " " : "") + said(null, at); };
+    return one(from) + " to " + one(to);
+  }
+
+  return { axis: axis, time: time, moment: moment, between: between, colour: colour, tzDate: function (at) { return inZone(at); } };
 })();

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from stemwatch.models.findings import Screening
-from stemwatch.service.report.words import figure, finite, span_percent
+from stemwatch.service.report.words import finite, span_percent
 
-# Below a tenth of the sampling interval a time is not seen in samples but guessed between them.
+# Below a tenth of the sampling interval a time is not seen in samples but guessed between them,
+# and below a tenth of a second nobody at a control valve asks.
 LEAST_SHARE_OF_INTERVAL = 0.1
-SMALLEST_TIME_S = 0.05
+SMALLEST_TIME_S = 0.1
+# A stem that crosses its travel in five seconds is no slow one.
+FASTEST_PERCENT_PER_S = 20.0
 ALIKE_SHARE = 0.2  # two directions closer than this are said once
 NAIVE_SHARE = 1 / 3
 SMALLEST_NAIVE_STEP_PERCENT = 0.2
+_NAIVE_SAID = "S and J alone"
 
 
 def beside_friction(screening: Screening) -> str:
@@ -22,11 +26,11 @@ def beside_friction(screening: Screening) -> str:
 def without_them(screening: Screening) -> str:
     """What S and J alone would have read for S, where that differs by more than a third of S."""
     S, naive = finite(screening.S.value), _value(screening, "naive_S_percent")
-    if S is None or naive is None:
+    if S is None or naive is None or _NAIVE_SAID in screening.reason:
         return ""
     if abs(naive - S) <= max(NAIVE_SHARE * S, SMALLEST_NAIVE_STEP_PERCENT):
         return ""
-    return f"S and J alone would have read S {span_percent(naive)} %."
+    return f"{_NAIVE_SAID} would have read S {span_percent(naive)} %."
 
 
 def _value(screening: Screening, name: str) -> float | None:
@@ -46,29 +50,28 @@ def _time(screening: Screening, name: str) -> float | None:
 
 def _late(screening: Screening) -> str:
     dead = _time(screening, "dead_time_s")
-    return "" if dead is None else f"the command arrives {figure(dead, 2)} s late"
+    return "" if dead is None else f"command arrives {dead:.1f} s late"
 
 
 def _lag(screening: Screening) -> str:
     times = _time(screening, "lag_rising_s"), _time(screening, "lag_falling_s")
-    return _two_ways(*times, "s", "the stem follows with a lag of")
+    return _two_ways(*times, "s", "follows with a lag of")
 
 
 def _speed(screening: Screening) -> str:
-    speeds = (
-        _value(screening, "speed_rising_percent_per_s"),
-        _value(screening, "speed_falling_percent_per_s"),
-    )
-    return _two_ways(*speeds, "%/s", "it moves at most")
+    names = ("speed_rising_percent_per_s", "speed_falling_percent_per_s")
+    found = [_value(screening, name) for name in names]
+    slow = [one if one is not None and one <= FASTEST_PERCENT_PER_S else None for one in found]
+    return _two_ways(slow[0], slow[1], "%/s", "moves at most")
 
 
 def _two_ways(rising: float | None, falling: float | None, unit: str, what: str) -> str:
     if rising is None and falling is None:
         return ""
     if rising is None:
-        return f"{what} {figure(falling, 2)} {unit} when position falls"
+        return f"{what} {falling:.1f} {unit} when position falls"
     if falling is None:
-        return f"{what} {figure(rising, 2)} {unit} when position rises"
+        return f"{what} {rising:.1f} {unit} when position rises"
     if abs(rising - falling) <= ALIKE_SHARE * max(rising, falling):
-        return f"{what} {figure((rising + falling) / 2, 2)} {unit}"
-    return f"{what} {figure(rising, 2)} {unit} rising and {figure(falling, 2)} {unit} falling"
+        return f"{what} {(rising + falling) / 2:.1f} {unit}"
+    return f"{what} {rising:.1f} {unit} rising and {falling:.1f} {unit} falling"

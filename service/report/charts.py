@@ -3,6 +3,7 @@
 start      epoch seconds of sample 0, or null where the date is not known
 first,step seconds from sample 0 to the first point, and from point to point
 interval   seconds from sample to sample
+duration   seconds from the first sample to just after the last
 heldout    seconds from sample 0 to the part that no model was fitted to, or null
 stretch    {from, to, why}, seconds from sample 0: what the plots open on, or null for all
 detail     the samples of the stretch that are drawn one by one, or null where all samples are
@@ -61,6 +62,7 @@ def chart_of(screening: Screening) -> Chart | None:
         "first": grid.first * recording.interval_s,
         "step": grid.step * recording.interval_s,
         "interval": recording.interval_s,
+        "duration": recording.duration_s,
         "heldout": None if heldout is None else heldout * recording.interval_s,
         "stretch": _stretch(frame.stretch, recording.interval_s),
         "detail": None if frame.detail is None else packed_indices(frame.detail),

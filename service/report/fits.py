@@ -1,4 +1,4 @@
-"""How far each model's free run stays from MV where it was not fitted, as bars to compare."""
+"""How far each model's free run stays from MV on samples it was not fitted to, as bars."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stemwatch.service.report.words import finite
 MODEL_NAMES = {
     "stiction": "Stick-slip model",
     "narx": "NARX network",
-    "baseline": "Baseline of the healthy valve",
+    "baseline": "Baseline, whole window",
 }
 
 
@@ -30,11 +30,12 @@ def fit_bars(residuals: Mapping[str, Residual | None]) -> list[FitBar]:
     """One bar per model in the order of ``MODEL_NAMES``; empty where no model has a residual."""
     if not any(residuals.get(model) for model in MODEL_NAMES):
         return []
-    return [_bar(model, name, residuals.get(model)) for model, name in MODEL_NAMES.items()]
+    spread = spread_percent(residuals)
+    return [_bar(model, name, residuals.get(model), spread) for model, name in MODEL_NAMES.items()]
 
 
 def spread_percent(residuals: Mapping[str, Residual | None]) -> float | None:
-    """Standard deviation of MV on the held-out part: what a constant would miss it by."""
+    """Standard deviation of MV where the first model is judged: what a constant would miss."""
     for model in MODEL_NAMES:
         residual = residuals.get(model)
         if residual is None:
@@ -45,12 +46,13 @@ def spread_percent(residuals: Mapping[str, Residual | None]) -> float | None:
     return None
 
 
-def _bar(model: str, name: str, residual: Residual | None) -> FitBar:
-    normalised = None if residual is None else finite(residual.normalised)
+def _bar(model: str, name: str, residual: Residual | None, spread: float | None) -> FitBar:
+    rmse = None if residual is None else finite(residual.rmse)
+    share = 0.0 if rmse is None or not spread else rmse / spread
     return FitBar(
         model=model,
         name=name,
-        rmse=None if residual is None else finite(residual.rmse),
+        rmse=rmse,
         fit_percent=None if residual is None else finite(residual.fit_percent),
-        length=0.0 if normalised is None else round(100.0 * min(max(normalised, 0.0), 1.0), 1),
+        length=round(100.0 * min(max(share, 0.0), 1.0), 1),
     )

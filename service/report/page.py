@@ -19,25 +19,30 @@ from markupsafe import Markup
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import words
+from stemwatch.service.report.beside import beside_friction, without_them
 from stemwatch.service.report.charts import Chart, chart_of
 from stemwatch.service.report.context import ReportContext
+from stemwatch.service.report.fits import MODEL_NAMES, fit_bars, spread_percent
 from stemwatch.service.report.gauge import gauge, gauge_top
 from stemwatch.service.report.ranking import RankedValve, count_verdicts
 
 # Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
-# a valve's plots are about 60 KB, and the page must open on a phone.
+# a valve's plots are about 65 KB, and the page must open on a phone.
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
 
 STYLES = ("vendor/uPlot.min.css", "report.css", "print.css")
 EARLY_SCRIPTS = ("theme.js",)
-SCRIPTS = ("ranking.js", "vendor/uPlot.iife.min.js", "axes.js", "charts.js", "plots.js")
-
-MODEL_NAMES = {
-    "stiction": "Stick-slip model",
-    "narx": "NARX network",
-    "baseline": "Baseline of the healthy valve",
-}
+SCRIPTS = (
+    "ranking.js",
+    "vendor/uPlot.iife.min.js",
+    "axes.js",
+    "data.js",
+    "charts.js",
+    "loop.js",
+    "overview.js",
+    "plots.js",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +113,11 @@ def _environment(context: ReportContext) -> Environment:
         "duration": words.duration,
         "finite": words.finite,
         "gauge": gauge,
+        "beside_friction": beside_friction,
+        "without_them": without_them,
+        "fit_bars": fit_bars,
+        "spread_percent": spread_percent,
+        "beyond": words.beyond,
         "sortable": words.sortable,
         "plain": "{:g}".format,
         "prose": words.prose,

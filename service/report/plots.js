@@ -1,66 +1,53 @@
 // When plots are drawn: on coming near the screen, all of them before printing, again in a new theme.
 (function () {
   "use strict";
-  var PRINT_WIDTHS = { travel: 690, process: 410, residual: 410, loop: 266 };
+  var PRINT_WIDTHS = { overview: 690, travel: 690, process: 410, residual: 410, loop: 266 };
   var boxes = Array.prototype.slice.call(document.querySelectorAll("[data-plots]"));
   var drawn = new Map();
   var printing = false;
 
-  function unpack(packed) {
-    var sum = 0;
-    return packed.steps.map(function (step) { return step === null ? null : (sum += step) / packed.per; });
-  }
-
-  function data(box) {
-    var chart = JSON.parse(document.getElementById(box.dataset.plots).textContent);
-    chart.panels.forEach(function (panel) {
-      panel.series.forEach(function (series) { series.values = unpack(series.values); });
-    });
-    if (chart.loop) {
-      chart.loop.seconds = unpack(chart.loop.seconds);
-      chart.loop.op = unpack(chart.loop.op);
-      chart.loop.traces.forEach(function (trace) { trace.values = unpack(trace.values); });
-    }
-    return chart;
+  function read(box) {
+    var chart = stemwatchData.read(box.dataset.plots);
+    var range = stemwatchData.opening(chart) || chart.ends;
+    return { box: box, chart: chart, plots: [], loop: null, overview: null, range: range };
   }
 
   function draw(box) {
-    var before = drawn.get(box);
-    var set = before || { chart: data(box), times: null, plots: [], loop: null, range: null };
-    set.times = set.times || stemwatchCharts.times(set.chart);
+    var set = drawn.get(box) || read(box);
     erase(set);
     drawn.set(box, set);
     // Nothing may follow a zoom until all plots of the valve stand.
     set.settling = true;
-    set.chart.panels.forEach(function (panel, k) { set.plots.push(overTime(box, set, panel, k)); });
-    if (set.chart.loop) set.loop = overOp(box, set);
-    set.settling = false;
-    if (set.range) zoom(set, set.range[0], set.range[1]);
+    set.overview = overview(set);
+    set.chart.panels.forEach(function (panel, k) { set.plots.push(overTime(set, panel, k)); });
+    if (set.chart.loop) set.loop = stemwatchLoop.draw(set.chart, place(set, "loop"), width(set, "loop"), printing);
+    zoom(set, set.range[0], set.range[1]);
   }
 
   function erase(set) {
-    set.plots.forEach(function (plot) { plot.destroy(); });
-    if (set.loop) set.loop.destroy();
+    set.plots.concat(set.loop || [], set.overview || []).forEach(function (plot) { plot.destroy(); });
     set.plots = [];
-    set.loop = null;
+    set.loop = set.overview = null;
   }
 
-  function overTime(box, set, panel, k) {
-    var place = box.querySelector(".plot-" + panel.id);
-    var width = printing ? PRINT_WIDTHS[panel.id] : place.clientWidth;
+  function place(set, name) { return set.box.querySelector(".plot-" + name); }
+
+  function width(set, name) { return printing ? PRINT_WIDTHS[name] : place(set, name).clientWidth; }
+
+  function overview(set) {
+    var shade = stemwatchCharts.shadeHeldOut(set.chart);
+    var moved = function (from, to) { zoom(set, from, to); };
+    return stemwatchOverview.draw(set.chart, place(set, "overview"), width(set, "overview"), printing, set.box.dataset.tag, shade, moved);
+  }
+
+  function overTime(set, panel, k) {
     var last = k === set.chart.panels.length - 1;
-    var options = stemwatchCharts.overTime(set.chart, panel, last, width, printing, function (u, scale) {
+    var options = stemwatchCharts.overTime(set.chart, panel, last, width(set, panel.id), printing, function (u, scale) {
       if (scale === "x" && !set.settling) follow(set, u.scales.x.min, u.scales.x.max);
     });
-    options.cursor.sync.key = box.dataset.plots;
+    options.cursor.sync.key = set.box.dataset.plots;
     var values = panel.series.map(function (series) { return series.values; });
-    return new uPlot(options, [set.times].concat(values), place);
-  }
-
-  function overOp(box, set) {
-    var place = box.querySelector(".plot-loop");
-    var width = printing ? PRINT_WIDTHS.loop : place.clientWidth;
-    return new uPlot(stemwatchCharts.overOp(set.chart, width, printing), stemwatchCharts.loopData(set.chart), place);
+    return new uPlot(options, [set.chart.times].concat(values), place(set, panel.id));
   }
 
   // One plot was zoomed: the others of the valve follow, and the loop shows the same samples.
@@ -71,22 +58,39 @@
     set.plots.forEach(function (plot) {
       if (plot.scales.x.min !== from || plot.scales.x.max !== to) plot.setScale("x", { min: from, max: to });
     });
-    if (set.loop) set.loop.setData(stemwatchCharts.loopData(set.chart, from, to));
+    if (set.loop) set.loop.show(from, to);
+    var said = stemwatchAxes.between(set.chart.start !== null, set.chart.ends, from, to);
+    set.overview.show(from, to, said);
+    tell(set, said);
     // uPlot commits scales in a microtask, so that the echo of the others comes after this call.
     queueMicrotask(function () { queueMicrotask(function () { set.settling = false; }); });
+  }
+
+  function tell(set, said) {
+    var opening = stemwatchData.opening(set.chart), range = set.range, ends = set.chart.ends;
+    var typical = opening && range[0] === opening[0] && range[1] === opening[1];
+    var whole = range[0] <= ends[0] && range[1] >= ends[1];
+    var name = typical ? "A typical stretch: " : whole ? "The whole record: " : "Shown: ";
+    set.box.querySelector(".view b").textContent = name + said + (whole ? "" : " of " + set.box.dataset.duration.replace(/ /g, "\u00a0"));
+    var why = set.box.querySelector(".view span");
+    if (why) why.hidden = !typical;
+    set.box.querySelectorAll("[data-zoom=typical], [data-zoom=all]").forEach(function (button) {
+      button.setAttribute("aria-pressed", button.dataset.zoom === "all" ? whole : Boolean(typical));
+    });
   }
 
   function zoom(set, from, to) { set.settling = false; follow(set, from, to); }
 
   function step(set, how) {
-    var first = set.times[0], last = set.times[set.times.length - 1];
-    var from = set.range ? set.range[0] : first, to = set.range ? set.range[1] : last;
-    var span = to - from, middle = (from + to) / 2;
-    if (how === "in") span = Math.max(span / 2, 4 * set.chart.step);
+    var first = set.chart.ends[0], last = set.chart.ends[1];
+    var opening = stemwatchData.opening(set.chart);
+    if (how === "all") return zoom(set, first, last);
+    if (how === "typical") return zoom(set, opening[0], opening[1]);
+    var span = set.range[1] - set.range[0], middle = (set.range[0] + set.range[1]) / 2;
+    if (how === "in") span = Math.max(span / 2, 4 * set.chart.interval);
     if (how === "out") span = Math.min(span * 2, last - first);
     if (how === "earlier") middle -= span / 2;
     if (how === "later") middle += span / 2;
-    if (how === "all") { span = last - first; middle = (first + last) / 2; }
     middle = Math.min(Math.max(middle, first + span / 2), last - span / 2);
     zoom(set, middle - span / 2, middle + span / 2);
   }

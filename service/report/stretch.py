@@ -110,7 +110,9 @@ def _most_typical(screening: Screening, recording: Recording, found: _Candidates
     length = found.last - found.first
     off = np.abs(length - np.median(length)).astype(np.float64)
     off[(measure < low) | (measure > high)] = np.inf
-    k = int(np.argmin(off))
+    # Of several that are equally ordinary, the middle one: the record's ends are seldom typical.
+    equal = np.flatnonzero(off == off.min())
+    k = int(equal[equal.size // 2])
     why = _why(found, measure[k], float(np.median(measure)), of_model=errors is not None)
     return Stretch(first=int(found.first[k]), last=int(found.last[k]), why=why)
 
@@ -143,12 +145,11 @@ def _swings(recording: Recording, found: _Candidates) -> Floats:
 
 
 def _why(found: _Candidates, here: float, middle: float, *, of_model: bool) -> str:
-    place = ", in the part that no model was fitted to" if found.held_out else ""
-    number = f"{found.first.size} such stretches" if found.first.size > 1 else "the only one"
+    place = " in the held-out part" if found.held_out else ""
     what = "the stick-slip model misses MV by" if of_model else "OP swings over"
     unit = "% rmse" if of_model else "%"
     told = f"Chosen as typical: {found.count} reversals of OP{place}; "
     told += f"{what} {figure(here, 2)} {unit} here"
     if found.first.size == 1:
-        return f"{told} ({number})."
-    return f"{told}, {figure(middle, 2)} % in the middle one of {number}."
+        return f"{told}. There is no other such stretch."
+    return f"{told}, {figure(middle, 2)} % in the middle one of {found.first.size} such stretches."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from datetime import datetime, timedelta, tzinfo
 
 from stemwatch.models.estimate import Estimate
@@ -94,6 +95,12 @@ def instant(when: datetime | None, zone: tzinfo) -> str:
 def prose(text: str) -> str:
     """A sentence whose percent signs stay on the line of their number."""
     return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(text))
+
+
+def beyond(sentences: Iterable[str], said: str) -> list[str]:
+    """Those of ``sentences`` that ``said`` does not already contain, word for word."""
+    known = said.casefold()
+    return [one for one in sentences if one.strip(" .").casefold() not in known]
 
 
 def duration(seconds: float) -> str:

@@ -191,7 +191,7 @@ def test_a_hidden_lag_does_not_change_S_and_J():
 
 
 def test_a_slow_healthy_valve_has_a_small_S():
-    """An actuator of 5 s and 2 s of dead time reads as friction to S and J alone, and only there."""
+    """A lag of 5 s and a dead time of 2 s read as friction to S and J alone, and only there."""
     fit = fit_stickslip(swept(0.3, 0.0, 5.0, 2, reach=4.0))
     assert fit.naive[at.S_PERCENT] > 2.0 * fit.S
     assert fit.S < 0.5

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -71,7 +73,7 @@ def kano(u, S, J, y0):
     """Kano's flow (2004): the state is the input ``us`` at which the stem last stopped."""
     fd = 0.5 * (S - J)
     d, us, stopped, y = 1, y0 + fd, True, [y0]
-    for before, now in zip(u[:-1], u[1:], strict=True):
+    for before, now in pairwise(u):
         if not stopped and (now - before) * d <= 0:
             us, stopped = before, True
         if stopped and -d * (now - us) > S:
@@ -85,7 +87,7 @@ def kano(u, S, J, y0):
 def he(u, fs, fd, y0):
     """He's two-parameter model (2007): a residual force and no moving state."""
     force, y = u[0] - y0, [y0]
-    for before, now in zip(u[:-1], u[1:], strict=True):
+    for before, now in pairwise(u):
         force += now - before
         if abs(force) > fs:
             y.append(now - np.sign(force) * fd)
@@ -106,7 +108,7 @@ def play(u, width, y0):
 def asymmetric(u, S, J, shift, y0):
     """Friction levels larger by ``shift`` upward and smaller by it downward."""
     x, moving, d, y = y0, False, 1, [y0]
-    for before, now in zip(u[:-1], u[1:], strict=True):
+    for before, now in pairwise(u):
         if moving and d * (now - before) <= 0:
             moving = False
         force = now - x
@@ -121,11 +123,8 @@ def asymmetric(u, S, J, shift, y0):
 
 def test_golden_vector():
     """Repeated samples, same-direction restarts and exact ties give the documented positions."""
-    u = np.array(
-        [50, 51, 52, 53, 54, 55, 56, 57, 57, 58, 59, 58, 57, 56, 55, 54, 53, 52, 51, 52, 53, 54]
-        + [55, 56, 57],
-        dtype=float,
-    )
+    u = np.concatenate((np.arange(50.0, 58.0), np.arange(57.0, 60.0), np.arange(58.0, 50.0, -1.0)))
+    u = np.concatenate((u, np.arange(52.0, 58.0)))
     expected = [50.0] * 4 + [52.5, 53.5, 54.5] + [55.5] * 11 + [52.5] * 6 + [55.5]
     assert expected == run(u, 5.0, 2.0, 50.0).tolist()
 
@@ -234,7 +233,9 @@ def test_dead_time_between_samples():
     u = SIGNALS["random walk"]
     between = np.concatenate(([u[0]], 0.75 * u[:-1] + 0.25 * np.concatenate((u[:1], u[:-2]))))
     np.testing.assert_allclose(
-        run(u, 3.0123, 1.0071, u[0], dead_time_s=1.25), run(between, 3.0123, 1.0071, u[0]), atol=1e-9
+        run(u, 3.0123, 1.0071, u[0], dead_time_s=1.25),
+        run(between, 3.0123, 1.0071, u[0]),
+        atol=1e-9,
     )
 
 

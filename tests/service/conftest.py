@@ -8,7 +8,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -114,13 +114,13 @@ def export(small_plant: Path) -> Path:
 
 
 @pytest.fixture
-def plant(small_plant: Path, tmp_path: Path) -> Iterator[Path]:
+def plant(small_plant: Path, tmp_path: Path) -> Path:
     """A plant file of its own, with a database of its own, that names the shared export."""
     text = small_plant.read_text(encoding="utf-8")
     path = tmp_path / "plant.toml"
     export = (small_plant.parent / "export").as_posix()
     path.write_text(text.replace('"export/', f'"{export}/'), encoding="utf-8")
-    yield path
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -37,9 +37,9 @@ def test_an_interrupted_run_leaves_a_usable_database(
     for place in range(96):
         os.link(one_valve, folder / f"valve{place:02}.csv")
     tags = ("--op", "FIC-104.OP", "--mv", "FIC-104.ZT", "--db", f"sqlite:///{database}")
+    more = ("--workers", str(workers), "--out", str(tmp_path / "cut"))
     process = subprocess.Popen(
-        [sys.executable, "-m", "stemwatch.service", "screen", str(folder), *tags]
-        + ["--workers", str(workers), "--out", str(tmp_path / "cut")],
+        [sys.executable, "-m", "stemwatch.service", "screen", str(folder), *tags, *more],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         encoding="utf-8",

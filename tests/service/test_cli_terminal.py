@@ -116,3 +116,13 @@ def test_reasons_that_are_alike_are_said_once(stemwatch, export: Path, tmp_path:
     lines = [line for line in outcome.out.splitlines() if line.startswith("undetermined FIC-113")]
     assert 1 == len(lines)
     assert "there is no valve position in this recording" in lines[0]
+
+
+def test_a_folder_named_like_markup_is_shown_as_it_is(
+    stemwatch, one_valve: Path, tmp_path: Path
+) -> None:
+    """The report's place can be copied from the terminal whatever the folder is called."""
+    out = tmp_path / "[bold]week 12"
+    outcome = stemwatch("screen", one_valve, "--out", out, "--workers", 1)
+    assert outcome.status == 0
+    assert str(out / "report.html") in outcome.out

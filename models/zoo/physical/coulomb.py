@@ -75,16 +75,15 @@ def _interval(
     t, h = 0.0, length
     least = 1e-12 * length
     calm = c[9] / np.sqrt(c[0] / c[1])  # a velocity that the tolerance cannot tell from rest
-    side = 1.0 if v > 0.0 else -1.0
+    side, resting = (1.0 if v > 0.0 else -1.0), v == 0.0
     while length - t > least:
-        if v == 0.0:
-            wait = _rests_for(x, f0 + rate * t, rate, c)
-            t += wait
+        if resting:
+            t += _rests_for(x, f0 + rate * t, rate, c)
             if length - t <= least:
                 break
             net = f0 + rate * t - c[1] * x
             side = 1.0 if net > 0.0 else -1.0
-            h = min(length - t, 1e-3)
+            h, resting = 1e-3, False
         h = min(h, length - t)
         xn, vn, error = _step(x, v, h, f0 + rate * t, rate, side, c)
         if error > 1.0 and h > least:
@@ -100,6 +99,7 @@ def _interval(
             v = 0.0
         if x >= c[8] or x <= c[7]:
             x, v = min(max(x, c[7]), c[8]), 0.0
+        resting = v == 0.0
         h *= min(5.0, 0.9 / np.sqrt(error + 1e-12))
     return x, v
 

@@ -1,0 +1,119 @@
+// The stem against the controller output: the picture in which a sticking valve is recognised.
+var stemwatchLoop = (function () {
+  "use strict";
+  var HEIGHT = 420, PRINT_HEIGHT = 246;
+  // Beyond three stretches the lines of a loop cover one another, and points say more.
+  var MOST_STRETCHES_AS_LINES = 3, MOST_POINTS_AS_LINES = 1600, MOST_MARKED = 500;
+
+  function outline(u, index, ratio, mark) {
+    var xs = u.data[index][0], ys = u.data[index][1], open = false;
+    for (var k = 0; k < xs.length; k++) {
+      if (xs[k] === null || ys[k] === null) { open = false; continue; }
+      mark(u.valToPos(xs[k], "x", true), u.valToPos(ys[k], "y", true), open);
+      open = true;
+    }
+  }
+
+  function dots(u, index, ratio, radius) {
+    var ctx = u.ctx, r = radius * ratio;
+    ctx.beginPath();
+    outline(u, index, ratio, function (x, y) { ctx.rect(x - r, y - r, 2 * r, 2 * r); });
+    ctx.fill();
+  }
+
+  function line(u, index, ratio, width, dash) {
+    var ctx = u.ctx;
+    ctx.beginPath();
+    outline(u, index, ratio, function (x, y, open) { if (open) ctx.lineTo(x, y); else ctx.moveTo(x, y); });
+    ctx.lineWidth = width * ratio;
+    ctx.lineJoin = "round";
+    ctx.setLineDash(dash.map(function (part) { return part * ratio; }));
+    ctx.stroke();
+  }
+
+  // Close by: the recorded loop as a line with its samples, the fitted one dashed over it.
+  // From afar: the samples as points over a pale fitted line.
+  function path(recorded, isNear) {
+    return function (u, index) {
+      var ctx = u.ctx, ratio = uPlot.pxRatio, near = isNear();
+      var stroke = u.series[index].stroke;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+      ctx.clip();
+      ctx.strokeStyle = ctx.fillStyle = typeof stroke === "function" ? stroke(u, index) : stroke;
+      ctx.globalAlpha = near || recorded ? 0.9 : 0.4;
+      if (!recorded) line(u, index, ratio, near ? 2 : 1, near ? [7, 4] : []);
+      if (recorded && near) line(u, index, ratio, 1.25, []);
+      if (recorded && (!near || u.data[index][0].length <= MOST_MARKED)) dots(u, index, ratio, near ? 1.9 : 1.3);
+      ctx.restore();
+      return null;
+    };
+  }
+
+  function ends(lists) {
+    var low = Infinity, high = -Infinity;
+    lists.forEach(function (values) {
+      values.forEach(function (value) {
+        if (value === null) return;
+        if (value < low) low = value;
+        if (value > high) high = value;
+      });
+    });
+    var room = (high - low || 1) * 0.06;
+    return low <= high ? [low - room, high + room] : [0, 100];
+  }
+
+  function facet(which) {
+    return function (u) { return ends(u.data.slice(1).map(function (pair) { return pair[which]; })); };
+  }
+
+  function isRecorded(trace) { return trace.role === "recorded"; }
+
+  function isClose(chart, from, to, count) {
+    if (count > MOST_POINTS_AS_LINES) return false;
+    var whole = chart.ends[1] - chart.ends[0];
+    var stretch = chart.stretch ? chart.stretch.to - chart.stretch.from : whole;
+    return to - from <= MOST_STRETCHES_AS_LINES * stretch;
+  }
+
+  function draw(chart, place, width, printing) {
+    var close = false;
+    var traces = chart.loop.traces;
+
+    function shown(from, to) {
+      var loop = chart.loop;
+      var inside = loop.seconds.map(function (at) { return at >= from && at <= to; });
+      var keep = function (values) { return values.filter(function (_, k) { return inside[k]; }); };
+      var op = keep(loop.op);
+      close = isClose(chart, from, to, op.length);
+      return [null].concat(traces.map(function (trace) { return [op, keep(trace.values)]; }));
+    }
+
+    var plot = new uPlot({
+      mode: 2, width: width, height: printing ? PRINT_HEIGHT : Math.min(HEIGHT, width), padding: [8, 8, 0, 0],
+      cursor: { show: false },
+      scales: { x: { time: false, range: facet(0) }, y: { range: facet(1) } },
+      axes: [
+        stemwatchAxes.axis({ label: chart.loop.x, labelSize: 18, size: 28, space: 50 }),
+        stemwatchAxes.axis({ label: chart.loop.y, labelSize: 18, size: 44, space: 34 })
+      ],
+      series: [{}].concat(traces.map(function (trace) {
+        return {
+          label: trace.label, stroke: stemwatchAxes.colour("trace-" + trace.of), width: 2,
+          dash: isRecorded(trace) ? undefined : [7, 4],
+          paths: path(isRecorded(trace), function () { return close; }),
+          facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }]
+        };
+      })),
+      legend: { show: true, live: false, markers: { dash: function (u, k) { return isRecorded(traces[k - 1]) ? "solid" : "dashed"; } } }
+    }, shown(chart.ends[0], chart.ends[1]), place);
+
+    return {
+      show: function (from, to) { plot.setData(shown(from, to)); },
+      destroy: function () { plot.destroy(); }
+    };
+  }
+
+  return { draw: draw };
+})();
