@@ -56,11 +56,12 @@ help: ## This list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST)
 
 $(VENV)/made:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo 'stemwatch needs \
-	Python 3.11 or later; $(PYTHON) is older or absent. Say which: make PYTHON=python3.12'; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \
+	echo 'stemwatch needs Python 3.11 or later; $(PYTHON) is older or absent.'; \
+	echo 'Say which to use: make PYTHON=python3.12'; exit 1; }
 	@mkdir -p $(VENV)
-	$(call step,Making the environment $(VENV),$(PYTHON) -m venv $(VENV) || { echo 'On Debian and \
-	Ubuntu: apt install python3-venv'; exit 1; })
+	$(call step,Making the environment $(VENV),$(PYTHON) -m venv $(VENV) || \
+	{ echo 'On Debian and Ubuntu: apt install python3-venv'; exit 1; })
 	@touch $@
 
 $(VENV)/can-run: $(VENV)/made $(INPUTS)

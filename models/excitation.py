@@ -51,14 +51,23 @@ def travel(values: Floats, threshold: float) -> float:
     return float(moves[moves >= threshold].sum())
 
 
-def slips(values: Floats, sigma: float) -> int:
-    """Number of jumps: runs of steps beyond ``5 sqrt(2) sigma`` that follow a step within it.
+def slips(mv: Floats, op: Floats, sigma: float) -> int:
+    """Number of jumps of the stem: from rest, and further than the command moved just then.
 
-    A valve that follows smoothly moves by less than this per sample, or without a pause before.
+    A jump is a run of steps beyond ``5 sqrt(2) sigma`` and three times OP's own step, after three
+    samples of rest. A valve that follows a quick command smoothly has none.
     """
-    steps = np.abs(np.diff(values))
-    jump = steps > 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
-    return int(np.sum(jump[1:] & ~jump[:-1]))
+    if mv.size < 5:
+        return 0
+    steps = np.abs(np.diff(mv))
+    noise = 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
+    moved = steps > noise
+    own = np.abs(np.diff(op))
+    # The command may have moved a sample earlier than the stem shows it.
+    own[1:] = np.maximum(own[1:], own[:-1])
+    jump = moved & (steps > 3.0 * own)
+    rested = ~(moved[2:-1] | moved[1:-2] | moved[:-3])
+    return int(np.sum(jump[3:] & rested))
 
 
 def swing(values: Floats) -> float:

@@ -13,6 +13,7 @@ from stemwatch.models.loop import loop_oscillation
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.stickslip import parameters as at
 from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.problem import Problem
 
 
 def _one(
@@ -58,47 +59,40 @@ def of_recording(recording: Recording) -> list[Indicator]:
     return found
 
 
-def of_fit(fit: StickSlipFit, S: Estimate, J: Estimate) -> list[Indicator]:
-    """S, J, what they mean for this loop, and what stood before the stem."""
-    problem = fit.bench.problem
+def of_movement(problem: Problem) -> list[Indicator]:
+    """How the stem moved: jumps, reversals, way, and the noise of its reading."""
     hours = problem.op.size * problem.interval_s / 3600.0
     threshold = max(5.0 * problem.sigma, 0.1)
     far = travel(problem.mv, threshold)
-    count = float(slips(problem.mv, problem.sigma))
-    share = 100.0 * fit.S / problem.swing if problem.swing > 0 else None
+    count = float(slips(problem.mv, problem.op, problem.sigma))
+    turns = float(reversals(problem.mv, threshold).size)
+    return [
+        *_one("slip_count", count, "", "Jumps of the stem from rest"),
+        *_one("slips_per_hour", count / hours, "1/h", "Jumps of the stem per hour"),
+        *_one("mv_reversals", turns, "", "Times the stem turned round"),
+        *_one("travel_percent", far, "%", "Way of the stem, noise left out"),
+        *_one("travel_per_hour_percent", far / hours, "%/h", "Way of the stem per hour"),
+        *_one("position_noise_percent", problem.sigma, "%", "Noise of the position", "none"),
+    ]
+
+
+def of_friction(fit: StickSlipFit, S: Estimate, J: Estimate) -> list[Indicator]:
+    """S, J, what they mean for this loop, and what stood before the stem; nothing without them."""
+    if S.value is None:
+        return []
+    swing_of_op = fit.bench.problem.swing
+    share = 100.0 * fit.S / swing_of_op if swing_of_op > 0 else None
+    naive_S = float(fit.naive[at.S_PERCENT])
+    naive_J = naive_S * float(fit.naive[at.RATIO])
+    zero = float(fit.candidate[at.ZERO])
     found = [
         *_estimated("S_percent", S, "Deadband plus stickband, percent of OP span"),
         *_estimated("J_percent", J, "Slip jump, percent of OP span"),
         *_one("S_of_swing_percent", share, "%", "S in percent of OP's own swing"),
         *_one("dead_band_percent", max(fit.S - fit.J, 0.0), "%", "Dead band, S - J"),
-        *_one("slip_count", count, "", "Jumps of the stem"),
-        *_one("slips_per_hour", count / hours, "1/h", "Jumps of the stem per hour"),
-        *_one(
-            "mv_reversals",
-            float(reversals(problem.mv, threshold).size),
-            "",
-            "Times the stem turned round",
-        ),
-        *_one("travel_percent", far, "%", "Way of the stem, noise left out"),
-        *_one("travel_per_hour_percent", far / hours, "%/h", "Way of the stem per hour"),
-        *_one("naive_S_percent", float(fit.naive[at.S_PERCENT]), "%", "S of S and J alone", "none"),
-        *_one(
-            "naive_J_percent",
-            float(fit.naive[at.S_PERCENT] * fit.naive[at.RATIO]),
-            "%",
-            "J of S and J alone",
-            "none",
-        ),
-        *_one(
-            "position_zero_percent",
-            float(fit.candidate[at.ZERO]),
-            "%",
-            "Position minus OP, at rest",
-            "none",
-        ),
-        *_one(
-            "position_noise_percent", problem.sigma, "%", "Noise of the position reading", "none"
-        ),
+        *_one("naive_S_percent", naive_S, "%", "S of S and J alone", "none"),
+        *_one("naive_J_percent", naive_J, "%", "J of S and J alone", "none"),
+        *_one("position_zero_percent", zero, "%", "Position minus OP, at rest", "none"),
     ]
     return [*found, *(_of_actuator(fit) if fit.hypothesis == "both" else [])]
 

@@ -75,6 +75,7 @@ class Judgement:
     shape: Shape | None = None
     severity: float = 0.0
     confidence: float | None = None
+    numbers_hold: bool = True  # False where S and J describe nothing and must not be shown
 
 
 def shape_of(S: float, J: float) -> Shape:
@@ -196,12 +197,13 @@ def _moved_away(evidence: Evidence, limits: Limits) -> bool:
     return ratio > limits.baseline_ratio_watch and residual.rmse > NEGLIGIBLE_PERCENT
 
 
-def _cannot_tell(reason: str, advice: str) -> Judgement:
+def _cannot_tell(reason: str, advice: str, *, numbers_hold: bool = True) -> Judgement:
     return Judgement(
         verdict=Verdict.UNDETERMINED,
         reason=f"Cannot tell: {reason}.",
         advice=advice,
         severity=20.0,
+        numbers_hold=numbers_hold,
     )
 
 
@@ -218,6 +220,7 @@ def judge(evidence: Evidence, limits: Limits) -> Judgement:
             f"{unexplained}, so S and J would mean nothing",
             "Something else moves this stem (positioner, actuator, air supply, the reading "
             "itself): look at the residual plots, and do a stroke test with small steps.",
+            numbers_hold=False,
         )
     S, low, high = evidence.S.value, evidence.S.low, evidence.S.high
     if S is None or low is None or high is None:

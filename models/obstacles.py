@@ -8,6 +8,7 @@ import numpy as np
 
 from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.forensics import noise_sigma
+from stemwatch.models.kinship import correlation, delayed_correlation, is_copy
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import PERCENT, Recording, Role, Signal
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
@@ -16,6 +17,8 @@ from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
 NOISE_SWING = 6.0
 # A sticking stem may lag by a quarter of a cycle: 256 simulated valves gave 0.1 and above.
 AGAINST = -0.3
+# 140 simulated valves that moved gave 0.37 and above, positions of other valves mostly below 0.3.
+UNRELATED = 0.3
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
 UNIT_REMEDY = "Give its values at 0 % and 100 % (low, high) so that it can be read as percent."
 
@@ -27,17 +30,6 @@ class Obstacle:
     slug: str
     reason: str
     remedy: str
-
-
-def _same_signal(recording: Recording) -> bool:
-    """True where the "position" is OP under another name, sample for sample."""
-    assert recording.mv is not None
-    pairs = recording.usable
-    op, mv = recording.op.values[pairs], recording.mv.values[pairs]
-    if op.size < 10 or swing(op) == 0.0:
-        return False
-    tolerance = 1e-6 * max(swing(op), 1.0)
-    return float(np.mean(np.abs(mv - op) <= tolerance)) > 0.99
 
 
 def position_obstacles(recording: Recording) -> list[Obstacle]:
@@ -52,7 +44,7 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
                 "stroke test: step OP by 1 % up and down and watch for the stem.",
             )
         ]
-    if _same_signal(recording):
+    if is_copy(recording):
         return [
             Obstacle(
                 "position_is_op",
@@ -64,19 +56,9 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
     return _still_obstacles(recording) or _reversed_obstacles(recording)
 
 
-def _correlation(recording: Recording) -> float:
-    """Of OP and position; 0 where one of them does not move."""
-    assert recording.mv is not None
-    pairs = recording.usable
-    op, mv = recording.op.values[pairs], recording.mv.values[pairs]
-    if op.size < 10 or swing(op) == 0.0 or swing(mv) == 0.0:
-        return 0.0
-    return float(np.corrcoef(op, mv)[0, 1])
-
-
 def _reversed_obstacles(recording: Recording) -> list[Obstacle]:
     """A position that runs against OP: a fit would read the whole swing as sticking."""
-    together = _correlation(recording)
+    together = correlation(recording)
     if together > AGAINST:
         return []
     return [
@@ -85,6 +67,21 @@ def _reversed_obstacles(recording: Recording) -> list[Obstacle]:
             f"the position falls when OP rises (correlation {together:.2f}): it counts the other "
             "way, so S and J cannot be read from the two as they are",
             "Give the position's values at 0 % and 100 % of OP (low, high) the other way round.",
+        )
+    ]
+
+
+def foreign_obstacles(recording: Recording) -> list[Obstacle]:
+    """A position that does not go with OP at all: a fit would call it sticking."""
+    together = delayed_correlation(recording)
+    if together >= UNRELATED or swing(recording.op.values) <= 2.0:
+        return []
+    return [
+        Obstacle(
+            "position_unrelated",
+            f"the position does not go with OP (correlation {max(together, 0.0):.2f} at best, up "
+            "to two minutes later): it may be another valve's",
+            "Check which tag is this valve's position; step OP and see whether it answers.",
         )
     ]
 
@@ -133,7 +130,7 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
             )
         ]
     # A position that is sampled too slowly looks like noise as well, but goes with OP.
-    if swing(mv) <= NOISE_SWING * noise_sigma(mv) and abs(_correlation(recording)) < -AGAINST:
+    if swing(mv) <= NOISE_SWING * noise_sigma(mv) and abs(correlation(recording)) < -AGAINST:
         return [
             Obstacle(
                 "position_still",

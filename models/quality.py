@@ -16,6 +16,7 @@ from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
 from stemwatch.models.obstacles import Obstacle as Obstacle
 from stemwatch.models.obstacles import (
+    foreign_obstacles,
     length_obstacles,
     movement_obstacles,
     not_percent,
@@ -128,7 +129,7 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     if not obstacles:
         if runs:
             recording = _mask(recording, Role.MV, runs)
-        obstacles += record_obstacles(frozen, drawn, limits)
+        obstacles += record_obstacles(frozen, drawn, limits) or foreign_obstacles(recording)
     obstacles += length_obstacles(recording, limits)
     obstacles += movement_obstacles(recording, limits)
     remarks = _remarks(recording, frozen, drawn) if len(recording) else []

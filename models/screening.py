@@ -12,9 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from stemwatch.models import indicators
+from stemwatch.models import indicators, residual
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.judge import Evidence, Judgement, judge, undetermined
@@ -133,12 +131,23 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
     trained: list[NarxFit | None] = [None] * len(fitted)
     if not ready or not options.narx:
         return trained
-    from stemwatch.models.narx.training import train  # torch takes two seconds to import
-
     examples = [_example(recording, fit.first_heldout) for _, fit, recording in ready]
-    for (at, _, _), fit in zip(ready, train(examples, options.narx_settings), strict=True):
+    for (at, _, _), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
         trained[at] = fit
     return trained
+
+
+def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[NarxFit]:
+    """All together; where that breaks down, each alone, so that one record costs itself only."""
+    from stemwatch.models.narx.training import train  # torch takes two seconds to import
+
+    try:
+        return train(examples, settings)
+    except Exception as error:  # one valve must not end a plant's run
+        if len(examples) > 1:
+            return [fit for example in examples for fit in _trained([example], settings)]
+        reason = f"the training broke down ({type(error).__name__}: {error})"
+        return [NarxFit(valve=examples[0].valve, reason=reason)]
 
 
 def _example(recording: Recording, train_until: int) -> NarxExample:
@@ -204,67 +213,13 @@ def _without_verdict(one: _Fitted) -> Screening:
     obstacles: tuple[Obstacle, ...] = one.assessment.obstacles
     unknown = Estimate.unknown(obstacles[0].reason, unit=PERCENT)
     residuals: dict[str, Residual | None] = {"stiction": None, "narx": None, "baseline": None}
-    found = indicators.of_recording(one.case.recording)
+    found = indicators.of_recording(one.assessment.recording)
     return _screening(one, undetermined(obstacles), unknown, unknown, residuals, found)
 
 
-def _estimate(draws_of: str, one: _Fitted, value: float) -> Estimate:
-    assert one.sample is not None
-    low, high = interval(getattr(one.sample, draws_of), value)
+def _estimate(draws: Floats, value: float) -> Estimate:
+    low, high = interval(draws, value)
     return Estimate(value=value, low=low, high=high, unit=PERCENT)
-
-
-def _heldout_error(fit: StickSlipFit, *, resynced: bool) -> tuple[Floats, Floats]:
-    """Residual and MV on the scored samples that the model was not fitted to."""
-    problem = fit.bench.problem
-    late = problem.scored & (np.arange(problem.op.size) >= fit.first_heldout)
-    return (problem.mv - fit.heldout(resynced=resynced))[late], problem.mv[late]
-
-
-def _stiction_residual(fit: StickSlipFit, *, resynced: bool) -> Residual | None:
-    """Run of the model fitted to the first part, judged on the rest."""
-    error, mv = _heldout_error(fit, resynced=resynced)
-    if error.size < 10 or float(np.std(mv)) == 0.0:
-        return None
-    rmse = float(np.sqrt(np.mean(error**2)))
-    return Residual(rmse=rmse, normalised=rmse / float(np.std(mv)))
-
-
-def _typical_percent(fit: StickSlipFit) -> float:
-    """100 (1 - median |residual| / median |MV - median MV|): slips that come late do not count."""
-    error, mv = _heldout_error(fit, resynced=True)
-    if error.size < 10:
-        return 0.0
-    usual = float(np.median(np.abs(mv - np.median(mv))))
-    return 100.0 * (1.0 - float(np.median(np.abs(error))) / max(usual, 1e-9))
-
-
-def _narx_residual(network: NarxFit | None) -> Residual | None:
-    if network is None or network.heldout is None:
-        return None
-    held = network.heldout
-    return Residual(rmse=held.rmse, normalised=held.normalised, one_step=held.one_step_rmse)
-
-
-def _baseline_residual(one: _Fitted) -> tuple[Residual | None, float | None, str]:
-    """How the valve's baseline network follows this window, its ratio, and what to say of it."""
-    baseline, recording = one.case.baseline, one.assessment.recording
-    if baseline is None or recording.mv is None:
-        return None, None, one.case.baseline_note
-    from stemwatch.models.narx.baseline import score_baseline
-
-    score = score_baseline(
-        baseline,
-        recording.op.values,
-        recording.mv.values,
-        recording.usable,
-        interval_s=recording.interval_s,
-    )
-    if score.rmse is None or score.ratio is None:
-        return None, None, f"{one.case.baseline_note} Not compared: {score.reason}"
-    spread = float(np.nanstd(np.where(recording.usable, recording.mv.values, np.nan)))
-    residual = Residual(rmse=score.rmse, normalised=score.rmse / max(spread, 1e-9))
-    return residual, score.ratio, one.case.baseline_note
 
 
 def _with_verdict(
@@ -274,12 +229,12 @@ def _with_verdict(
     network: NarxFit | None,
     limits: Limits,
 ) -> Screening:
-    S, J = _estimate("S", one, fit.S), _estimate("J", one, fit.J)
-    baseline, ratio, note = _baseline_residual(one)
+    S, J = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J)
+    compared = residual.of_baseline(one.case.baseline, one.assessment.recording)
     residuals = {
-        "stiction": _stiction_residual(fit, resynced=False),
-        "narx": _narx_residual(network),
-        "baseline": baseline,
+        "stiction": residual.of_stiction(fit, resynced=False),
+        "narx": residual.of_narx(network),
+        "baseline": compared.residual,
     }
     cycle = loop_oscillation(one.case.recording).get(Role.OP)
     evidence = Evidence(
@@ -288,24 +243,28 @@ def _with_verdict(
         S_draws=sample.S,
         friction_mean=fit.of_sticking.mean,
         friction_t=fit.of_sticking.t,
-        following=_stiction_residual(fit, resynced=True),
+        following=residual.of_stiction(fit, resynced=True),
         narx=residuals["narx"],
-        typical_percent=_typical_percent(fit),
+        typical_percent=residual.typical_percent(fit),
         sigma=fit.bench.problem.sigma,
         slow=slowness(fit),
-        baseline=baseline,
-        baseline_ratio=ratio,
+        baseline=compared.residual,
+        baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
     )
+    judgement = judge(evidence, limits)
+    if not judgement.numbers_hold:
+        S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
     found = [
-        *indicators.of_recording(one.case.recording),
-        *indicators.of_fit(fit, S, J),
-        *indicators.of_residuals(residuals, ratio),
+        *indicators.of_recording(one.assessment.recording),
+        *indicators.of_movement(fit.bench.problem),
+        *indicators.of_friction(fit, S, J),
+        *indicators.of_residuals(residuals, compared.ratio),
     ]
-    screening = _screening(one, judge(evidence, limits), S, J, residuals, found)
+    screening = _screening(one, judgement, S, J, residuals, found)
     return replace(
         screening,
-        baseline_note=note,
+        baseline_note=" ".join(filter(None, (one.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
         traces=Traces(
             stiction=fit.heldout(),

@@ -14,7 +14,7 @@ from stemwatch.models.verdict import Shape
 # make each shape plainly; with them the best static map has about the paper's feedforward error.
 AMPLITUDE = 1.0
 SAMPLES_PER_PERIOD = 150
-PERIODS = 10
+PERIODS = 4  # after a first one to forget the start; all are alike
 INTERVAL_S = 1.0
 
 

@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -14,6 +16,7 @@ from stemwatch.models.recording import Floats
 
 LAGS = ("u(t)", "u(t-1)", "u(t-2)", "y(t-1)", "y(t-2)")
 COMMANDS = 3
+LIMIT = 3.0  # of a run, in amplitudes of the sine: twice what any stem here reaches
 SEEDS = 2  # a run needs y(t-1) and y(t-2)
 
 
@@ -23,11 +26,11 @@ class Step(Protocol):
     def __call__(self, weights: Tensor, lags: Tensor) -> Tensor: ...
 
 
-def run_free(step: Step, weights: Tensor, u: Tensor, y: Tensor, limit: float) -> Tensor:
+def run_free(step: Step, weights: Tensor, u: Tensor, y: Tensor) -> Tensor:
     """(B, T, R) free runs of B networks over R inputs, each fed its own output.
 
     ``u`` and ``y`` (T, R); of ``y`` only the first two samples are used, and are returned as they
-    are. What leaves ``-limit`` to ``limit`` is held there, so that a run which diverges has an
+    are. What leaves ``-LIMIT`` to ``LIMIT`` is held there, so that a run which diverges has an
     error that can be averaged.
     """
     runs = [sample.expand(weights.shape[0], -1) for sample in y[:SEEDS]]
@@ -37,21 +40,19 @@ def run_free(step: Step, weights: Tensor, u: Tensor, y: Tensor, limit: float) ->
         )
         fed_back = torch.stack([runs[-1], runs[-2]], dim=-1)
         answer = step(weights, torch.cat([commands, fed_back], dim=-1))
-        runs.append(torch.nan_to_num(answer, nan=limit).clamp(-limit, limit))
+        runs.append(torch.nan_to_num(answer, nan=LIMIT).clamp(-LIMIT, LIMIT))
     return torch.stack(runs, dim=1)
 
 
 def simulate(
-    step: Step, weights: Floats, inputs: list[Floats], truths: list[Floats], limit: float
+    step: Step, weights: Floats, inputs: Sequence[Floats], truths: Sequence[Floats]
 ) -> Floats:
     """(B, inputs, n) free runs over inputs of one length, started from the first two samples."""
     u, y = (torch.from_numpy(_columns(signals)) for signals in (inputs, truths))
     with torch.inference_mode():
-        runs = run_free(step, torch.from_numpy(weights), u, y, limit)
+        runs = run_free(step, torch.from_numpy(weights), u, y)
     return runs.transpose(1, 2).contiguous().numpy()
 
 
-def _columns(signals: list[Floats]) -> Floats:
-    import numpy as np
-
+def _columns(signals: Sequence[Floats]) -> Floats:
     return np.ascontiguousarray(np.stack(signals, axis=1))

@@ -23,7 +23,6 @@ from stemwatch.models.stickslip.parameters import Bounds, bounds, to_kernel
 from stemwatch.models.stickslip.problem import Problem, make_problem
 from stemwatch.models.stickslip.search import Found, Loss, best_of, refine
 
-TRAIN_SHARE = 0.6  # the first part of the record is fitted, the rest only judged
 SEED = 20051
 # A richer hypothesis must lower the held-out loss, block by block. S and J are at stake, not a name
 # for what is hidden, so the limits are looser than those for naming an effect: taking ``both``
@@ -325,7 +324,7 @@ def fit_stickslip(recording: Recording) -> StickSlipFit:
     if not problem.scored.any():
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
     bench, base = _first_bench(problem)
-    train = problem.blocks_before(TRAIN_SHARE)
+    train = problem.training_blocks()
     bench = _resticking(bench, base, train)
     trained = _fit_all(bench, train, base)
     names = list(trained)

@@ -16,6 +16,9 @@ from stemwatch.models.stickslip import kernel
 BLOCK_S = 90.0
 BLOCK_SAMPLES = 40
 MIN_BLOCKS = 8
+TRAIN_SHARE = 0.6  # of the record: the first part is fitted, the rest only judged
+TRAIN_WAY = (0.3, 0.9)  # of OP's way must lie in the first part
+TRAIN_LEAST = 0.2  # of the record on either side of the split
 # After a restart the stem's history is unknown until it has slipped once; nothing is scored there.
 WARM_UP_S = 30.0
 LONGEST_BRIDGE_SAMPLES = 3  # a longer hole restarts the free run
@@ -78,9 +81,20 @@ class Problem:
         kernel.simulate(self.op, self.mv, marks, self.interval_s, q, out)
         return out
 
-    def blocks_before(self, share: float) -> Bools:
-        """(n_blocks,) True for the blocks within the first ``share`` of the record."""
-        return np.arange(self.n_blocks) < round(share * self.n_blocks)
+    def training_blocks(self) -> Bools:
+        """(n_blocks,) True for the first 60 % of the record, which is fitted; the rest judges.
+
+        Where OP makes less than 30 or more than 90 % of its way there, the split is where it has
+        made 60 %: a stretch in which nothing moves neither teaches nor judges.
+        """
+        way = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.op)))))
+        made = way[round(TRAIN_SHARE * (self.op.size - 1))] / max(way[-1], 1e-12)
+        share = TRAIN_SHARE
+        if not TRAIN_WAY[0] <= made <= TRAIN_WAY[1]:
+            share = float(np.searchsorted(way, TRAIN_SHARE * way[-1])) / self.op.size
+        least = round(TRAIN_LEAST * self.n_blocks)
+        blocks = min(max(round(share * self.n_blocks), least), self.n_blocks - least)
+        return np.arange(self.n_blocks) < blocks
 
 
 def _bridge(values: Floats, usable: Bools) -> Floats:

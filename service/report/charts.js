@@ -3,7 +3,7 @@ var stemwatchCharts = (function () {
   "use strict";
   var HEIGHTS = { travel: 240, process: 150, residual: 150 };
   var LOWEST_EXTRA = 38; // the date and the zone below the lowest plot
-  var PRINT_HEIGHTS = { travel: 172, process: 104, residual: 104 };
+  var PRINT_HEIGHTS = { travel: 156, process: 98, residual: 98 };
   var STYLES = {
     op: { width: 1.25 }, mv: { width: 1.75 }, stiction: { width: 1.5, dash: [6, 3] },
     narx: { width: 1.25, dash: [2, 3] }, pv: { width: 1.5 }, sp: { width: 1.25, dash: [6, 4] }
@@ -63,7 +63,7 @@ var stemwatchCharts = (function () {
   function overTime(chart, panel, last, width, printing, onZoom) {
     var known = chart.start !== null;
     return {
-      width: width, height: (printing ? PRINT_HEIGHTS : HEIGHTS)[panel.id] + (last ? LOWEST_EXTRA : 0), padding: [8, 8, 0, 0],
+      width: width, height: (printing ? PRINT_HEIGHTS : HEIGHTS)[panel.id] + (last ? LOWEST_EXTRA : 0), padding: [8, 20, 0, 0],
       tzDate: stemwatchAxes.tzDate,
       scales: { x: { time: known } },
       cursor: { sync: { key: "" }, drag: { x: true, y: false, uni: 20 }, points: { size: 6 } },

@@ -22,7 +22,12 @@ from numpy.typing import NDArray
 
 from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Floats, Recording, Role, Signal
-from stemwatch.service.report.decimate import Grid, lowest_and_highest, telling_samples
+from stemwatch.service.report.decimate import (
+    Grid,
+    bucket_of,
+    lowest_and_highest,
+    telling_samples,
+)
 from stemwatch.service.report.pack import packed, packed_indices
 from stemwatch.service.report.stretch import Stretch, typical_stretch
 from stemwatch.service.report.words import figure, printable
@@ -80,6 +85,8 @@ def _frame(screening: Screening, recording: Recording) -> _Frame:
     if screening.traces.stiction is not None:
         drawn.append(screening.traces.stiction)
     part = [trace[stretch.first : stretch.last] for trace in drawn]
+    if bucket_of(part[0].size, len(part)) >= grid.bucket:
+        return _Frame(grid=grid, stretch=stretch, detail=None)
     return _Frame(grid=grid, stretch=stretch, detail=stretch.first + telling_samples(part))
 
 

@@ -62,9 +62,9 @@ def telling_samples(traces: list[Floats], points: int = POINTS) -> NDArray[np.in
     ``points`` indices.
     """
     samples = traces[0].size
-    if samples <= points:
+    bucket = bucket_of(samples, len(traces), points)
+    if bucket == 1:
         return np.arange(samples)
-    bucket = -(-samples // max(1, points // (2 * len(traces))))
     picked = []
     for trace in traces:
         buckets = _buckets(trace, bucket)
@@ -72,6 +72,13 @@ def telling_samples(traces: list[Floats], points: int = POINTS) -> NDArray[np.in
         picked.append((_extremes(buckets) + offsets).ravel())
     every = np.unique(np.concatenate(picked))
     return every[every < samples]
+
+
+def bucket_of(samples: int, traces: int, points: int = POINTS) -> int:
+    """Samples a bucket of ``telling_samples`` holds; 1 where every sample is kept."""
+    if samples <= points:
+        return 1
+    return -(-samples // max(1, points // (2 * traces)))
 
 
 def _buckets(values: Floats, bucket: int) -> Floats:

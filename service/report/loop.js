@@ -1,9 +1,11 @@
 // The stem against the controller output: the picture in which a sticking valve is recognised.
 var stemwatchLoop = (function () {
   "use strict";
-  var HEIGHT = 420, PRINT_HEIGHT = 246;
+  var HEIGHT = 420, PRINT_HEIGHT = 236;
   // Beyond three stretches the lines of a loop cover one another, and points say more.
   var MOST_STRETCHES_AS_LINES = 3, MOST_POINTS_AS_LINES = 1600, MOST_MARKED = 500;
+
+  var DASH = [7, 4];
 
   function outline(u, index, ratio, mark) {
     var xs = u.data[index][0], ys = u.data[index][1], open = false;
@@ -32,7 +34,7 @@ var stemwatchLoop = (function () {
   }
 
   // Close by: the recorded loop as a line with its samples, the fitted one dashed over it.
-  // From afar: the samples as points over a pale fitted line.
+  // From afar: the thinned samples of both as points, since lines between them would cross the loop.
   function path(recorded, isNear) {
     return function (u, index) {
       var ctx = u.ctx, ratio = uPlot.pxRatio, near = isNear();
@@ -42,10 +44,9 @@ var stemwatchLoop = (function () {
       ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
       ctx.clip();
       ctx.strokeStyle = ctx.fillStyle = typeof stroke === "function" ? stroke(u, index) : stroke;
-      ctx.globalAlpha = near || recorded ? 0.9 : 0.4;
-      if (!recorded) line(u, index, ratio, near ? 2 : 1, near ? [7, 4] : []);
-      if (recorded && near) line(u, index, ratio, 1.25, []);
-      if (recorded && (!near || u.data[index][0].length <= MOST_MARKED)) dots(u, index, ratio, near ? 1.9 : 1.3);
+      ctx.globalAlpha = near || recorded ? 0.9 : 0.6;
+      if (near) line(u, index, ratio, recorded ? 1.25 : 2, recorded ? [] : DASH);
+      if (!near || recorded && u.data[index][0].length <= MOST_MARKED) dots(u, index, ratio, near ? 1.9 : 1.3);
       ctx.restore();
       return null;
     };
@@ -101,7 +102,7 @@ var stemwatchLoop = (function () {
       series: [{}].concat(traces.map(function (trace) {
         return {
           label: trace.label, stroke: stemwatchAxes.colour("trace-" + trace.of), width: 2,
-          dash: isRecorded(trace) ? undefined : [7, 4],
+          dash: isRecorded(trace) ? undefined : DASH,
           paths: path(isRecorded(trace), function () { return close; }),
           facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }]
         };

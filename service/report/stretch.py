@@ -120,7 +120,7 @@ def _most_typical(screening: Screening, recording: Recording, found: _Candidates
 def _errors(screening: Screening, recording: Recording, found: _Candidates) -> Floats | None:
     """Rmse of MV less the stick-slip model on each candidate; NaN where too much is missing."""
     mv, simulated = recording.mv, screening.traces.stiction
-    if mv is None or simulated is None:
+    if mv is None or simulated is None or simulated.shape != mv.values.shape:
         return None
     square = (mv.values - simulated) ** 2
     known = np.isfinite(square)

@@ -29,11 +29,15 @@ def simulated(lag_s=0.1, dead_time_s=0.0, S=5.0, J=4.0):
     )
 
 
+def all_of(fit, S, J):
+    return [*indicators.of_movement(fit.bench.problem), *indicators.of_friction(fit, S, J)]
+
+
 @cache
 def of_fit(*valve) -> dict[str, Indicator]:
     fit = fit_stickslip(simulated(*valve).recording)
     S, J = (Estimate(value=v, low=0.9 * v, high=1.1 * v, unit="%") for v in (fit.S, fit.J))
-    return {one.name: one for one in indicators.of_fit(fit, S, J)}
+    return {one.name: one for one in all_of(fit, S, J)}
 
 
 def named(found) -> dict[str, float]:

@@ -1,10 +1,10 @@
 """Kernel of a stem on bristles: LuGre friction, and Dahl's as its special case.
 
 ``g(v) = (Fc + (Fs - Fc) exp(-(v/vs)^2))/s0``, ``z' = v - |v| z/g``, ``Ff = s0 z + s1 z' + Fv v``.
-Dahl's is LuGre with Fs = Fc and s1 = 0. The bristles are thousands of times stiffer than the spring;
-position, velocity and deflection are therefore advanced together by the linearly implicit Euler
-rule, a full step against two half steps, extrapolated to second order, with the step controlled by
-their difference. The 3 by 3 system is solved in closed form.
+Dahl's is LuGre with Fs = Fc and s1 = 0. The bristles are more than a hundred times stiffer than the
+spring; position, velocity and deflection are therefore advanced together by the linearly implicit
+Euler rule, a full step against two half steps, extrapolated to second order, with the step
+controlled by their difference. The 3 by 3 system is solved in closed form.
 
 Order of ``c`` (11,): mass, spring rate, static level, kinetic level, viscous coefficient, Stribeck
 speed, bristle stiffness, bristle damping, tolerance of position (m), force at u = 0, force per

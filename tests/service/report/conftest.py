@@ -170,7 +170,8 @@ def without_mv(valve: str) -> Screening:
     """A valve whose stem position nobody records."""
     whole = screening(valve, Verdict.UNDETERMINED, S=3.0, J=1.0, seed=5)
     assert whole.recording is not None
-    signals = {role: one for role, one in whole.recording.signals.items() if role is not Role.MV}
+    signals: dict[Role, Signal] = dict(whole.recording.signals)
+    del signals[Role.MV]
     return replace(whole, recording=replace(whole.recording, signals=signals))
 
 

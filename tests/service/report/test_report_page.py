@@ -110,7 +110,7 @@ def test_all_that_is_said_of_a_valve_stands_in_the_page(make_screening, make_con
     for said in ("5.20", "4.78 to 5.72", "MV was told by the tag mapping.", "reversals_per_h"):
         assert said in text
     assert valves[0].provenance.digest in text
-    assert "Not known: OP moved less than 0.5 %" in text
+    assert "S and J are not known: OP moved less than 0.5 %." in text
 
 
 def test_without_scripts_a_sentence_says_what_is_missing(page):

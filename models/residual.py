@@ -1,0 +1,83 @@
+"""What each model leaves unexplained on samples that it was not fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.findings import Residual
+from stemwatch.models.narx.example import NarxFit
+from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.stickslip.fit import StickSlipFit
+
+FEWEST = 10  # samples that make a residual
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """The baseline network on a later window: residual and ratio, or the reason for none."""
+
+    residual: Residual | None = None
+    ratio: float | None = None
+    reason: str = ""
+
+
+def _heldout(fit: StickSlipFit, *, resynced: bool) -> tuple[Floats, Floats]:
+    """Residual and MV on the scored samples that the model was not fitted to."""
+    problem = fit.bench.problem
+    late = problem.scored & (np.arange(problem.op.size) >= fit.first_heldout)
+    return (problem.mv - fit.heldout(resynced=resynced))[late], problem.mv[late]
+
+
+def of_stiction(fit: StickSlipFit, *, resynced: bool) -> Residual | None:
+    """The model fitted to the first part, judged on the rest; ``None`` where MV rests there.
+
+    ``resynced``: the resting stem is put right at the start of each block of time, as in the fit.
+    """
+    error, mv = _heldout(fit, resynced=resynced)
+    if error.size < FEWEST or float(np.std(mv)) == 0.0:
+        return None
+    rmse = float(np.sqrt(np.mean(error**2)))
+    return Residual(rmse=rmse, normalised=rmse / float(np.std(mv)))
+
+
+def typical_percent(fit: StickSlipFit) -> float:
+    """100 (1 - median |residual| / median |MV - median MV|): slips that come late do not count."""
+    error, mv = _heldout(fit, resynced=True)
+    if error.size < FEWEST:
+        return 0.0
+    usual = float(np.median(np.abs(mv - np.median(mv))))
+    return 100.0 * (1.0 - float(np.median(np.abs(error))) / max(usual, 1e-9))
+
+
+def of_narx(network: NarxFit | None) -> Residual | None:
+    """The network's free run on the held-out part."""
+    if network is None or network.heldout is None:
+        return None
+    held = network.heldout
+    return Residual(rmse=held.rmse, normalised=held.normalised, one_step=held.one_step_rmse)
+
+
+def of_baseline(baseline: NarxNetwork | None, recording: Recording) -> Compared:
+    """How the valve's baseline network follows this window, restarted every 100 samples."""
+    if baseline is None or recording.mv is None:
+        return Compared()
+    from stemwatch.models.narx.baseline import score_baseline
+
+    try:
+        score = score_baseline(
+            baseline,
+            recording.op.values,
+            recording.mv.values,
+            recording.usable,
+            interval_s=recording.interval_s,
+        )
+    except (ValueError, ArithmeticError) as error:  # a damaged baseline must not cost the verdict
+        return Compared(reason=f"Not compared: {error}.")
+    if score.rmse is None or score.ratio is None:
+        return Compared(reason=f"Not compared: {score.reason}.")
+    spread = float(np.nanstd(np.where(recording.usable, recording.mv.values, np.nan)))
+    residual = Residual(rmse=score.rmse, normalised=score.rmse / max(spread, 1e-9))
+    return Compared(residual=residual, ratio=score.ratio)

@@ -1,0 +1,198 @@
+"""``fit_model``: the same fit, and the same marks, for every model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.problem import Problem, make_problem
+from stemwatch.models.zoo.interval import intervals
+from stemwatch.models.zoo.model import ValveModel
+from stemwatch.models.zoo.scores import Score, score
+from stemwatch.models.zoo.search import QUICK, SLOW, Cube, Effort, loss_over, search
+
+LEAST_SAMPLES = 100  # scored samples of the training part
+AT_BOUND = 0.002  # share of a parameter's range within which it counts as being at its end
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFit:
+    """A model fitted to the samples before ``train_until``, or the reason why it could not be.
+
+    ``parameters`` by name, with 95 % intervals where a simulation is cheap. ``values`` (k,) are the
+    same numbers in the model's order, ``zero`` what the position reads where the stem is at 0,
+    percent. ``simulated`` (n,) is the free run over the whole record, started from the measurement
+    at its beginning, after each hole and at ``train_until``; NaN where nothing could be run.
+    ``outcome`` is empty, or a sentence: why there is no fit, or what to doubt about the one there
+    is.
+    """
+
+    model: str
+    parameters: Mapping[str, Estimate]
+    values: Floats | None = None
+    zero: float = 0.0
+    simulated: Floats | None = None
+    training: Score | None = None
+    heldout: Score | None = None
+    seconds: float = 0.0
+    outcome: str = ""
+
+    @property
+    def concluded(self) -> bool:
+        """Whether there are numbers at all."""
+        return self.values is not None
+
+
+@dataclass(frozen=True)
+class Runs:
+    """A recording cut into stretches that a free run crosses without a hole."""
+
+    problem: Problem
+    stretches: tuple[tuple[int, int], ...]
+    counted: Bools  # (n,) samples that are scored
+    train_until: int
+
+    def simulate(self, model: ValveModel, parameters: Floats, zero: float, until: int) -> Floats:
+        """(n,) MV in percent by free runs, one a stretch; NaN outside and from ``until`` on."""
+        out = np.full(self.problem.op.size, np.nan)
+        for first, last in self.stretches:
+            if first >= until:
+                break
+            op, y0 = self.problem.op[first:last], self.problem.mv[first] - zero
+            out[first:last] = model.simulate(op, parameters, self.problem.interval_s, y0) + zero
+        return out
+
+
+def cut(problem: Problem, train_until: int) -> Runs:
+    """Stretches from each start to the next; past ``train_until`` the run starts afresh."""
+    starts = np.flatnonzero(problem.start == kernel.START)
+    before = starts[:1] if starts.size else np.array([], dtype=np.intp)
+    inside = train_until < problem.op.size and before.size and train_until > before[0]
+    ends = np.unique([*starts, *([train_until] if inside else []), problem.op.size])
+    pairs = tuple((int(a), int(b)) for a, b in pairwise(ends))
+    counted = problem.scored.copy()
+    # As after any start, the stem's history is not known until it has slipped.
+    counted[train_until : train_until + _warm_up(problem)] = False
+    return Runs(problem=problem, stretches=pairs, counted=counted, train_until=train_until)
+
+
+def _warm_up(problem: Problem) -> int:
+    first = int(np.argmax(problem.start == kernel.START))
+    return int(np.argmax(problem.scored[first:]))
+
+
+def fit_model(
+    model: ValveModel, recording: Recording, train_until: int, effort: Effort | None = None
+) -> ModelFit:
+    """Fit ``model`` to the samples before ``train_until``; the rest only judges.
+
+    The mean square error of the free run is minimised over the model's parameters and the zero of
+    the position reading, without derivatives: a slip that moves from one sample to the next makes a
+    step in it. Seeded, so that the same recording gives the same numbers. A recording that cannot
+    be fitted is a result with an outcome. Raises ``ValueError`` where ``train_until`` is not within
+    the recording.
+    """
+    began = time.perf_counter()
+    if not 0 < train_until <= len(recording):
+        raise ValueError(
+            f"{recording.valve}: train_until from 1 to {len(recording)} expected, received "
+            f"{train_until}"
+        )
+    problem = _problem(recording, train_until)
+    if isinstance(problem, str):
+        unknown = {p.name: Estimate.unknown(problem, unit=p.unit) for p in model.parameters}
+        return ModelFit(model=model.name, parameters=unknown, outcome=problem)
+    return _fitted(model, problem, train_until, effort or (SLOW if model.slow else QUICK), began)
+
+
+def _problem(recording: Recording, train_until: int) -> Problem | str:
+    """The problem, or a sentence on why there is none."""
+    if recording.mv is None:
+        return "the recording has no valve position (MV) to fit to"
+    if recording.mv.unit != recording.op.unit:
+        return (
+            f"the position is in {recording.mv.unit!r} and the command in {recording.op.unit!r}; "
+            "these models need both in percent: give the range of the position"
+        )
+    problem = make_problem(recording)
+    counted = int(problem.scored[:train_until].sum())
+    if counted < LEAST_SAMPLES:
+        return (
+            f"only {counted} usable samples before train_until, {LEAST_SAMPLES} are needed; take a "
+            "longer window"
+        )
+    if np.ptp(problem.op[:train_until]) == 0.0:
+        return "the command does not move before train_until, so nothing can be fitted"
+    if np.ptp(problem.mv[:train_until][problem.scored[:train_until]]) == 0.0:
+        return "the position does not move before train_until, so nothing can be fitted"
+    return problem
+
+
+def _fitted(
+    model: ValveModel, problem: Problem, train_until: int, effort: Effort, began: float
+) -> ModelFit:
+    runs = cut(problem, train_until)
+    trained = runs.counted & (np.arange(problem.op.size) < train_until)
+    measured = problem.mv[trained]
+
+    def squares(parameters: Floats, zero: float) -> Floats:
+        run = runs.simulate(model, parameters, zero, train_until)
+        return np.asarray((run[trained] - measured) ** 2)
+
+    low, high = np.percentile((problem.mv - problem.op)[trained], (2.0, 98.0))
+    cube = Cube(model=model, swing=problem.swing, zero=0.5 * float(low + high))
+    loss = loss_over(cube, lambda parameters, zero: float(np.mean(squares(parameters, zero))))
+    best = search(cube, loss, effort).candidate
+    values, zero = cube.values(best)
+    simulated = runs.simulate(model, values, zero, problem.op.size)
+    resolution = 3.0 * np.sqrt(2.0) * problem.sigma
+    late = runs.counted & ~(np.arange(problem.op.size) < train_until)
+    training = score(simulated, problem.mv, trained, resolution)
+    limits = intervals(
+        cube, best, squares, problem.block[trained], effort.cloud, _command_step(problem.op)
+    )
+    return ModelFit(
+        model=model.name,
+        parameters={
+            p.name: Estimate(value=float(value), low=low, high=high, unit=p.unit)
+            for p, value, (low, high) in zip(model.parameters, values, limits, strict=True)
+        },
+        values=values,
+        zero=zero,
+        simulated=simulated,
+        training=training,
+        heldout=score(simulated, problem.mv, late, resolution),
+        seconds=time.perf_counter() - began,
+        outcome=_doubts(cube, best, training),
+    )
+
+
+def _command_step(op: Floats) -> float:
+    """Median step of OP between samples where it moves, percent."""
+    steps = np.abs(np.diff(op))
+    moving = steps[steps > 0.0]
+    return float(np.median(moving)) if moving.size else 0.0
+
+
+def _doubts(cube: Cube, best: Floats, training: Score | None) -> str:
+    """What to doubt about a fit, as sentences; empty where there is nothing."""
+    doubts = []
+    if training is not None and training.fit_percent <= 0.0:
+        doubts.append(
+            "Even on the samples it was fitted to, the free run is no better than a constant."
+        )
+    names = [p.name for p in cube.model.parameters]
+    ends = [name for name, at in zip(names, best[:-1], strict=True) if at > 1.0 - AT_BOUND]
+    if ends:
+        doubts.append(
+            f"{', '.join(ends)} ended at the upper end of the search; the truth may lie "
+            "beyond, or the record does not tell."
+        )
+    return " ".join(doubts)

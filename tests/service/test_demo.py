@@ -1,0 +1,129 @@
+"""``stemwatch demo`` and ``simulate``: what a newcomer sees, marked against the truth."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stemwatch.service.plantfile import load_plant
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory, stemwatch) -> Path:
+    """The folder that one run of the demonstration leaves."""
+    folder = tmp_path_factory.mktemp("demo") / "plant"
+    outcome = stemwatch("demo", "--out", folder, "--workers", 1)
+    assert outcome.status == 0, outcome.said
+    assert "Open the report in a browser" in outcome.said
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(demo: Path) -> dict[str, dict[str, Any]]:
+    """The report's object of each valve."""
+    valves = json.loads((demo / "report" / "valves.json").read_text(encoding="utf-8"))
+    return {valve["valve"]: valve for valve in valves}
+
+
+@pytest.fixture(scope="module")
+def truth(demo: Path) -> dict[str, dict[str, Any]]:
+    """What was simulated, of each valve."""
+    marks = json.loads((demo / "truth.json").read_text(encoding="utf-8"))
+    return {valve["tag"]: valve for valve in marks["valves"]}
+
+
+def told_of(truth: dict[str, dict[str, Any]], words: str) -> set[str]:
+    return {tag for tag, valve in truth.items() if words in valve["story"]}
+
+
+def test_the_demo_leaves_report_database_and_plant_file(demo: Path) -> None:
+    """Everything that the main job makes is there, and the plant file is right."""
+    for name in ("plant.toml", "truth.json", "export/historian.csv", "stemwatch.db"):
+        assert (demo / name).is_file(), name
+    for name in ("report.html", "valves.csv", "valves.xlsx", "valves.json"):
+        assert (demo / "report" / name).stat().st_size > 1000, name
+    assert load_plant(demo / "plant.toml").problems == ()
+    with closing(sqlite3.connect(demo / "stemwatch.db")) as connection:
+        counted = connection.execute("SELECT count(*), count(DISTINCT valve) FROM screenings")
+        assert (14, 14) == counted.fetchone()
+
+
+def test_no_healthy_valve_of_the_demo_is_called_sticky(found, truth) -> None:
+    """Bad tuning, disturbances, bad data and a frozen transmitter are not taken for stiction."""
+    healthy = {tag for tag, valve in truth.items() if valve["healthy"]}
+    assert 9 == len(healthy)
+    assert set() == {tag for tag in healthy if found[tag]["verdict"] == "sticky"}
+
+
+def test_every_sticking_valve_with_a_position_is_found(found, truth) -> None:
+    """The four shapes of stiction are sticky, and S is near what was simulated."""
+    sticking = told_of(truth, "sticky") - told_of(truth, "no position transmitter")
+    assert 4 == len(sticking)
+    assert {tag: "sticky" for tag in sticking} == {tag: found[tag]["verdict"] for tag in sticking}
+    wide = {t: (truth[t]["S"], found[t]["stiction"]["S"]) for t in sticking}
+    assert {} == {t: p for t, p in wide.items() if abs(p[0] - p[1]["value"]) > 0.25 * p[0]}
+
+
+@pytest.mark.parametrize(
+    ("story", "says"),
+    [
+        ("frozen", "frozen"),
+        ("no position transmitter", "no valve position"),
+        ("manual", "manual"),
+        ("too few movements", "OP moved over"),
+    ],
+)
+def test_what_cannot_be_judged_is_said_with_the_reason(found, truth, story: str, says: str) -> None:
+    """A valve whose recording allows no verdict has none, the reason, and what is still seen."""
+    (tag,) = told_of(truth, story)
+    valve = found[tag]
+    assert valve["verdict"] == "undetermined"
+    assert says in valve["reason"]
+    assert valve["advice"]
+    assert valve["still_seen"]
+    assert valve["stiction"]["S"]["value"] is None
+
+
+def test_simulate_writes_export_plant_file_and_truth(stemwatch, tmp_path: Path) -> None:
+    """Random loops are written as asked: count, start and zone, with the truth beside."""
+    outcome = stemwatch(
+        "simulate", "--what", "sticky", "--count", 2, "--out", tmp_path,
+        "--start", "2026-07-01T06:00", "--zone", "Asia/Tokyo",
+    )  # fmt: skip
+    assert outcome.status == 0
+    marks = json.loads((tmp_path / "truth.json").read_text(encoding="utf-8"))
+    assert marks["start"] == "2026-06-30T21:00:00+00:00"
+    assert [False, False] == [valve["healthy"] for valve in marks["valves"]]
+    rows = (tmp_path / "export" / "historian.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[2].startswith("2026-07-01 06:00:00+09:00")
+    assert [valve["tag"] for valve in marks["valves"]] == list(
+        load_plant(tmp_path / "plant.toml").valves
+    )
+    for name in ("historian.csv", "plant.toml", "truth.json"):
+        assert name in outcome.out
+
+
+def test_the_same_seed_simulates_the_same_export(stemwatch, tmp_path: Path) -> None:
+    """One seed gives one export, byte for byte, and another seed another."""
+    exports = []
+    for name, seed in (("a", 4), ("b", 4), ("c", 5)):
+        status = stemwatch(
+            "simulate", "--what", "healthy", "--count", 1, "--seed", seed, "--out", tmp_path / name
+        ).status
+        assert status == 0
+        exports.append((tmp_path / name / "export" / "historian.csv").read_bytes())
+    assert exports[0] == exports[1]
+    assert exports[1] != exports[2]
+
+
+def test_a_start_that_is_no_time(stemwatch, tmp_path: Path) -> None:
+    """A wrong --start ends with 2 before anything is written."""
+    outcome = stemwatch("simulate", "--start", "soon", "--out", tmp_path / "x")
+    assert outcome.status == 2
+    assert "'soon' is not a time" in outcome.said
+    assert not (tmp_path / "x").exists()

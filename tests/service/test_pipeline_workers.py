@@ -1,0 +1,69 @@
+"""How many processes work, and in which order they end, changes no number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stemwatch.models.findings import Screening
+from stemwatch.service import pipeline
+from stemwatch.service.executors import Executor, InProcess, LocalProcesses
+from stemwatch.service.gather import Request
+from stemwatch.service.pipeline import Run, run
+from stemwatch.service.report import to_contract
+from stemwatch.service.store.store import open_store
+
+
+@dataclass(frozen=True)
+class LastFirst:
+    """Does the last item first, as a busy machine may."""
+
+    workers: int = 1
+
+    def map(self, work: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
+        for place, item in reversed(list(enumerate(items))):
+            yield place, work(item)
+
+
+@pytest.fixture
+def found(export: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
+    monkeypatch.setattr(pipeline, "CHUNKS_PER_WORKER", 1)
+
+    def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:
+        told: list[tuple[str, int, int]] = []
+
+        def tell(screening: Screening, done: int, of: int) -> None:
+            told.append((screening.valve, done, of))
+
+        with open_store(f"sqlite:///{tmp_path / name}.db") as store:
+            how = Run(store=store, executor=executor, out=tmp_path / name)
+            result = run(Request(sources=(str(export),)), how, tell)
+        return [_without_timing(one) for one in result.screenings], told
+
+    return screen
+
+
+def _without_timing(screening: Screening) -> dict[str, Any]:
+    return {k: v for k, v in to_contract(screening).items() if k != "seconds"}
+
+
+def test_two_workers_find_what_one_finds(found) -> None:
+    """Every number, word and interval is the same, though other networks train together."""
+    alone, _ = found(InProcess(), "alone")
+    together, told = found(LocalProcesses(2), "together")
+    assert alone == together
+    assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in told)
+
+
+def test_the_order_of_work_does_not_show(found, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results stand in the sources' order however they come in; progress counts as they come."""
+    monkeypatch.setattr(pipeline, "CHUNK", 1)
+    forward, _ = found(InProcess(), "forward")
+    backward, told = found(LastFirst(), "backward")
+    assert forward == backward
+    assert [("FIC-113", 1, 3), ("FIC-107", 2, 3), ("FIC-104", 3, 3)] == told
