@@ -30,6 +30,7 @@ _SAMPLE = 200
 
 
 def is_number(text: str) -> bool:
+    """Whether a cell is a number with either decimal mark."""
     return parse_number(text, ".") is not None or parse_number(text, ",") is not None
 
 

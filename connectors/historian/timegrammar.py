@@ -70,6 +70,7 @@ def is_time(text: str) -> bool:
 
 
 def is_date_only(text: str) -> bool:
+    """A date without its time of day."""
     match = match_time(text)
     return match is not None and match["H"] is None and match["Hc"] is None and match["Hd"] is None
 

@@ -21,7 +21,9 @@ from stemwatch.models.stickslip.fit import fit_stickslip
 
 PERCENT_PER_AMPLITUDE = 25.0  # the records as percent of span, for the product's own fit
 EPS = 5e-5  # of the saturated regressors, when training ends
-START_WIDTH = 1e-3  # of the gate's edges, amplitudes; about what the fit of S and J leaves open
+# Widths of the gate's edges that seeds start with in turn, amplitudes: a wider one mends a larger
+# error of the fitted S and J, a narrower one is disturbed by fewer samples.
+START_WIDTHS = (3e-3, 1e-2, 1e-3)
 START_SPREAD = 1e-3  # relative, of the seeds' S and J about the fitted ones
 _FITTED_SEED, _RANDOM_SEED = 4, 5
 
@@ -37,16 +39,14 @@ class GatedStage:
 
 # A wide edge sees the samples on either side of it and moves between them; then it is sharpened.
 FROM_FITTED = (
-    GatedStage(stage=Stage(horizon=1, steps=12)),
-    GatedStage(stage=Stage(horizon=1, steps=7), sharper=4.0),
-    GatedStage(stage=Stage(horizon=1, steps=7), sharper=4.0),
-    GatedStage(stage=Stage(horizon=1, steps=7), sharper=4.0),
-    GatedStage(stage=Stage(horizon=20, steps=5)),
-    GatedStage(stage=Stage(horizon=300, steps=5)),
+    GatedStage(stage=Stage(horizon=1, steps=20)),
+    *4 * (GatedStage(stage=Stage(horizon=1, steps=12), sharper=3.0),),
+    GatedStage(stage=Stage(horizon=20, steps=8)),
+    GatedStage(stage=Stage(horizon=300, steps=8)),
 )
 # Sharp regressors have no gradient, so random weights begin with soft ones.
 FROM_RANDOM = (
-    *(GatedStage(stage=Stage(horizon=1, steps=12), eps=eps) for eps in (0.05, 0.01, 0.002, 5e-4)),
+    *(GatedStage(stage=Stage(horizon=1, steps=10), eps=eps) for eps in (0.05, 0.01, 0.002, 5e-4)),
     GatedStage(stage=Stage(horizon=1, steps=6)),
     GatedStage(stage=Stage(horizon=20, steps=6)),
     GatedStage(stage=Stage(horizon=300, steps=6)),
@@ -79,7 +79,7 @@ def train_from_fitted(u: Floats, y: Floats, fitted: tuple[float, float], seeds: 
     for seed in range(seeds):
         draw = np.random.default_rng([_FITTED_SEED, seed]).standard_normal(2)
         S, J = np.array(fitted) * (1.0 + (START_SPREAD * draw if seed else 0.0))
-        starts.append(start_from(S, J, se, START_WIDTH))
+        starts.append(start_from(S, J, se, START_WIDTHS[seed % len(START_WIDTHS)]))
     return _trained(u, y, np.stack(starts), FROM_FITTED)
 
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from stemwatch.models.narx.levenberg import one_thread
 from stemwatch.models.paper import ours, published
-from stemwatch.models.paper.cases import SAMPLES_PER_PERIOD, Case
-from stemwatch.models.paper.cases import Published as PublishedResult
+from stemwatch.models.paper.cases import SAMPLES_PER_PERIOD, Case, Published
 from stemwatch.models.paper.fitting import run_errors
 from stemwatch.models.paper.scores import cdc_percent, rmse
 from stemwatch.models.paper.signals import FAMILIES, paper_sine, training_input, unseen
@@ -20,6 +19,8 @@ from stemwatch.models.recording import Floats
 DEFAULT_SEEDS = 5
 UNSEEN_EACH = 30
 CLOSE = 0.03  # RMSE up to which a run on a new input counts as close
+OURS = "ours, from fitted S and J"
+SINE, RICH = "the sine", "the training record"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +47,7 @@ class Result:
     rmse: tuple[float, ...]
     cdc_percent: tuple[float, ...]
     chosen: int
-    published: PublishedResult | None
+    published: Published | None
     unseen: tuple[Unseen, ...]
 
 
@@ -84,7 +85,7 @@ class _Network:
     record: _Record
     step: Step
     weights: Floats
-    published: PublishedResult | None = None
+    published: Published | None = None
 
 
 def study(task: Task) -> CaseResult:
@@ -96,9 +97,9 @@ def study(task: Task) -> CaseResult:
 def _study(task: Task) -> CaseResult:
     case = task.case
     u = paper_sine()
-    sine = _Record("the sine", u[SAMPLES_PER_PERIOD:], case.respond(u)[SAMPLES_PER_PERIOD:])
+    sine = _Record(SINE, u[SAMPLES_PER_PERIOD:], case.respond(u)[SAMPLES_PER_PERIOD:])
     u = training_input()
-    rich = _Record("the training record", u, case.respond(u))
+    rich = _Record(RICH, u, case.respond(u))
     fitted, fitted_sine = ours.fit_S_J(rich.u, rich.y), ours.fit_S_J(sine.u, sine.y)
     networks = [
         *_published(case, sine, task.seeds),
@@ -134,9 +135,9 @@ def _ours(
     narrow = ours.train_from_fitted(sine.u, sine.y, fitted_sine, seeds)
     blind = ours.train_from_random(rich.u, rich.y, seeds)
     return [
-        _Network("ours, from fitted S and J", rich, grey.step, grey.weights),
+        _Network(OURS, rich, grey.step, grey.weights),
         _Network("ours, that start untrained", rich, grey.step, grey.starts[:1]),
-        _Network("ours, from fitted S and J", sine, narrow.step, narrow.weights),
+        _Network(OURS, sine, narrow.step, narrow.weights),
         _Network("ours, random start", rich, blind.step, blind.weights),
     ]
 

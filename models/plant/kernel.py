@@ -149,6 +149,14 @@ def process_step(
 
 
 @njit(cache=True)
+def within_stroke(x: float, moved: float, stroke_m: float) -> tuple[float, float]:
+    """Position and speed after the mechanical stops, which take all speed."""
+    if x <= 0.0 or x >= stroke_m:
+        return min(max(x, 0.0), stroke_m), 0.0
+    return x, moved
+
+
+@njit(cache=True)
 def run_loop(
     dt: float,
     steps: Steps,
@@ -177,8 +185,7 @@ def run_loop(
     delay_line = np.full(steps.process_delay + 1, controller.output, dtype=np.float64)
     x = controller.output / 100.0 * stem.stroke_m
     pressure = air.low_pa + controller.output / 100.0 * (air.high_pa - air.low_pa)
-    v = 0.0
-    level = stem.breakaway_n
+    v, level = 0.0, stem.breakaway_n
     first, second = 0.0, 0.0
     op = controller.output
     integral = op - controller.gain * (set_point[0] - process.pv_percent)
@@ -186,10 +193,7 @@ def run_loop(
     scan, record, standings, slot = 0, 0, 0, 0
     for i in range(steps.total):
         if i % steps.record == steps.record_phase:
-            records[record, 0] = 100.0 * x / stem.stroke_m
-            records[record, 1] = op
-            records[record, 2] = read
-            records[record, 3] = pv
+            records[record] = (100.0 * x / stem.stroke_m, op, read, pv)
             record += 1
         if i % steps.scan == 0:
             read = min(max(pv + pv_noise[scan], 0.0), 100.0)
@@ -209,10 +213,7 @@ def run_loop(
         pressure = air_step(pressure, command, 100.0 * x / stem.stroke_m, dt, air)
         force = air.area_m2 * (pressure - air.low_pa) - stem.spring_n_per_m * x
         moved = stem_speed(force, v, level, dt, stem)
-        x += dt * moved
-        if x <= 0.0 or x >= stem.stroke_m:
-            x = min(max(x, 0.0), stem.stroke_m)
-            moved = 0.0
+        x, moved = within_stroke(x + dt * moved, moved, stem.stroke_m)
         if moved == 0.0 and v != 0.0:
             deviation = scatter[standings % scatter.size]
             level = max(stem.breakaway_n * (1.0 + deviation), stem.kinetic_n)

@@ -10,6 +10,8 @@ from stemwatch.models.recording import Role
 
 
 class ProcessKind(StrEnum):
+    """What the loop controls."""
+
     FLOW = "flow"
     PRESSURE = "pressure"
     TEMPERATURE = "temperature"

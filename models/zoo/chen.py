@@ -14,9 +14,12 @@ def run_chen(op: Floats, fs: float, fd: float, y0: float, out: Floats) -> None:
     """Free run over ``op`` (n,) from ``y0`` into ``out`` (n,), percent."""
     y, moving, d = y0, False, 1.0
     out[0] = y
+    # A stem that moved is at u[k-1] - d fd. So d (u - y) > max(fd, 0), the condition to move on, is
+    # d (u[k] - u[k-1]) > max(0, -fd); written out it is a matter of rounding on repeated samples.
+    ahead = max(0.0, -fd)
     for k in range(1, op.size):
         force = op[k] - y
-        if moving and d * force > 0.0 and abs(force) > fd:
+        if moving and d * (op[k] - op[k - 1]) > ahead:
             y = op[k] - d * fd
         elif abs(force) > fs:
             moving, d = True, 1.0 if force > 0.0 else -1.0

@@ -2,7 +2,8 @@
 var stemwatchLoop = (function () {
   "use strict";
   var HEIGHT = 420, PRINT_HEIGHT = 236;
-  // Beyond three stretches the lines of a loop cover one another, and points say more.
+  // Beyond three stretches the lines of a loop cover one another, and lines between thinned samples
+  // of a record without a stretch follow no path of the stem; points say more.
   var MOST_STRETCHES_AS_LINES = 3, MOST_POINTS_AS_LINES = 1600, MOST_MARKED = 500;
 
   var DASH = [7, 4];
@@ -72,7 +73,7 @@ var stemwatchLoop = (function () {
   function isRecorded(trace) { return trace.role === "recorded"; }
 
   function isClose(chart, from, to, count) {
-    if (count > MOST_POINTS_AS_LINES) return false;
+    if (count > MOST_POINTS_AS_LINES || !chart.stretch && chart.thinned > 1) return false;
     var whole = chart.ends[1] - chart.ends[0];
     var stretch = chart.stretch ? chart.stretch.to - chart.stretch.from : whole;
     return to - from <= MOST_STRETCHES_AS_LINES * stretch;

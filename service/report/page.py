@@ -27,7 +27,7 @@ from stemwatch.service.report.gauge import gauge, gauge_top
 from stemwatch.service.report.ranking import RankedValve, count_verdicts
 
 # Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
-# a valve's plots are about 65 KB, and the page must open on a phone.
+# a valve's plots are 60 to 90 KB, and the page must open on a phone.
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
 

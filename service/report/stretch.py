@@ -21,7 +21,7 @@ MOST_REVERSALS = 8
 FEWEST_REVERSALS = 5
 # A turn counts where OP goes back by a quarter of its swing, and by more than noise.
 TURN_SHARE = 0.25
-SMALLEST_TURN_PERCENT = 0.2
+SMALLEST_TURN_PERCENT = 0.5
 # Longer than this, a stretch is no closer a look than the whole record.
 LONGEST_SHARE = 0.6
 LEAST_KNOWN_SHARE = 0.8
@@ -148,8 +148,8 @@ def _why(found: _Candidates, here: float, middle: float, *, of_model: bool) -> s
     place = " in the held-out part" if found.held_out else ""
     what = "the stick-slip model misses MV by" if of_model else "OP swings over"
     unit = "% rmse" if of_model else "%"
-    told = f"Chosen as typical: {found.count} reversals of OP{place}; "
-    told += f"{what} {figure(here, 2)} {unit} here"
+    number = f"{what} {figure(here, 2)} {unit} here"
     if found.first.size == 1:
-        return f"{told}. There is no other such stretch."
-    return f"{told}, {figure(middle, 2)} % in the middle one of {found.first.size} such stretches."
+        return f"The only stretch with {found.count} reversals of OP{place}; {number}."
+    others = f"{figure(middle, 2)} % in the middle one of {found.first.size} such stretches"
+    return f"Chosen as typical: {found.count} reversals of OP{place}; {number}, {others}."

@@ -100,7 +100,7 @@ def test_sentences_and_numbers(case, cycling_s, narx):
 
 def test_severity_ranks_the_verdicts():
     """Any sticky valve ranks above any watched one, and that above healthy and undetermined."""
-    ranks = {verdict: set() for verdict in Verdict}
+    ranks: dict[Verdict, set[float]] = {verdict: set() for verdict in Verdict}
     for case, verdict in TABLE:
         ranks[verdict].add(judge(case, LIMITS).severity)
     assert min(ranks[Verdict.STICKY]) > max(ranks[Verdict.WATCH])

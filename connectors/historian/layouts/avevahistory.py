@@ -13,6 +13,8 @@ from stemwatch.connectors.historian.source import Source
 
 
 class AvevaHistory:
+    """Narrow rows of the AVEVA (Wonderware) Historian history table; in `Quality` 0 is good."""
+
     name = "AVEVA history table"
     order = 50
 

@@ -14,6 +14,8 @@ _OPTIONAL = {"operation", "format", "opcquality"}
 
 
 class AvevaInsight:
+    """Narrow CSV of AVEVA Insight: header in any order, OPC quality codes."""
+
     name = "AVEVA Insight"
     order = 45
 

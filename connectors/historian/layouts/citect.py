@@ -12,6 +12,8 @@ _HEADER = re.compile(r'^"?(?:Date ?/? ?)?Time"?\s*[,;\t|]\s*"?Milliseconds"?\s*[
 
 
 class Citect:
+    """Process Analyst export: the milliseconds stand in a column of their own."""
+
     name = "Citect Process Analyst"
     order = 35
 

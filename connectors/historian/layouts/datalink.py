@@ -19,6 +19,8 @@ _SIGNS = re.compile(
 
 
 class DataLink:
+    """A PI DataLink sheet saved as CSV: wide, with messages in the place of values."""
+
     name = "PI DataLink"
     order = 900
 

@@ -16,6 +16,8 @@ _TAG = re.compile(r"[^,;\t\"/]{1,80}/[^,;\t\"/]{1,80}/[A-Z_0-9]{1,40}\.(?:CV|ACT
 
 
 class DeltaV:
+    """Wide, one column per `MODULE/BLOCK/PARAMETER.FIELD unit`."""
+
     name = "DeltaV wide"
     order = 40
 

@@ -12,6 +12,8 @@ _HEADER = re.compile(r'^"?(?:Zeitstempel|Zeit|Datum|Uhrzeit)\b[^;]*"?;', re.I)
 
 
 class GermanExcel:
+    """Semicolons, decimal commas, day first."""
+
     name = "German Excel"
     order = 800
 

@@ -11,6 +11,8 @@ from stemwatch.connectors.historian.wide import unique_tags
 
 
 class Ignition:
+    """Lines `#NAMES`, `#TYPES`, `#ROWS`, or a plain table that begins with `t_stamp`."""
+
     name = "Ignition"
     order = 30
 

@@ -19,6 +19,8 @@ _OWN = frozenset(
 
 
 class Influx:
+    """Annotated CSV: several tables in one file, each under its own annotations."""
+
     name = "InfluxDB annotated CSV"
     order = 25
 

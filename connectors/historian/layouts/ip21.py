@@ -8,6 +8,8 @@ from stemwatch.connectors.historian.source import Source
 
 
 class Ip21:
+    """Narrow rows with `IP_TREND_TIME` and `IP_TREND_VALUE`."""
+
     name = "IP.21"
     order = 55
 

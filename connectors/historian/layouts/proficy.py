@@ -29,6 +29,8 @@ _TIMES = ("timestamp", "time stamp", "time", "datetime", "date")
 
 
 class ProficyCsv:
+    """Sections in brackets; the samples stand under `[Data]`."""
+
     name = "Proficy [Data]"
     order = 20
 

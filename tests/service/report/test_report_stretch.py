@@ -102,6 +102,14 @@ def test_without_a_model_the_swing_of_op_says_what_is_typical():
     assert "OP swings over 4.0 % here, 4.0 % in the middle one of" in stretch.why
 
 
+def test_the_only_stretch_is_not_called_typical():
+    """Five reversals held out leave nothing to compare with, and the page says so."""
+    stretch = typical_stretch(cycling(heldout=7200 - 3 * CYCLE))
+    assert stretch is not None
+    assert stretch.why.startswith("The only stretch with 5 reversals of OP in the held-out part; ")
+    assert "typical" not in stretch.why
+
+
 @pytest.mark.parametrize(
     "op",
     [np.full(3000, 41.0), np.full(3000, np.nan), np.linspace(20, 80, 3000), np.array([41.0])],
