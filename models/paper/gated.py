@@ -80,8 +80,10 @@ def start_from(S: float, J: float, se: float, width: float) -> Floats:
 
 
 def random_start(rng: np.random.Generator) -> Floats:
-    """(35,) weights that know nothing: rows normal / sqrt(3) times 1.5, gate normal / sqrt(5), value
-    small."""
+    """(35,) weights that know nothing.
+
+    Rows normal / sqrt(3) times 1.5, their biases normal, gate normal / sqrt(5), value small.
+    """
     rows = rng.standard_normal((HIDDEN, INPUTS + 1))
     rows[:, :INPUTS] *= 1.5 / np.sqrt(INPUTS)
     gate = rng.standard_normal(_GATE) / np.sqrt(HIDDEN)

@@ -13,8 +13,10 @@ def rmse(simulated: Floats, truth: Floats) -> Floats:
 
 
 def cdc_percent(simulated: Floats, truth: Floats) -> Floats:
-    """``100 mean(D)`` over the last axis, ``D(t) = 1`` where ``(y(t) - y(t-1)) (yhat(t) - yhat(t-1))
-    > 0`` and 0 elsewhere, also where either stands still.
+    """``100 mean(D)`` over the last axis: how often both go the same way.
+
+    ``D(t) = 1`` where ``(y(t) - y(t-1)) (yhat(t) - yhat(t-1)) > 0``, 0 where not, also where either
+    stands still.
 
     The paper defines CDC only by a reference. With "> 0" even a perfect model scores no more than
     the share of samples at which the stem moves, about 60 % in these cases, which is what the

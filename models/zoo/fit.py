@@ -56,13 +56,25 @@ class Runs:
 
     problem: Problem
     stretches: tuple[tuple[int, int], ...]
+    short: tuple[tuple[int, int], ...]  # the same, cut at each block of time as well
     counted: Bools  # (n,) samples that are scored
     train_until: int
 
-    def simulate(self, model: ValveModel, parameters: Floats, zero: float, until: int) -> Floats:
-        """(n,) MV in percent by free runs, one a stretch; NaN outside and from ``until`` on."""
+    def simulate(
+        self,
+        model: ValveModel,
+        parameters: Floats,
+        zero: float,
+        until: int,
+        *,
+        short: bool = False,
+    ) -> Floats:
+        """(n,) MV in percent by free runs, one a stretch; NaN outside and from ``until`` on.
+
+        ``short`` runs start afresh from the measurement at each block of time.
+        """
         out = np.full(self.problem.op.size, np.nan)
-        for first, last in self.stretches:
+        for first, last in self.short if short else self.stretches:
             if first >= until:
                 break
             op, y0 = self.problem.op[first:last], self.problem.mv[first] - zero
@@ -77,10 +89,16 @@ def cut(problem: Problem, train_until: int) -> Runs:
     inside = train_until < problem.op.size and before.size and train_until > before[0]
     ends = np.unique([*starts, *([train_until] if inside else []), problem.op.size])
     pairs = tuple((int(a), int(b)) for a, b in pairwise(ends))
+    blocks = np.arange(problem.n_blocks) * problem.op.size // problem.n_blocks
+    first = int(ends[0])
+    both = np.unique([*ends, *blocks[blocks > first]])
+    short = tuple((int(a), int(b)) for a, b in pairwise(both))
     counted = problem.scored.copy()
     # As after any start, the stem's history is not known until it has slipped.
     counted[train_until : train_until + _warm_up(problem)] = False
-    return Runs(problem=problem, stretches=pairs, counted=counted, train_until=train_until)
+    return Runs(
+        problem=problem, stretches=pairs, short=short, counted=counted, train_until=train_until
+    )
 
 
 def _warm_up(problem: Problem) -> int:
@@ -95,7 +113,9 @@ def fit_model(
 
     The mean square error of the free run is minimised over the model's parameters and the zero of
     the position reading, without derivatives: a slip that moves from one sample to the next makes a
-    step in it. Seeded, so that the same recording gives the same numbers. A recording that cannot
+    step in it. Where to look is found on runs of one block of time (about 90 s) first: in a model
+    whose every slip depends on the one before, the error of a long run tells nothing until the
+    parameters are nearly right. Seeded, so that the same recording gives the same numbers. A recording that cannot
     be fitted is a result with an outcome. Raises ``ValueError`` where ``train_until`` is not within
     the recording.
     """
@@ -142,14 +162,15 @@ def _fitted(
     trained = runs.counted & (np.arange(problem.op.size) < train_until)
     measured = problem.mv[trained]
 
-    def squares(parameters: Floats, zero: float) -> Floats:
-        run = runs.simulate(model, parameters, zero, train_until)
+    def squares(parameters: Floats, zero: float, *, short: bool = False) -> Floats:
+        run = runs.simulate(model, parameters, zero, train_until, short=short)
         return np.asarray((run[trained] - measured) ** 2)
 
     low, high = np.percentile((problem.mv - problem.op)[trained], (2.0, 98.0))
     cube = Cube(model=model, swing=problem.swing, zero=0.5 * float(low + high))
-    loss = loss_over(cube, lambda parameters, zero: float(np.mean(squares(parameters, zero))))
-    best = search(cube, loss, effort).candidate
+    coarse = loss_over(cube, lambda q, zero: float(np.mean(squares(q, zero, short=True))))
+    free_run = loss_over(cube, lambda q, zero: float(np.mean(squares(q, zero))))
+    best = search(cube, coarse, free_run, effort).candidate
     values, zero = cube.values(best)
     simulated = runs.simulate(model, values, zero, problem.op.size)
     resolution = 3.0 * np.sqrt(2.0) * problem.sigma

@@ -18,12 +18,13 @@ REPLICATES = 300
 COVERAGE = (2.5, 97.5)  # percentiles of a 95 % interval
 WIDTHS = (0.002, 0.008, 0.03)  # of the cloud, shares of a parameter's range
 Limits = tuple[float | None, float | None]
+Squares = Callable[[Floats, float], Floats]
 
 
 def intervals(
     cube: Cube,
     best: Floats,
-    squares: Callable[[Floats, float], Floats],
+    squares: Squares,
     block: NDArray[np.int64],
     cloud: int,
     step: float,
@@ -51,7 +52,8 @@ def intervals(
     chosen = values[np.argmin(totals, axis=1)]
     chosen += _unseen(cube, step / np.sqrt(1.0 + counts.size), chosen.shape, rng)
     low, high = np.percentile(np.vstack((chosen, values[:1])), COVERAGE, axis=0)
-    low, high = np.minimum(low, values[0]), np.maximum(high, values[0])
+    low = np.maximum(np.minimum(low, values[0]), [p.lower for p in cube.model.parameters])
+    high = np.minimum(np.maximum(high, values[0]), [p.upper for p in cube.model.parameters])
     return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
 
 
@@ -64,7 +66,7 @@ def _unseen(cube: Cube, step: float, shape: tuple[int, ...], rng: np.random.Gene
 def _sums(
     cube: Cube,
     points: list[Floats],
-    squares: Callable[[Floats, float], Floats],
+    squares: Squares,
     block: NDArray[np.int64],
 ) -> tuple[Floats, Floats]:
     """Parameters (m, k) of the points that the model takes, and their sums by block (m, b)."""

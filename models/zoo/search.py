@@ -115,23 +115,19 @@ def loss_over(cube: Cube, each: Callable[[Floats, float], float]) -> Loss:
     return lambda candidates: np.array([one(candidate) for candidate in candidates])
 
 
-def search(cube: Cube, loss: Loss, effort: Effort) -> Found:
-    """The best point of the cube that the effort finds."""
+def search(cube: Cube, coarse: Loss, fine: Loss, effort: Effort) -> Found:
+    """The best point of the cube for ``fine``, looked for where ``coarse`` says."""
     rng = np.random.default_rng(SEED)
-    size = len(cube.model.parameters) + 1
-    starts = best_of(loss, cube.hypercube(effort.first, rng), keep=effort.starts)
-    for spread in (0.08, 0.015):
-        starts = [
-            refine(
-                loss,
-                start.candidate,
-                np.full(size, spread),
-                cube.bounds,
-                rng,
-                rounds=effort.rounds,
-                population=effort.population,
-            )
-            for start in starts
-        ]
-        starts = sorted(starts, key=lambda found: found.loss)[:2]
-    return starts[0]
+    first = cube.hypercube(effort.first, rng)
+
+    def descend(loss: Loss, starts: list[Found], spread: float) -> list[Found]:
+        width = np.full(first.shape[1], spread)
+        how = {"rounds": effort.rounds, "population": effort.population}
+        found = [refine(loss, s.candidate, width, cube.bounds, rng, **how) for s in starts]
+        return sorted(found, key=lambda one: one.loss)
+
+    looked = descend(coarse, best_of(coarse, first, keep=effort.starts), 0.08)
+    # Where a long run tells more than short ones, its own best start is not lost.
+    starts = [*looked[:2], *best_of(fine, first)]
+    ranked = descend(fine, starts, 0.03)
+    return descend(fine, ranked[:1], 0.008)[0]

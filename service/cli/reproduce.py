@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -94,8 +93,8 @@ def _print(results: Sequence[CaseResult], seeds: int) -> None:
     from stemwatch.service.cli import views
 
     views.out.print(
-        f"Sine of amplitude {AMPLITUDE:g}, {SAMPLES_PER_PERIOD} samples a period, {PERIODS} periods "
-        f"after the first; {seeds} seeds. The paper's networks: layers of "
+        f"Sine of amplitude {AMPLITUDE:g}, {SAMPLES_PER_PERIOD} samples a period, {PERIODS} "
+        f"periods after the first; {seeds} seeds. The paper's networks: layers of "
         f"{', '.join(map(str, SIZES))}; feedforward from u(t), NARX from y(t-1), y(t-2), u(t-1), "
         "u(t-2). The paper states none of these, nor S and J.",
         highlight=False,
@@ -103,9 +102,9 @@ def _print(results: Sequence[CaseResult], seeds: int) -> None:
     views.out.print(_sine_table(results))
     views.out.print(
         "RMSE: median of the seeds (lowest to highest), in amplitudes. CDC: correct directional "
-        "change; no model can have more than the share of samples at which the stem moves. A network "
-        "that is ours, from fitted S and J, is grey-box: it starts as the stick-slip element that "
-        "the product's own fit found in the record it is then trained on.",
+        "change; no model can have more than the share of samples at which the stem moves. Ours "
+        "from fitted S and J is grey-box: it starts as the stick-slip element that the product's "
+        "own fit found in the record that the network is then trained on.",
         highlight=False,
     )
     for case in results:
@@ -122,14 +121,12 @@ def _sine_table(results: Sequence[CaseResult]) -> Table:
     for name in ("RMSE", "paper", "CDC, %", "paper"):
         table.add_column(name, justify="right")
     for case in results:
-        shape = case.case
-        name = (
-            f"{shape.shape.value}\nS {shape.S:g}, J {shape.J:g}\nmoves {case.moving_percent:.0f} %"
-        )
-        for place, result in enumerate(case.results):
-            lines = name.split("\n")
-            own = lines[place] if place < len(lines) else ""
-            table.add_row(own, *_sine_row(result), end_section=place == len(case.results) - 1)
+        S_J = f"S {case.case.S:g}, J {case.case.J:g}"
+        about = [case.case.shape.value, S_J, f"moves {case.moving_percent:.0f} %"]
+        about += [""] * (len(case.results) - len(about))
+        for own, result in zip(about, case.results, strict=True):
+            table.add_row(own, *_sine_row(result))
+        table.add_section()
     return table
 
 

@@ -5,7 +5,7 @@ first,step seconds from sample 0 to the first point, and from point to point
 interval   seconds from sample to sample
 duration   seconds from the first sample to just after the last
 heldout    seconds from sample 0 to the part that no model was fitted to, or null
-stretch    {from, to, why}, seconds from sample 0: what the plots open on, or null for all
+stretch    {name, from, to, why}, seconds from sample 0: what the plots open on, or null for all
 detail     the samples of the stretch that are drawn one by one, or null where all samples are
 panels     [{id, title, unit, summary, series: [{role, label, values, detail}]}], one even clock
 loop       {title, x, y, seconds, op, traces: [{role, of, label, values}]} or null
@@ -94,7 +94,8 @@ def _stretch(stretch: Stretch | None, interval_s: float) -> Chart | None:
     if stretch is None:
         return None
     last = (stretch.last - 1) * interval_s
-    return {"from": stretch.first * interval_s, "to": last, "why": stretch.why}
+    first = stretch.first * interval_s
+    return {"name": stretch.name, "from": first, "to": last, "why": stretch.why}
 
 
 def _travel(screening: Screening, recording: Recording, frame: _Frame) -> Chart:

@@ -70,7 +70,7 @@
     var opening = stemwatchData.opening(set.chart), range = set.range, ends = set.chart.ends;
     var typical = opening && range[0] === opening[0] && range[1] === opening[1];
     var whole = range[0] <= ends[0] && range[1] >= ends[1];
-    var name = typical ? "A typical stretch: " : whole ? "The whole record: " : "Shown: ";
+    var name = typical ? set.chart.stretch.name + ": " : whole ? "The whole record: " : "Shown: ";
     set.box.querySelector(".view b").textContent = name + said + (whole ? "" : " of " + set.box.dataset.duration.replace(/ /g, "\u00a0"));
     var why = set.box.querySelector(".view span");
     if (why) why.hidden = !typical;

@@ -32,10 +32,15 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Samples ``first`` (inclusive) to ``last`` (exclusive); ``why`` says what makes it typical."""
+    """Samples ``first`` (inclusive) to ``last`` (exclusive).
+
+    ``name`` heads the plots, ``why`` says what makes the stretch typical, or that it is the only
+    one.
+    """
 
     first: int
     last: int
+    name: str
     why: str
 
 
@@ -114,7 +119,8 @@ def _most_typical(screening: Screening, recording: Recording, found: _Candidates
     equal = np.flatnonzero(off == off.min())
     k = int(equal[equal.size // 2])
     why = _why(found, measure[k], float(np.median(measure)), of_model=errors is not None)
-    return Stretch(first=int(found.first[k]), last=int(found.last[k]), why=why)
+    name = "A typical stretch" if found.first.size > 1 else "A stretch"
+    return Stretch(first=int(found.first[k]), last=int(found.last[k]), name=name, why=why)
 
 
 def _errors(screening: Screening, recording: Recording, found: _Candidates) -> Floats | None:

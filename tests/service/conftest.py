@@ -89,15 +89,14 @@ def stemwatch_process() -> Stemwatch:
     return run_process
 
 
-def write_small_plant(folder: Path, tags: Sequence[str], minutes: float, **more: object) -> Path:
+def write_small_plant(folder: Path, tags: Sequence[str], minutes: float) -> Path:
     """Export the small plant's valves ``tags`` into ``folder``; returns the plant file."""
     loops = demo_plant(1)
     simulated = [
         simulate_loop(replace(loops[_PLACES[tag]], duration_s=60.0 * minutes), seed=_PLACES[tag])
         for tag in tags
     ]
-    options = {"start": START, "zone": "Europe/Berlin", **more}
-    return write_export(simulated, folder, **options).plant_toml
+    return write_export(simulated, folder, start=START, zone="Europe/Berlin").plant_toml
 
 
 @pytest.fixture(scope="session")

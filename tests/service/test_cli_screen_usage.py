@@ -37,31 +37,31 @@ def test_wrong_usage_is_told(
 
 
 WINDOWS = {
-    "with an offset": (("--from", "2026-03-02T06:10+00:00", "--to", "2026-03-02T06:20+00:00"), 10),
+    "with an offset": (("--from", "2026-03-02T06:03+00:00", "--to", "2026-03-02T06:13+00:00"), 3),
     "in another offset": (
-        ("--from", "2026-03-02T07:10+01:00", "--to", "2026-03-02T07:20+01:00"),
-        10,
+        ("--from", "2026-03-02T07:03+01:00", "--to", "2026-03-02T07:13+01:00"),
+        3,
     ),
     "in the zone given": (
-        ("--from", "2026-03-02T07:10", "--to", "2026-03-02T07:20", "--zone", "Europe/Berlin"),
-        10,
+        ("--from", "2026-03-02T07:03", "--to", "2026-03-02T07:13", "--zone", "Europe/Berlin"),
+        3,
     ),
-    "without any zone, in UTC": (("--from", "2026-03-02T06:10", "--to", "2026-03-02T06:20"), 10),
+    "without any zone, in UTC": (("--from", "2026-03-02T06:03", "--to", "2026-03-02T06:13"), 3),
     "open at its end": (("--from", "2026-03-02T06:05Z"), 5),
 }
 
 
 @pytest.mark.parametrize(("window", "first"), WINDOWS.values(), ids=WINDOWS.keys())
 def test_a_window_is_what_was_asked_for(
-    stemwatch, export: Path, tmp_path: Path, window: tuple[str, ...], first: int
+    stemwatch, one_valve: Path, tmp_path: Path, window: tuple[str, ...], first: int
 ) -> None:
     """--from and --to are instants, whatever zone they are said in."""
     file = tmp_path / "found.json"
     outcome = stemwatch(
-        "screen", export, *window, "--out", tmp_path / "out", "--json", file, "--workers", 1
+        "screen", one_valve, *window, "--out", tmp_path / "out", "--json", file, "--workers", 1
     )
     assert outcome.status == 0, outcome.said
-    last = 20 if "--to" in window else 30
+    last = 13 if "--to" in window else 15
     for valve in json.loads(file.read_text(encoding="utf-8")):
         assert {
             "start": f"2026-03-02T06:{first:02}:00+00:00",

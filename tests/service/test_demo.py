@@ -61,12 +61,12 @@ def test_no_healthy_valve_of_the_demo_is_called_sticky(found, truth) -> None:
 
 
 def test_every_sticking_valve_with_a_position_is_found(found, truth) -> None:
-    """The four shapes of stiction are sticky, and S is near what was simulated."""
+    """The four shapes of stiction are sticky, and S is within one percent of what was simulated."""
     sticking = told_of(truth, "sticky") - told_of(truth, "no position transmitter")
     assert 4 == len(sticking)
     assert {tag: "sticky" for tag in sticking} == {tag: found[tag]["verdict"] for tag in sticking}
     wide = {t: (truth[t]["S"], found[t]["stiction"]["S"]) for t in sticking}
-    assert {} == {t: p for t, p in wide.items() if abs(p[0] - p[1]["value"]) > 0.25 * p[0]}
+    assert {} == {t: p for t, p in wide.items() if abs(p[0] - p[1]["value"]) > 1.0}
 
 
 @pytest.mark.parametrize(

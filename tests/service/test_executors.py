@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,7 @@ def test_what_was_not_begun_is_dropped(tmp_path: Path) -> None:
     """A caller that stops asking does not wait for all the rest."""
     items = [tmp_path / str(place) for place in range(40)]
     results = LocalProcesses(2).map(note_and_wait, items)
+    assert isinstance(results, Generator)
     next(results)
     results.close()
     assert 1 <= len(list(tmp_path.iterdir())) < 20

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.tasks import Chunk, StoredBaseline, Task, in_chunks, screen_chunk
 
 
-def task(path: Path, op: str = "FIC-104.OP", **more: object) -> Task:
+def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
     """The sticking valve of the small plant, or a misspelt tag of it."""
     tags = {Role.OP: TagMapping(tag=op), Role.MV: TagMapping(tag="FIC-104.ZT")}
     return Task(path=str(path), tags=ValveTags(valve="FIC-104", tags=tags), **more)

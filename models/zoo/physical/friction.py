@@ -15,8 +15,8 @@ USUAL = ParameterSet(
     provenance=SET_B.provenance,
     assumed="The pressures at 0 and 100 % of OP are those that carry the stem over its stroke.",
 )
-# Local error of one step of the integration. A hundred times this is still less than any position
-# transmitter resolves.
+# Local error of one step of the integration. Errors grow where a stem creeps on the falling part of
+# the friction curve: 0.03 % was the most that a finer tolerance changed on the valves tested.
 TOLERANCE_PERCENT = 1e-4
 LEAST_N = 1.0  # a friction level of 0 would leave bristles without a length
 

@@ -53,15 +53,15 @@ def test_one_repeated_sample_makes_a_stop(model):
     assert np.diff(run(model, op))[-3:].tolist() == [0.0, 0.0, 3.0]
 
 
-@readings
-def test_a_jump_can_land_on_the_wrong_side(model):
-    """A4: the offset takes the sign of the command's last step; the error is S - J."""
-    op = [50.0, 54.0, 58.0, 52.9, 46.0, 52.0 - 5.2, 46.5]
-    # While stuck the command fell far and then rose a little: the stem slips down, and lands above.
-    falling = [50.0, 60.0, 40.0, 40.1]
-    y = run(model, falling, S=25.0, J=1.0, y0=60.0)
-    assert np.isfinite(run(model, op)).all()
-    assert y[-1] in (60.0, 40.1 - 12.0)
+def test_a_jump_can_land_on_the_wrong_side():
+    """A4: the offset takes the sign of the command's last step, not of the force: a stem held far
+    above a command that sank in zigzags is pulled down, and lands S - J too low."""
+    zigzag = np.repeat(np.arange(0.0, 14.0, 2.0), 2) + np.tile([3.5, 2.0], 7)
+    op = np.concatenate(([50.0, 54.0, 58.0, 62.0], 62.0 - zigzag, [51.6]))
+    y = run(CHOUDHURY_AS_DRAWN, op)
+    assert y[-2] == 60.5
+    assert y[-1] == pytest.approx(51.6 - 1.5)
+    assert y[-2] > op[-1]  # it was pulled down, and so belongs 1.5 % above the command
 
 
 @pytest.mark.parametrize("model", [*READINGS, CANONICAL, KANO], ids=lambda m: m.name)

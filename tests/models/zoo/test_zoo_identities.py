@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -29,11 +31,7 @@ everywhere = pytest.mark.parametrize("name", NAMES)
 for_pairs = pytest.mark.parametrize(("S", "J"), PAIRS)
 
 # S = 5, J = 2 (fs = 3.5, fd = 1.5), y0 = 50: repeated samples, same-direction restarts, exact ties.
-GOLDEN_OP = np.array(
-    [50, 51, 52, 53, 54, 55, 56, 57, 57, 58, 59, 58, 57, 56, 55, 54, 53, 52, 51, 52, 53, 54, 55, 56]
-    + [57],
-    dtype=float,
-)
+GOLDEN_OP = np.array([*range(50, 58), 57, 58, *range(59, 50, -1), *range(52, 58)], dtype=float)
 ELEMENT = [50.0] * 4 + [52.5, 53.5, 54.5] + [55.5] * 11 + [52.5] * 6 + [55.5]
 GOLDEN = [
     (CANONICAL, (5.0, 2.0), ELEMENT),
@@ -217,7 +215,7 @@ SHIFTABLE = [
 @pytest.mark.parametrize(("model", "q"), SHIFTABLE, ids=lambda v: getattr(v, "name", ""))
 def test_scale_and_translation(signals, name, model, q):
     """I12 and I13: twice the command and the levels is twice the way; a shift is a shift."""
-    op, q = signals[name], np.array(q) + 0.0123
+    op, q = signals[name], np.array(q) + 0.0123 * np.arange(1, len(q) + 1)  # no ties
     doubled = np.where([p.unit == "%" for p in model.parameters], 2.0, 1.0) * q
     once = run(model, op, *q)
     np.testing.assert_allclose(run(model, 2.0 * op, *doubled), 2.0 * once, atol=1e-9)
@@ -254,7 +252,7 @@ def test_levels_that_differ_by_direction_are_a_shifted_command(signals, name, sh
 
 def _by_direction(op, fs, fd, shift, y0):
     y, moving, d = [y0], False, 1
-    for before, u in zip(op[:-1], op[1:], strict=True):
+    for before, u in pairwise(op):
         moving = moving and d * (u - before) > 0
         force = u - y[-1]
         side = 1 if force > 0 else -1
@@ -280,7 +278,7 @@ def test_a_flow_force_is_an_error_of_span(signals, name):
     op, a, c, S, J = signals[name], 0.13, 0.7, 5.0123, 2.0071
     fs, fd = levels(S, J)
     y, moving, d = [(op[0] - c) / (1.0 + a)], False, 1
-    for before, u in zip(op[:-1], op[1:], strict=True):
+    for before, u in pairwise(op):
         moving = moving and d * (u - before) > 0
         force = u - y[-1] - (a * y[-1] + c)
         if not moving and abs(force) > fs:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,8 +15,16 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.recording import ClockFacts, Floats, Provenance, Recording, Role, Signal
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.report import PreviousFinding, ReportContext, SourceNotRead, ValveFacts
+from stemwatch.service.report import (
+    PreviousFinding,
+    ReportContext,
+    SourceNotRead,
+    ValveFacts,
+    write_report,
+)
 
+CHROMIUM = shutil.which("chromium")
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 
 
@@ -257,3 +267,39 @@ def make_plant() -> Callable[[int], list[Screening]]:
 def mixed_plant() -> list[Screening]:
     """Twelve ordinary valves, one without MV, one that could not be read."""
     return [*plant(12), without_mv("PV-310"), unreadable("LV-404")]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None and os.environ.get("CI"):
+        pytest.fail("chromium is not on the PATH; continuous integration must have it")
+    if CHROMIUM is None:
+        pytest.skip("chromium is not on the PATH")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def open_page(browser, mixed_plant, make_context, tmp_path):
+    """Opens the report; at the end no error was logged and nothing but the file was asked for."""
+    path = write_report(mixed_plant, make_context(mixed_plant), tmp_path).html
+    errors, requests, contexts = [], [], []
+
+    def open_it(**options):
+        context = browser.new_context(offline=True, **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: errors.append(message.text))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto(path.as_uri())
+        return page
+
+    yield open_it
+    for context in contexts:
+        context.close()
+    assert errors == []
+    assert {url for url in requests if not url.startswith("file://")} == set()
