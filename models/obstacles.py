@@ -12,6 +12,7 @@ from stemwatch.models.kinship import correlation, delayed_correlation, is_copy
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import PERCENT, Recording, Role, Signal
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
+from stemwatch.models.words import share
 
 # The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
 NOISE_SWING = 6.0
@@ -163,7 +164,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
         found.append(
             Obstacle(
                 "bad_samples",
-                f"{bad:.0%} of the samples are missing or marked bad",
+                f"{share(bad)} of the samples are missing or marked bad",
                 "Mend the archive or the transmitter, or choose another time window.",
             )
         )
@@ -226,7 +227,7 @@ def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstac
         found.append(
             Obstacle(
                 "position_frozen",
-                f"the position reading was frozen for {frozen:.0%} of the time",
+                f"the position reading was frozen for {share(frozen)} of the time",
                 "Check the position transmitter and its path to the historian.",
             )
         )
@@ -234,7 +235,7 @@ def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstac
         found.append(
             Obstacle(
                 "compressed",
-                f"the historian compressed the position: {drawn:.0%} of its moving samples were "
+                f"the historian compressed the position: {share(drawn)} of its moving samples were "
                 "drawn between stored points, which hides when the stem slipped",
                 "Export raw values with compression off (or its deviation below 0.1 %).",
             )

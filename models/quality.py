@@ -25,8 +25,10 @@ from stemwatch.models.obstacles import (
     unit_obstacles,
 )
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
+from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
+MOSTLY = 0.5  # frozen longer than this is an obstacle, and said there
 # No stem and no command is outside this, percent; one such value would outweigh all the others.
 POSSIBLE_PERCENT = (-100.0, 200.0)
 
@@ -93,24 +95,24 @@ def _clock_remarks(recording: Recording) -> list[tuple[str, str]]:
 def _remarks(recording: Recording, frozen: float, drawn: float) -> list[tuple[str, str]]:
     """(grade it costs, sentence) for what a verdict can live with."""
     remarks: list[tuple[str, str]] = []
-    bad = 1.0 - float(recording.usable.mean())
+    bad = 1.0 - float(recording.usable.mean()) - frozen
     if bad > NEGLIGIBLE_SHARE:
-        remarks.append(("C" if bad > 0.1 else "B", f"{bad:.1%} of the samples are unusable"))
+        remarks.append(("C" if bad > 0.1 else "B", f"{share(bad, 1)} of the samples are unusable"))
     remarks += _clock_remarks(recording)
-    if frozen > 0.0:
-        text = f"the position was frozen for {frozen:.1%} of the time; those samples are left out"
+    if 0.0 < frozen <= MOSTLY:
+        text = f"the position was frozen for {share(frozen, 1)} of the time, which is left out"
         remarks.append(("C", text))
     if drawn > 0.1:
-        remarks.append(("C", f"{drawn:.0%} of the moving position samples lie on drawn lines"))
+        remarks.append(("C", f"{share(drawn)} of the moving position samples lie on drawn lines"))
     for signal, name in ((recording.op, "OP"), (recording.mv, "position")):
         step = quantum(signal.values) if signal is not None else 0.0
         if step > 0.2:
             remarks.append(
                 ("C" if step > 0.6 else "B", f"{name} is recorded in steps of {step:.2g} %")
             )
-    saturated = np.mean((recording.op.values <= 0.0) | (recording.op.values >= 100.0))
+    saturated = float(np.mean((recording.op.values <= 0.0) | (recording.op.values >= 100.0)))
     if recording.op.unit == PERCENT and saturated > 0.05:
-        remarks.append(("C", f"OP is at its limit for {saturated:.0%} of the time"))
+        remarks.append(("C", f"OP is at its limit for {share(saturated)} of the time"))
     return remarks
 
 
@@ -126,11 +128,13 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     drawn = _drawn_share(recording)
     if recording.mv is None or not obstacles:
         obstacles = position_obstacles(recording) + obstacles
+    whole = recording
     if not obstacles:
         if runs:
             recording = _mask(recording, Role.MV, runs)
         obstacles += record_obstacles(frozen, drawn, limits) or foreign_obstacles(recording)
-    obstacles += length_obstacles(recording, limits)
+    # What was frozen is said as such, and not once more as missing.
+    obstacles += length_obstacles(whole if frozen > MOSTLY else recording, limits)
     obstacles += movement_obstacles(recording, limits)
     remarks = _remarks(recording, frozen, drawn) if len(recording) else []
     reasons = tuple(o.reason for o in obstacles) + tuple(text for _, text in remarks)

@@ -8,6 +8,7 @@ from stemwatch.models.excitation import swing
 from stemwatch.models.forensics import longest_repeat, quantum, repeat_share
 from stemwatch.models.loop import Oscillation, loop_oscillation
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
+from stemwatch.models.words import share
 
 NAMES = {Role.OP: "OP", Role.MV: "The position", Role.PV: "PV", Role.SP: "The set point"}
 
@@ -22,7 +23,7 @@ def _coarse(name: str, signal: Signal) -> list[str]:
     finite = signal.values[np.isfinite(signal.values)]
     codes = float(np.mean(signal.quality == Quality.CODE)) if signal.values.size else 0.0
     if codes > 0.01:
-        said.append(f"{name} holds state codes instead of values in {codes:.0%} of the samples.")
+        said.append(f"{name} holds state codes instead of values in {share(codes)} of the samples.")
     if finite.size < 10:
         return [*said, f"{name} has hardly any usable sample."]
     if float(np.ptp(finite)) == 0.0:
@@ -31,8 +32,8 @@ def _coarse(name: str, signal: Signal) -> list[str]:
     if repeats > 0.3:
         run = longest_repeat(signal.values)
         said.append(
-            f"{name} repeats its last value in {repeats:.0%} of the samples, up to {run} in a row: "
-            "it is coarse, compressed or held."
+            f"{name} repeats its last value in {share(repeats)} of the samples, up to {run} in a "
+            "row: it is coarse, compressed or held."
         )
     step, far = quantum(signal.values), swing(signal.values)
     if step > 0.02 * far:
@@ -62,9 +63,10 @@ def _limits(recording: Recording) -> list[str]:
     if not op.size:
         return []
     said = []
-    for share, where in ((np.mean(op <= 0.0), "lower"), (np.mean(op >= 100.0), "upper")):
-        if share > 0.05:
-            said.append(f"OP is at its {where} limit for {share:.0%} of the time.")
+    for limit, where in ((op <= 0.0, "lower"), (op >= 100.0, "upper")):
+        held = float(np.mean(limit))
+        if held > 0.05:
+            said.append(f"OP is at its {where} limit for {share(held)} of the time.")
     if op.min() < -10.0 or op.max() > 110.0:
         said.append(f"OP runs from {op.min():.4g} to {op.max():.4g}: it is not in percent.")
     return said

@@ -148,8 +148,9 @@ def _previous(store: Store, screening: Screening, now: datetime) -> PreviousFind
     """What was found of the valve in an earlier window, for the trend."""
     _, end = screening.window
     kept = store.previous(screening.valve, end or now)
-    undated = end is None and kept is not None
-    if kept is None or (undated and kept.provenance.digest == screening.provenance.digest):
+    if kept is None:
+        return None
+    if end is None and kept.provenance.digest == screening.provenance.digest:
         return None  # the same file without dates again is not a change
     return PreviousFinding(
         verdict=kept.verdict,

@@ -11,7 +11,7 @@ from stemwatch.models.stickslip import kernel
 from stemwatch.models.verdict import Shape
 
 # The paper states neither S, J, amplitude nor sampling. These S and J, for a sine of amplitude 1,
-# make each shape plainly; with them the best static map has about the paper's feedforward error.
+# make each shape plainly; the errors of static maps then are about two thirds of the paper's.
 AMPLITUDE = 1.0
 SAMPLES_PER_PERIOD = 150
 PERIODS = 4  # after a first one to forget the start; all are alike

@@ -19,7 +19,7 @@ from stemwatch.models.recording import Floats
 DEFAULT_SEEDS = 5
 UNSEEN_EACH = 30
 CLOSE = 0.03  # RMSE up to which a run on a new input counts as close
-OURS = "ours, from fitted S and J"
+OURS = "ours, fitted start"
 SINE, RICH = "the sine", "the training record"
 
 
@@ -136,8 +136,8 @@ def _ours(
     blind = ours.train_from_random(rich.u, rich.y, seeds)
     return [
         _Network(OURS, rich, grey.step, grey.weights),
-        _Network("ours, that start untrained", rich, grey.step, grey.starts[:1]),
-        _Network(OURS, sine, narrow.step, narrow.weights),
+        _Network(f"{OURS}, untrained", rich, grey.step, grey.starts[:1]),
+        _Network(f"{OURS}, sine only", sine, narrow.step, narrow.weights),
         _Network("ours, random start", rich, blind.step, blind.weights),
     ]
 

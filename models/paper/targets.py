@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from stemwatch.models.paper.study import CLOSE, OURS, RICH, CaseResult, Result
+from stemwatch.models.paper.study import CLOSE, OURS, CaseResult, Result
 from stemwatch.models.verdict import Shape
 
 SINE = 0.005
@@ -30,7 +30,7 @@ class Target:
 
 def targets(case: CaseResult) -> list[Target]:
     """Every target of one case: the sine, and for each family the median and four in five."""
-    own = next(r for r in case.results if (r.network, r.trained_on) == (OURS, RICH))
+    own = next(result for result in case.results if result.network == OURS)
     return [
         Target(shape=case.case.shape, what=what, found=found, limit=limit)
         for what, found, limit in _limits(case.case.shape, own)

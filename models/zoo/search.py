@@ -30,8 +30,8 @@ class Effort:
     cloud: int  # candidates from which intervals are drawn
 
 
-QUICK = Effort(first=400, starts=4, rounds=9, population=32, cloud=300)
-SLOW = Effort(first=160, starts=3, rounds=8, population=24, cloud=0)
+QUICK = Effort(first=600, starts=5, rounds=12, population=40, cloud=300)
+SLOW = Effort(first=96, starts=2, rounds=7, population=20, cloud=0)
 
 
 @dataclass(frozen=True)

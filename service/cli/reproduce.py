@@ -56,7 +56,7 @@ def reproduce(
             found[place] = result
             progress.update(bar, completed=len(found))
     results = [found[place] for place in sorted(found)]
-    _print(results, seeds)
+    show(results, seeds)
     if json_file is not None:
         text = json.dumps(as_json(results, seeds), indent=1, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
@@ -86,7 +86,8 @@ def as_json(results: Sequence[CaseResult], seeds: int) -> dict[str, Any]:
     }
 
 
-def _print(results: Sequence[CaseResult], seeds: int) -> None:
+def show(results: Sequence[CaseResult], seeds: int) -> None:
+    """The settings, the paper's table, new inputs case by case, and the targets."""
     from stemwatch.models.paper.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD
     from stemwatch.models.paper.layers import SIZES
     from stemwatch.models.paper.targets import targets
@@ -103,12 +104,12 @@ def _print(results: Sequence[CaseResult], seeds: int) -> None:
     views.out.print(
         "RMSE: median of the seeds (lowest to highest), in amplitudes. CDC: correct directional "
         "change; no model can have more than the share of samples at which the stem moves. Ours "
-        "from fitted S and J is grey-box: it starts as the stick-slip element that the product's "
-        "own fit found in the record that the network is then trained on.",
+        "with a fitted start is grey-box: it begins as the stick-slip element that the product's own "
+        "fit found in the record that the network is then trained on.",
         highlight=False,
     )
     for case in results:
-        views.out.print(_unseen_table(case))
+        views.out.print(_unseen_table(case, views.out.width >= views.WIDE))
     _print_targets([target for case in results for target in targets(case)])
 
 
@@ -145,23 +146,26 @@ def _sine_row(result: Result) -> tuple[str, ...]:
     )
 
 
-def _unseen_table(case: CaseResult) -> Table:
+def _unseen_table(case: CaseResult, wide: bool) -> Table:
     from rich.table import Table
 
-    count = case.results[0].unseen[0].inputs
+    families = case.results[0].unseen
+    shown = "median | four in five at most | largest" if wide else "median"
     title = (
-        f"{case.case.shape.value}: RMSE on {count} inputs of each kind that no network was trained "
-        "on; median | four in five at most | largest"
+        f"{case.case.shape.value}: RMSE on {families[0].inputs} inputs of each kind that no network "
+        f"was trained on; {shown}"
     )
     table = Table(title=title, title_justify="left")
-    for name in ("network", "trained on", *(one.family for one in case.results[0].unseen)):
+    for name in ("network", *(one.family for one in families)):
         table.add_column(name)
     for result in case.results:
-        table.add_row(result.network, result.trained_on, *map(_unseen_cell, result.unseen))
+        table.add_row(result.network, *(_unseen_cell(one, wide) for one in result.unseen))
     return table
 
 
-def _unseen_cell(one: Unseen) -> str:
+def _unseen_cell(one: Unseen, wide: bool) -> str:
+    if not wide:
+        return _short(one.median)
     return f"{_short(one.median)} | {_short(one.eightieth)} | {_short(one.largest)}"
 
 
@@ -169,9 +173,7 @@ def _print_targets(found: Sequence[Target]) -> None:
     from stemwatch.service.cli import views
 
     met = sum(target.met for target in found)
-    views.out.print(
-        f"Targets of ours, from fitted S and J: {met} of {len(found)} met.", highlight=False
-    )
+    views.out.print(f"Targets of ours, fitted start: {met} of {len(found)} met.", highlight=False)
     for target in found:
         if not target.met:
             views.out.print(

@@ -148,7 +148,7 @@ def test_too_short():
 def test_bad_samples():
     """Two fifths of the samples marked bad are too many."""
     first = the_obstacle(plant(bad=(Span(start_s=0.0, stop_s=1440.0),)), "bad_samples")
-    assert "40% of the samples are missing or marked bad" == first.reason
+    assert "40 % of the samples are missing or marked bad" == first.reason
 
 
 def test_holes_everywhere():
@@ -243,7 +243,7 @@ def test_mostly_frozen():
     """A position frozen for two thirds of the time carries no verdict."""
     mv = MV.copy()
     mv[600:3000] = mv[600]
-    assert "frozen for 67% of the time" in the_obstacle(recorded(mv=mv), "position_frozen").reason
+    assert "frozen for 67 % of the time" in the_obstacle(recorded(mv=mv), "position_frozen").reason
 
 
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0])

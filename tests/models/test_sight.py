@@ -48,7 +48,7 @@ def test_state_codes():
     """State codes in a value slot are counted, and what is left is hardly usable."""
     codes = np.full(T.size, Quality.CODE, dtype=np.uint8)
     text = said(pv=Signal(values=np.zeros(T.size), quality=codes, tag="PV"))
-    assert "PV holds state codes instead of values in 100% of the samples." in text
+    assert "PV holds state codes instead of values in 100 % of the samples." in text
     assert "PV has hardly any usable sample." in text
 
 

@@ -47,8 +47,8 @@ def _step(
     x1, v1 = _euler(x, v, h, f0 + rate * h, side, c)
     xm, vm = _euler(x, v, 0.5 * h, f0 + 0.5 * rate * h, side, c)
     x2, v2 = _euler(xm, vm, 0.5 * h, f0 + rate * h, side, c)
-    # Errors of the velocity count as the travel within one time constant of the stem.
-    swing_s = np.sqrt(c[0] / c[1]) + c[4] / c[1]
+    # Errors of the velocity count as the travel within one radian of the free swing.
+    swing_s = np.sqrt(c[0] / c[1])
     error = (abs(x2 - x1) + swing_s * abs(v2 - v1)) / c[9]
     return 2.0 * x2 - x1, 2.0 * v2 - v1, error
 

@@ -34,6 +34,5 @@ def test_a_perfect_model_scores_the_share_of_moving_samples(case: Case) -> None:
     """On the sine the stem rests while the input travels S: arccos(1 - S)/pi of the time."""
     y = case.respond(paper_sine())[SAMPLES_PER_PERIOD:]
     moving = 100.0 * (1.0 - np.arccos(1.0 - case.S) / np.pi)
-    # The half-amplitude slack: a slip is at a whole sample, and in undershoot and overshoot the
-    # stem slips where the force, not the travel since the turn, is large enough.
+    # Slips and turns fall on whole samples, hence the slack.
     assert cdc_percent(y, y) == pytest.approx(moving, abs=2.0)

