@@ -12,6 +12,7 @@ from stemwatch.models.findings import Indicator, Residual
 from stemwatch.models.loop import loop_oscillation
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.fit import StickSlipFit
 from stemwatch.models.stickslip.problem import Problem
 
@@ -105,10 +106,9 @@ def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
         *_one("lag_rising_s", float(c[at.LAG_UP_S]), "s", "Actuator lag, position rising"),
         *_one("lag_falling_s", float(c[at.LAG_DOWN_S]), "s", "Actuator lag, position falling"),
     ]
-    for name, where in (("rising", at.SLOW_UP), ("falling", at.SLOW_DOWN)):
-        if c[where] > 0.02:  # faster than 50 %/s is no limit that a recording could show
-            text = f"Top speed of the stem, position {name}"
-            found += _one(f"speed_{name}_percent_per_s", 1.0 / float(c[where]), "%/s", text, "down")
+    for name, speed in shown_speed_limits(fit).items():
+        text = f"Top speed of the stem, position {name}"
+        found += _one(f"speed_{name}_percent_per_s", speed, "%/s", text, "down")
     return found
 
 

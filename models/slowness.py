@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.fit import StickSlipFit
 
 # Less than this is how good valves are, and not worth a word.
@@ -41,12 +42,11 @@ def _late(fit: StickSlipFit) -> list[str]:
 
 
 def _limited(fit: StickSlipFit) -> list[str]:
-    c = fit.candidate
-    parts = []
-    for name, where in (("rising", at.SLOW_UP), ("falling", at.SLOW_DOWN)):
-        if c[where] * SLOW_PERCENT_PER_S > 1.0:
-            parts.append(f"the position moves at no more than {1.0 / c[where]:.1f} %/s {name}")
-    return parts
+    return [
+        f"the position moves at no more than {speed:.1f} %/s {name}"
+        for name, speed in shown_speed_limits(fit).items()
+        if speed < SLOW_PERCENT_PER_S
+    ]
 
 
 def _misread(fit: StickSlipFit) -> str:

@@ -17,7 +17,8 @@ from stemwatch.models.verdict import Shape
 
 _SEED = 3
 # The paper trains series-parallel with static back-propagation. We go on to free runs of a tenth
-# of a period and of a whole one, which makes its NARX several times better and spares some seeds a run that diverges.
+# of a period and of a whole one, which makes its NARX several times better and keeps more seeds
+# from diverging.
 _ONE_STEP = Stage(horizon=1, steps=60)
 _FREE_RUNS = (Stage(horizon=15, steps=25), Stage(horizon=150, steps=25))
 

@@ -116,8 +116,8 @@ def fit_model(
     step in it. Where to look is found on runs of one block of time (about 90 s) first: in a model
     whose every slip depends on the one before, the error of a long run tells nothing until the
     parameters are nearly right. Seeded, so that the same recording gives the same numbers. A
-    recording that cannot be fitted is a result with an outcome. Raises ``ValueError`` where ``train_until`` is not within
-    the recording.
+    recording that cannot be fitted is a result with an outcome. Raises ``ValueError`` where
+    ``train_until`` is not within the recording.
     """
     began = time.perf_counter()
     if not 0 < train_until <= len(recording):

@@ -104,8 +104,8 @@ def show(results: Sequence[CaseResult], seeds: int) -> None:
     views.out.print(
         "RMSE: median of the seeds (lowest to highest), in amplitudes. CDC: correct directional "
         "change; no model can have more than the share of samples at which the stem moves. Ours "
-        "with a fitted start is grey-box: it begins as the stick-slip element that the product's own "
-        "fit found in the record that the network is then trained on.",
+        "with a fitted start is grey-box: it begins as the stick-slip element that the product's "
+        "own fit found in the record that the network is then trained on.",
         highlight=False,
     )
     for case in results:
@@ -152,8 +152,8 @@ def _unseen_table(case: CaseResult, wide: bool) -> Table:
     families = case.results[0].unseen
     shown = "median | four in five at most | largest" if wide else "median"
     title = (
-        f"{case.case.shape.value}: RMSE on {families[0].inputs} inputs of each kind that no network "
-        f"was trained on; {shown}"
+        f"{case.case.shape.value}: RMSE on {families[0].inputs} inputs of each kind that no "
+        f"network was trained on; {shown}"
     )
     table = Table(title=title, title_justify="left")
     for name in ("network", *(one.family for one in families)):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.zoo import canonical, chen, choudhury, he2, he3, kano, stenman, xch
+from stemwatch.models.zoo import chen, choudhury, he2, he3, kano, stenman, xch
 from stemwatch.models.zoo.canonical import CANONICAL
 from stemwatch.models.zoo.chen import CHEN_TREE
 from stemwatch.models.zoo.choudhury import CHOUDHURY_AS_DRAWN, CHOUDHURY_TEXT
@@ -311,6 +311,9 @@ def test_compiled_is_interpreted(signals, name, compiled, q):
         np.testing.assert_allclose(out, plain, rtol=1e-13)
 
 
-def test_the_canonical_model_is_the_products_own_kernel():
-    """Nothing is written twice: the model of the catalogue runs the kernel that is fitted."""
-    assert canonical.kernel is kernel
+@everywhere
+@for_pairs
+def test_the_canonical_model_is_the_products_own_kernel(signals, name, S, J):
+    """What is compared is what the product reports S and J by."""
+    op = signals[name]
+    np.testing.assert_array_equal(run(CANONICAL, op, S, J), element(op, S, J, op[0]))

@@ -180,7 +180,7 @@ def test_the_faults_of_a_poor_archive_are_found(screened: Screened) -> None:
         "1 gaps, the longest 825 s",
         "OP is recorded in steps of 1 %",
         "PV is recorded in steps of 0.01",
-        "OP is at its lower limit for 33% of the time",
+        "OP is at its lower limit for 33 % of the time",
     ):
         assert fact in said
 
