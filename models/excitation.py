@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from stemwatch.models.recording import Floats
 
+LIMIT_MARGIN = 5.0  # percent by which an output may be driven beyond 0 and 100
+LIMIT_TOLERANCE = 1e-6  # percent
+
 
 @njit(cache=True)
 def _turning_points(values: Floats, threshold: float, out: NDArray[np.int64]) -> int:
@@ -77,3 +80,21 @@ def swing(values: Floats) -> float:
         return 0.0
     low, high = np.percentile(finite, (1.0, 99.0))
     return float(high - low)
+
+
+def at_limits(op: Floats) -> tuple[float, float]:
+    """Shares of the samples of an OP in percent that rest on its lower and on its upper limit.
+
+    A limited output stays exactly at its lowest (highest) value, at or slightly beyond 0 % (100 %).
+    Merely being below zero is no limit: a centred record is, half of the time.
+    """
+    finite = op[np.isfinite(op)]
+    if not finite.size:
+        return 0.0, 0.0
+    low, high = float(finite.min()), float(finite.max())
+    at_low = -LIMIT_MARGIN <= low <= 0.0
+    at_high = 100.0 <= high <= 100.0 + LIMIT_MARGIN
+    return (
+        float(np.mean(finite <= low + LIMIT_TOLERANCE)) if at_low else 0.0,
+        float(np.mean(finite >= high - LIMIT_TOLERANCE)) if at_high else 0.0,
+    )

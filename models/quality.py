@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stemwatch.models.excitation import at_limits
 from stemwatch.models.findings import DataQuality
 from stemwatch.models.forensics import interpolated, quantum
 from stemwatch.models.frozen import frozen_runs
@@ -110,7 +111,7 @@ def _remarks(recording: Recording, frozen: float, drawn: float) -> list[tuple[st
             remarks.append(
                 ("C" if step > 0.6 else "B", f"{name} is recorded in steps of {step:.2g} %")
             )
-    saturated = float(np.mean((recording.op.values <= 0.0) | (recording.op.values >= 100.0)))
+    saturated = sum(at_limits(recording.op.values))
     if recording.op.unit == PERCENT and saturated > 0.05:
         remarks.append(("C", f"OP is at its limit for {share(saturated)} of the time"))
     return remarks

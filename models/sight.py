@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.excitation import swing
+from stemwatch.models.excitation import at_limits, swing
 from stemwatch.models.forensics import longest_repeat, quantum, repeat_share
 from stemwatch.models.loop import Oscillation, loop_oscillation
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
@@ -63,8 +63,7 @@ def _limits(recording: Recording) -> list[str]:
     if not op.size:
         return []
     said = []
-    for limit, where in ((op <= 0.0, "lower"), (op >= 100.0, "upper")):
-        held = float(np.mean(limit))
+    for held, where in zip(at_limits(op), ("lower", "upper"), strict=True):
         if held > 0.05:
             said.append(f"OP is at its {where} limit for {share(held)} of the time.")
     if op.min() < -10.0 or op.max() > 110.0:

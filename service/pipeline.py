@@ -66,9 +66,16 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
     )
     if request.plant is not None:
         how.store.save_valves(request.plant.valves.values())
-    screenings = screen_all(_with_baselines(gathered.tasks, how.store), how, tell)
-    previous = {one.valve: _previous(how.store, one, started) for one in screenings}
-    saved = how.store.save_many(screenings, number)
+    previous: dict[str, PreviousFinding | None] = {}
+    not_saved: list[tuple[str, str]] = []
+
+    def keep(screenings: Sequence[Screening]) -> None:
+        """Save what is done at once: a run that is cut short loses what was not begun, no more."""
+        previous.update({one.valve: _previous(how.store, one, started) for one in screenings})
+        saved = how.store.save_many(screenings, number)
+        not_saved.extend((failure.valve, failure.reason) for failure in saved.failures)
+
+    screenings = screen_all(_with_baselines(gathered.tasks, how.store), how, tell, keep)
     _keep_networks(screenings, how)
     how.store.finish_run(number)
     context = _context(request, how, gathered, previous, started, digest)
@@ -76,18 +83,24 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
         screenings=tuple(screenings),
         report=write_report(screenings, context, how.out),
         not_read=gathered.not_read,
-        not_saved=tuple((failure.valve, failure.reason) for failure in saved.failures),
+        not_saved=tuple(not_saved),
     )
 
 
-def screen_all(tasks: Sequence[Task], how: Run, tell: Told) -> list[Screening]:
-    """A screening for each task, in the tasks' order, whatever order they were done in."""
+def screen_all(
+    tasks: Sequence[Task], how: Run, tell: Told, keep: Callable[[Sequence[Screening]], None]
+) -> list[Screening]:
+    """A screening for each task, in the tasks' order, whatever order they were done in.
+
+    ``keep`` gets each chunk's screenings as soon as they are there.
+    """
     share = -(-len(tasks) // (CHUNKS_PER_WORKER * how.executor.workers))
     chunks = in_chunks(tasks, how.limits, max(1, min(CHUNK, share)))
     done: dict[int, list[Screening]] = {}
     count = 0
     for place, screenings in how.executor.map(screen_chunk, chunks):
         done[place] = screenings
+        keep(screenings)
         for screening in screenings:
             count += 1
             tell(screening, count, len(tasks))

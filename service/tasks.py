@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 
 from stemwatch.connectors.connector import WHOLE, ConnectorError, ValveTags, Window
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
@@ -43,14 +44,18 @@ class Chunk:
 
 
 @lru_cache(maxsize=2)
-def _open(path: str, options: ReadOptions) -> HistorianFile:
+def _open(path: str, options: ReadOptions, written: tuple[int, int]) -> HistorianFile:
     """A wide export holds many valves: it is parsed once, not once a valve."""
     return HistorianFile(path, options)
 
 
 def open_file(path: str, options: ReadOptions) -> HistorianFile:
-    """The file, parsed at most once while its valves are screened one after the other."""
-    return _open(path, options)
+    """The file, parsed at most once while its valves are screened, and anew when it was changed."""
+    try:
+        state = Path(path).stat()
+    except OSError:
+        return HistorianFile(path, options)  # reading it will say what is wrong
+    return _open(path, options, (state.st_mtime_ns, state.st_size))
 
 
 def screen_chunk(chunk: Chunk) -> list[Screening]:

@@ -86,6 +86,7 @@ class _Network:
     step: Step
     weights: Floats
     published: Published | None = None
+    trained: bool = True
 
 
 def study(task: Task) -> CaseResult:
@@ -136,7 +137,7 @@ def _ours(
     blind = ours.train_from_random(rich.u, rich.y, seeds)
     return [
         _Network(OURS, rich, grey.step, grey.weights),
-        _Network(f"{OURS}, untrained", rich, grey.step, grey.starts[:1]),
+        _Network(f"{OURS}, untrained", rich, grey.step, grey.starts[:1], trained=False),
         _Network(f"{OURS}, sine only", sine, narrow.step, narrow.weights),
         _Network("ours, random start", rich, blind.step, blind.weights),
     ]
@@ -150,7 +151,7 @@ def _judge(
     runs = simulate(network.step, network.weights, [sine.u], [sine.y])[:, 0]
     return Result(
         network=network.name,
-        trained_on=record.name,
+        trained_on=record.name if network.trained else "nothing but S and J",
         rmse=_floats(rmse(runs, sine.y)),
         cdc_percent=_floats(cdc_percent(runs, sine.y)),
         chosen=chosen,

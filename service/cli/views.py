@@ -163,7 +163,11 @@ def _counts(screenings: Sequence[Screening]) -> str:
         if (count := sum(s.verdict is verdict for s in screenings))
     ]
     more = f", the worst {SHOWN} shown" if len(screenings) > SHOWN else ""
-    return f"{len(screenings)} valves: {', '.join(words) or 'none'}{more}"
+    valves = len({one.valve for one in screenings})
+    what = f"{valves} valves" if valves != 1 else "1 valve"
+    if valves != len(screenings):
+        what = f"{len(screenings)} recordings of {what}"
+    return f"{what}: {', '.join(words) or 'none'}{more}"
 
 
 def inspection_tables(seen: Inspection) -> Iterator[Table]:

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.excitation import reversals, slips, swing, travel
+from stemwatch.models.excitation import at_limits, reversals, slips, swing, travel
 
 walks = st.lists(st.integers(-20, 20), min_size=1, max_size=120).map(
     lambda steps: np.cumsum(np.array(steps, dtype=float)) * 0.25
@@ -105,3 +105,14 @@ def test_swing_leaves_out_the_extremes_and_nan():
     assert abs(swing(values) - 98.0) < 0.2
     assert 0.0 == swing(np.full(5, np.nan))
     assert 0.0 == swing(np.array([]))
+
+
+def test_limits_are_where_an_output_rests():
+    """An output clipped at 0 or 100 % is at its limit; one that is centred on zero is not."""
+    wave = 60.0 * np.sin(np.arange(1000.0) / 20.0)
+    low, high = at_limits(np.clip(50.0 + wave, 0.0, 100.0))
+    assert 0.1 < low < 0.3
+    assert 0.1 < high < 0.3
+    assert (0.0, 0.0) == at_limits(wave)
+    assert max(at_limits(0.03 * wave)) < 0.02
+    assert (0.0, 0.0) == at_limits(np.full(3, np.nan))
