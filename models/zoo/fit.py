@@ -173,7 +173,7 @@ def _fitted(
     best = search(cube, coarse, free_run, effort).candidate
     values, zero = cube.values(best)
     simulated = runs.simulate(model, values, zero, problem.op.size)
-    resolution = 3.0 * np.sqrt(2.0) * problem.sigma
+    resolution = _resolution(problem)
     late = runs.counted & ~(np.arange(problem.op.size) < train_until)
     training = score(simulated, problem.mv, trained, resolution)
     limits = intervals(
@@ -193,6 +193,29 @@ def _fitted(
         seconds=time.perf_counter() - began,
         outcome=_doubts(cube, best, training),
     )
+
+
+def score_run(
+    recording: Recording, simulated: Floats, train_until: int
+) -> tuple[Score | None, Score | None]:
+    """(training, held-out) marks of any free run (n,) in percent, as ``fit_model`` gives them.
+
+    For what is no ``ValveModel``, such as a network. ``None`` where there is too little to mark.
+    """
+    problem = _problem(recording, train_until)
+    if isinstance(problem, str):
+        return None, None
+    counted, early = cut(problem, train_until).counted, np.arange(simulated.size) < train_until
+    resolution = _resolution(problem)
+    return (
+        score(simulated, problem.mv, counted & early, resolution),
+        score(simulated, problem.mv, counted & ~early, resolution),
+    )
+
+
+def _resolution(problem: Problem) -> float:
+    """The largest step of MV that noise alone makes, percent: three standard deviations."""
+    return 3.0 * float(np.sqrt(2.0)) * problem.sigma
 
 
 def _command_step(op: Floats) -> float:

@@ -228,3 +228,9 @@ def test_thousands_of_valves_load(tmp_path: Path) -> None:
     (tmp_path / "v.csv").write_text("id,source,op,mv\n" + rows)
     plant = load(tmp_path, 'valve_list = "v.csv"\n[[sources]]\nname = "s"\npath = "a.csv"')
     assert (3000, ()) == (len(plant.valves), plant.problems)
+
+
+def test_the_example_in_deploy_loads() -> None:
+    """What a plant copies to begin with is right as it stands."""
+    plant = load_plant(Path(__file__).parents[2] / "deploy" / "plant.example.toml")
+    assert (("FIC-101",), ()) == (tuple(plant.valves), plant.problems)

@@ -1,0 +1,179 @@
+"""``stemwatch compare``: which stiction model does this valve follow?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from stemwatch.models.recording import Recording
+    from stemwatch.models.zoo.scores import Score
+    from stemwatch.service.comparison.rows import Comparison, Row
+    from stemwatch.service.gather import Request
+
+TAGS = "Which tag is what"
+PAGE = "compare.html"
+
+
+def compare(
+    file: Annotated[Path, typer.Argument(help="A CSV or text export of a historian.")],
+    op: Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)] = "",
+    mv: Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)] = "",
+    valve: Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)] = "",
+    from_: Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")] = "",
+    to: Annotated[str, typer.Option("--to", help="End of the window, ISO time.")] = "",
+    train_share: Annotated[
+        float, typer.Option(min=0.1, max=1.0, help="First part of the record that is fitted.")
+    ] = 0.6,
+    narx: Annotated[
+        bool, typer.Option("--narx/--no-narx", help="Train the network as well.")
+    ] = True,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for a page with the models' traces.")
+    ] = None,
+    json_file: o.JsonFile = None,
+    zone: o.Zone = "",
+    encoding: o.Encoding = "",
+    separator: o.Separator = "",
+    decimal: o.Decimal = "",
+    day_first: o.DayFirst = None,
+    time_column: o.TimeColumn = "",
+    time_format: o.TimeFormat = "",
+    interval_s: o.Interval = None,
+) -> None:
+    """Fit every stiction model of the literature to one valve and mark them alike.
+
+    Data-driven models, force balances and the NARX network, all fitted to the first part of the
+    record and judged by their free run over the rest. It says which model follows, not whether the
+    valve is ill: that is `stemwatch screen`.
+    """
+    from stemwatch.connectors.connector import Window
+    from stemwatch.service.cli.reading import read_options
+    from stemwatch.service.gather import Request
+
+    o.need_file(file, "FILE")
+    request = Request(
+        sources=(str(file),),
+        tags=_tags(op, mv),
+        valve=valve,
+        window=Window(start=o.instant(from_, zone, "--from"), stop=o.instant(to, zone, "--to")),
+        read_options=read_options(
+            zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
+        ),
+    )
+    recording = _the_recording(request, file)
+    _report(_compared(recording, train_share, narx), out, json_file)
+
+
+def _tags(op: str, mv: str):  # type: ignore[no-untyped-def]  # Role is imported late, with numpy
+    from stemwatch.models.recording import Role
+
+    if mv and not op:
+        raise typer.BadParameter(
+            "the controller output is needed: --op TAG (`stemwatch inspect` lists the tags)",
+            param_hint="--op",
+        )
+    return {role: tag for role, tag in ((Role.OP, op), (Role.MV, mv)) if tag}
+
+
+def _the_recording(request: Request, file: Path) -> Recording:
+    """The one valve of the file; a sentence where there is none, or more than one."""
+    from stemwatch.service.gather import gather
+    from stemwatch.service.tasks import open_file
+
+    tasks = gather(request).tasks
+    if len(tasks) != 1:
+        names = ", ".join(task.tags.valve for task in tasks)
+        raise typer.BadParameter(
+            f"one valve at a time: {file} has {len(tasks)} ({names}); choose with --op and --mv"
+        )
+    (task,) = tasks
+    if task.reason:
+        raise typer.BadParameter(task.reason)
+    return open_file(task.path, task.read_options).read(task.tags, task.window)
+
+
+def _compared(recording: Recording, train_share: float, network: bool) -> Comparison:
+    from rich.progress import Progress
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.comparison.rows import compare as compare_models
+
+    train_until = max(round(train_share * len(recording)), 1)
+    with Progress(console=views.err, transient=True) as progress:
+        bar = progress.add_task("models")
+
+        def tell(model: str, done: int, of: int) -> None:
+            progress.update(bar, completed=done, total=of, description=model)
+
+        return compare_models(recording, train_until, network=network, tell=tell)
+
+
+def _report(comparison: Comparison, out: Path | None, json_file: Path | None) -> None:
+    import json
+
+    from stemwatch.service.cli import views
+
+    views.out.print(_table(comparison))
+    for row in comparison.ranked():
+        if row.outcome:
+            views.say(f"{row.model}: {row.outcome}")
+    if json_file is not None:
+        objects = [row.as_json() for row in comparison.ranked()]
+        text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
+        json_file.write_text(text + "\n", encoding="utf-8")
+    if out is not None:
+        from stemwatch.service.comparison.page import html_bytes
+
+        out.mkdir(parents=True, exist_ok=True)
+        (out / PAGE).write_bytes(html_bytes(comparison))
+        where = (out / PAGE).resolve()
+        views.out.print(f"Page: {where}", highlight=False, soft_wrap=True)
+
+
+def _table(comparison: Comparison) -> Table:
+    """Best first; a narrow terminal has room for the marks alone."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from stemwatch.service.cli import views
+
+    wide = views.out.width >= views.WIDE
+    share = comparison.train_until / max(len(comparison.recording), 1)
+    title = f"{comparison.recording.valve}: fitted to the first {share:.0%}, judged on the rest"
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("model", no_wrap=True)
+    for mark in ("RMSE, %", "fit, %", "direction, %"):
+        table.add_column(f"held out\n{mark}", justify="right", no_wrap=True)
+    table.add_column("training\nRMSE, %", justify="right", no_wrap=True)
+    if wide:
+        table.add_column("training\nfit, %", justify="right", no_wrap=True)
+        table.add_column("training\ndirection, %", justify="right", no_wrap=True)
+        table.add_column("parameters")
+    table.add_column("s", justify="right", no_wrap=True)
+    for row in comparison.ranked():
+        marks = [*_marks(row.heldout), *_marks(row.training)]
+        table.add_row(
+            row.model,
+            *(marks if wide else marks[:4]),
+            *([escape(_parameters(row))] if wide else []),
+            f"{row.seconds:.1f}",
+        )
+    return table
+
+
+def _parameters(row: Row) -> str:
+    named = row.parameters.items()
+    return ", ".join(f"{name} {one}" for name, one in named if one.value is not None)
+
+
+def _marks(score: Score | None) -> tuple[str, str, str]:
+    if score is None:
+        return "-", "-", "-"
+    return f"{score.rmse:.3g}", f"{score.fit_percent:.1f}", f"{score.direction_percent:.1f}"

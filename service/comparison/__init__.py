@@ -1,0 +1,1 @@
+"""One recording against every stiction model: a table and a page."""
