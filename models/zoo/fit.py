@@ -232,11 +232,23 @@ def _doubts(cube: Cube, best: Floats, training: Score | None) -> str:
         doubts.append(
             "Even on the samples it was fitted to, the free run is no better than a constant."
         )
-    names = [p.name for p in cube.model.parameters]
-    ends = [name for name, at in zip(names, best[:-1], strict=True) if at > 1.0 - AT_BOUND]
-    if ends:
-        doubts.append(
-            f"{', '.join(ends)} ended at the upper end of the search; the truth may lie "
-            "beyond, or the record does not tell."
-        )
+    for end in ("upper", "lower"):
+        names = _at_end(cube, best, end)
+        if names:
+            doubts.append(
+                f"{', '.join(names)} ended at the {end} end of the search; the truth may lie "
+                "beyond, or the record does not tell."
+            )
     return " ".join(doubts)
+
+
+def _at_end(cube: Cube, best: Floats, end: str) -> list[str]:
+    """Parameters at an end of their range that is no natural one, such as no friction at all."""
+    found = []
+    for parameter, share in zip(cube.model.parameters, best[:-1].tolist(), strict=True):
+        natural = parameter.per_percent is not None or parameter.lower == 0.0
+        if end == "upper" and share > 1.0 - AT_BOUND:
+            found.append(parameter.name)
+        if end == "lower" and share < AT_BOUND and not natural:
+            found.append(parameter.name)
+    return found

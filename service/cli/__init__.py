@@ -9,6 +9,7 @@ import typer
 from stemwatch.service.cli.demo import demo
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
+from stemwatch.service.cli.reproduce import reproduce
 from stemwatch.service.cli.screen import screen
 from stemwatch.service.cli.simulate import simulate
 from stemwatch.service.cli.trial import trial
@@ -48,7 +49,7 @@ def _main(
     """
 
 
-for command in (inspect, screen, simulate, demo, trial, maintenance):
+for command in (inspect, screen, simulate, demo, trial, maintenance, reproduce):
     app.command()(command)
 
 

@@ -127,7 +127,7 @@ def test_the_command_prints_writes_and_draws(app, export, tmp_path):
     ("args", "words"),
     [
         (["--mv", "FV101.ZT"], "the controller output is needed"),
-        (["--train-share", "0.01"], "0.01 is not in the range"),
+        (["--train-share", "0.01"], "Invalid value for '--train-share'"),
     ],
 )
 def test_wrong_usage_is_a_sentence(app, export, args, words):

@@ -219,6 +219,17 @@ def test_a_position_that_follows_nothing_is_doubted():
     assert fit.training.fit_percent < 20.0
 
 
+def test_a_parameter_at_the_end_of_its_range_is_doubted(recorded, command):
+    """A slip that falls short of its place is none that K can describe: K ends at its lower end."""
+    record = recorded(model_named("he3"), command)
+    lagged = record.mv.values.copy()
+    for k in range(1, lagged.size):
+        lagged[k] = lagged[k - 1] + 0.1 * (record.mv.values[k] - lagged[k - 1])
+    signals = {Role.OP: record.op, Role.MV: Signal.good(lagged, "ZT")}
+    fit = fit_model(model_named("he3"), replace(record, signals=signals), TRAIN)
+    assert fit.outcome.startswith("K ended at the lower end of the search")
+
+
 def test_marks_are_those_of_their_formulas():
     """RMSE, fit percent and directional change on a record small enough for a pencil."""
     mv = np.tile([0.0, 1.0, 1.0, 0.0], 10)
