@@ -7,6 +7,7 @@ same versions draw the same bytes.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -19,7 +20,7 @@ from stemwatch.models.zoo.model import ValveModel, values_of
 HERE = Path(__file__).parent
 SAMPLES = 360
 COMMAND, STEM = "#8a8f98", "#0b6bcb"
-STYLE = {
+STYLE: Any = {
     "svg.hashsalt": "stemwatch",
     "svg.fonttype": "none",
     "font.size": 8.0,
@@ -34,7 +35,7 @@ def command(swing: float) -> Floats:
     """A wave that shrinks, with a little noise and two holds: what a loop might ask for."""
     k = np.arange(SAMPLES)
     shrink = 1.0 - 0.5 * k / SAMPLES
-    op = 50.0 + swing * shrink * np.sin(2.0 * np.pi * (k + 0.3) / 120.0)
+    op: Floats = 50.0 + swing * shrink * np.sin(2.0 * np.pi * (k + 0.3) / 120.0)
     op += 0.01 * swing * np.random.default_rng(4).standard_normal(SAMPLES)
     for first in (95, 215):
         op[first : first + 12] = op[first]

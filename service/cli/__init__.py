@@ -6,6 +6,7 @@ import sys
 
 import typer
 
+from stemwatch.service.cli.compare import compare
 from stemwatch.service.cli.demo import demo
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
@@ -49,7 +50,7 @@ def _main(
     """
 
 
-for command in (inspect, screen, simulate, demo, trial, maintenance, reproduce):
+for command in (inspect, screen, compare, simulate, demo, trial, maintenance, reproduce):
     app.command()(command)
 
 
