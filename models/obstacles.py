@@ -12,7 +12,7 @@ from stemwatch.models.kinship import correlation, delayed_correlation, is_copy
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import PERCENT, Recording, Role, Signal
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
-from stemwatch.models.words import share
+from stemwatch.models.words import share, times
 
 # The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
 NOISE_SWING = 6.0
@@ -206,7 +206,7 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
         reason = f"{manual}OP moved over {far:.1f} % only, so a sticking stem would not show"
         return [Obstacle("manual" if manual else "op_still", reason, remedy)]
     if turns < limits.min_reversals:
-        reason = f"{manual}OP turned round {turns} times only; stiction shows at reversals"
+        reason = f"{manual}OP turned round only {times(turns)}; stiction shows at reversals"
         return [Obstacle("manual" if manual else "few_reversals", reason, remedy)]
     per_cycle = 2.0 * op.size / turns
     if per_cycle < limits.min_samples_per_cycle:
