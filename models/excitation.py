@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from stemwatch.models.recording import Floats
 
+REST_SAMPLES = 3  # before a jump
 LIMIT_MARGIN = 5.0  # percent by which an output may be driven beyond 0 and 100
 LIMIT_TOLERANCE = 1e-6  # percent
 
@@ -54,23 +57,34 @@ def travel(values: Floats, threshold: float) -> float:
     return float(moves[moves >= threshold].sum())
 
 
-def slips(mv: Floats, op: Floats, sigma: float) -> int:
-    """Number of jumps of the stem: from rest, and further than the command moved just then.
+@dataclass(frozen=True)
+class Slips:
+    """Jumps of the stem from rest: where each begins, and how far it goes, percent, with its sign.
 
-    A jump is a run of steps beyond ``5 sqrt(2) sigma`` and three times OP's own step, after three
-    samples of rest. A valve that follows a quick command smoothly has none.
+    A jump is a run of steps beyond ``5 sqrt(2) sigma`` whose first step is three times OP's own,
+    after at least three samples of rest. A valve that follows a quick command smoothly has none.
     """
-    if mv.size < 5:
-        return 0
+
+    begins: NDArray[np.int64]  # (m,) last sample of rest
+    sizes: Floats  # (m,)
+
+    @property
+    def count(self) -> int:
+        return int(self.begins.size)
+
+
+def slips(mv: Floats, op: Floats, sigma: float) -> Slips:
+    """The slips of a position (n,), finite, under a command (n,); ``sigma`` is MV's noise."""
     steps = np.abs(np.diff(mv))
-    noise = 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
-    moved = steps > noise
+    moved = steps > 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], moved.astype(np.int8), [0]))))
+    begins, ends = edges[::2], edges[1::2]
+    rest = begins - np.concatenate(([0], ends[:-1])) if begins.size else begins
     own = np.abs(np.diff(op))
     # The command may have moved a sample earlier than the stem shows it.
     own[1:] = np.maximum(own[1:], own[:-1])
-    jump = moved & (steps > 3.0 * own)
-    rested = ~(moved[2:-1] | moved[1:-2] | moved[:-3])
-    return int(np.sum(jump[3:] & rested))
+    jump = (rest >= REST_SAMPLES) & (steps[begins] > 3.0 * own[begins])
+    return Slips(begins=begins[jump], sizes=np.asarray((mv[ends] - mv[begins])[jump]))
 
 
 def swing(values: Floats) -> float:

@@ -7,12 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import reversals, slips, swing, travel
+from stemwatch.models.excitation import reversals, swing, travel
 from stemwatch.models.findings import Indicator, Residual
 from stemwatch.models.loop import loop_oscillation
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.stickslip import parameters as at
 from stemwatch.models.stickslip.actuator import shown_speed_limits
+from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import StickSlipFit
 from stemwatch.models.stickslip.problem import Problem
 
@@ -60,16 +61,17 @@ def of_recording(recording: Recording) -> list[Indicator]:
     return found
 
 
-def of_movement(problem: Problem) -> list[Indicator]:
+def of_movement(problem: Problem, events: SlipEvents) -> list[Indicator]:
     """How the stem moved: jumps, reversals, way, and the noise of its reading."""
     hours = problem.op.size * problem.interval_s / 3600.0
     threshold = max(5.0 * problem.sigma, 0.1)
     far = travel(problem.mv, threshold)
-    count = float(slips(problem.mv, problem.op, problem.sigma))
+    count = float(events.count)
     turns = float(reversals(problem.mv, threshold).size)
     return [
         *_one("slip_count", count, "", "Jumps of the stem from rest"),
         *_one("slips_per_hour", count / hours, "1/h", "Jumps of the stem per hour"),
+        *_one("jumped_percent", 100.0 * events.share, "%", "Share of its way made in jumps"),
         *_one("mv_reversals", turns, "", "Times the stem turned round"),
         *_one("travel_percent", far, "%", "Way of the stem, noise left out"),
         *_one("travel_per_hour_percent", far / hours, "%/h", "Way of the stem per hour"),

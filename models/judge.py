@@ -55,6 +55,7 @@ class Evidence:
     S_draws: Floats  # bootstrap draws of S
     friction_mean: float  # held-out advantage of a model with friction over one without
     friction_t: float
+    jumps_evident: bool  # the stem rests and jumps towards its command, seen without a model
     following: Residual | None  # stick-slip model, put right every block of time
     typical_percent: float  # 100 (1 - median |residual| / median |MV - median MV|), the same run
     narx: Residual | None
@@ -122,6 +123,8 @@ def _unexplained(evidence: Evidence, limits: Limits) -> str | None:
     # by a stem that hardly moves, and no better than by a constant.
     follows = residual is None or residual.fit_percent > 0.0
     if beyond_doubt and evidence.friction_t >= BEYOND_DOUBT_T and follows:
+        return None
+    if evidence.jumps_evident:
         return None
     if residual is None or residual.rmse <= max(3.0 * evidence.sigma, NEGLIGIBLE_PERCENT):
         return None
@@ -225,7 +228,8 @@ def judge(evidence: Evidence, limits: Limits) -> Judgement:
     S, low, high = evidence.S.value, evidence.S.low, evidence.S.high
     if S is None or low is None or high is None:
         return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
-    friction = evidence.friction_mean >= FRICTION_MEAN and evidence.friction_t >= FRICTION_T
+    fits_better = evidence.friction_mean >= FRICTION_MEAN and evidence.friction_t >= FRICTION_T
+    friction = fits_better or evidence.jumps_evident
     if low >= limits.sticky_S_percent:
         if friction:
             return _sticky(evidence, limits)

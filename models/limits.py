@@ -24,9 +24,9 @@ class Limits:
     max_bad_share: float = 0.3  # share of OP, MV pairs that may be unusable
     max_interpolated_share: float = 0.35  # share of samples that a historian drew, not measured
     min_fit_percent: float = 40.0  # held-out fit below which S and J describe nothing
-    # How much worse than in its baseline window a valve may follow its baseline network. Where
-    # only time has passed, healthy valves stay below 1.7; where the loop is run quite differently,
-    # nine in ten stay below 2.6 (24 simulated valves), and that must not raise an alarm.
+    # How much worse than in its baseline window a valve may follow its baseline network before it
+    # is watched. On the safe side of what `stemwatch drift` prints: a loop that is run quite
+    # differently must not raise an alarm.
     baseline_ratio_watch: float = 3.0
 
     def __post_init__(self) -> None:

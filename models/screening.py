@@ -12,20 +12,25 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from stemwatch.models import indicators, residual
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.judge import Evidence, Judgement, judge, undetermined
 from stemwatch.models.limits import Limits
 from stemwatch.models.loop import loop_oscillation
-from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
+from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording, Role
 from stemwatch.models.sight import still_seen
 from stemwatch.models.slowness import slowness
+from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.events import slip_events
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval
+from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.verdict import Verdict
 
 
@@ -131,7 +136,7 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
     trained: list[NarxFit | None] = [None] * len(fitted)
     if not ready or not options.narx:
         return trained
-    examples = [_example(recording, fit.first_heldout) for _, fit, recording in ready]
+    examples = [_example(recording, fit.first_heldout, _start(fit)) for _, fit, recording in ready]
     for (at, _, _), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
         trained[at] = fit
     return trained
@@ -150,7 +155,28 @@ def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[Na
         return [NarxFit(valve=examples[0].valve, reason=reason)]
 
 
-def _example(recording: Recording, train_until: int) -> NarxExample:
+def _start(fit: StickSlipFit) -> StickSlipStart | None:
+    """The element as it was fitted to the training part, for the network to start from."""
+    q = to_kernel(fit.trained, fit.bench.restick)[0]
+    if q[kernel.GAIN] == 0.0:
+        return None
+    names = ("dead_time_s", "lag_up_s", "lag_down_s")
+    actuator = {name: float(q[at]) for at, name in enumerate(names, start=kernel.DEAD_TIME_S)}
+    actuator["slow_up_s_per_percent"] = float(1.0 / q[kernel.RATE_UP])
+    actuator["slow_down_s_per_percent"] = float(1.0 / q[kernel.RATE_DOWN])
+    return StickSlipStart(
+        S=float(q[kernel.S]),
+        J=float(q[kernel.J]),
+        zero=float(q[kernel.ZERO]),
+        gain=float(q[kernel.GAIN]),
+        actuator=actuator,
+        goes_on=bool(np.isfinite(q[kernel.RESTICK])),
+    )
+
+
+def _example(
+    recording: Recording, train_until: int, start: StickSlipStart | None = None
+) -> NarxExample:
     assert recording.mv is not None
     return NarxExample(
         valve=recording.valve,
@@ -159,6 +185,7 @@ def _example(recording: Recording, train_until: int) -> NarxExample:
         usable=recording.usable,
         train_until=train_until,
         interval_s=recording.interval_s,
+        start=start,
     )
 
 
@@ -236,6 +263,7 @@ def _with_verdict(
         "narx": residual.of_narx(network),
         "baseline": compared.residual,
     }
+    events = slip_events(fit)
     cycle = loop_oscillation(one.case.recording).get(Role.OP)
     evidence = Evidence(
         S=S,
@@ -243,6 +271,7 @@ def _with_verdict(
         S_draws=sample.S,
         friction_mean=fit.of_sticking.mean,
         friction_t=fit.of_sticking.t,
+        jumps_evident=events.evident,
         following=residual.of_stiction(fit, resynced=True),
         narx=residuals["narx"],
         typical_percent=residual.typical_percent(fit),
@@ -257,7 +286,7 @@ def _with_verdict(
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
     found = [
         *indicators.of_recording(one.assessment.recording),
-        *indicators.of_movement(fit.bench.problem),
+        *indicators.of_movement(fit.bench.problem, events),
         *indicators.of_friction(fit, S, J),
         *indicators.of_residuals(residuals, compared.ratio),
     ]

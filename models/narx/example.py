@@ -2,19 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from stemwatch.models.narx.actuator import NAMES, NONE
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Bools, Floats
+
+ELEMENT_UNITS = 5  # hidden units that a stick-slip element needs
+
+
+@dataclass(frozen=True, kw_only=True)
+class StickSlipStart:
+    """The stick-slip element that some of a valve's networks start from: then they are grey-box.
+
+    ``S`` and ``J`` in percent of OP; the stem moves ``gain`` units of MV per percent and reads
+    ``zero`` (MV's unit) where it is at 0 %. ``actuator`` as in ``NarxNetwork``. ``goes_on``: a
+    moving stem moves on while the command does, as in the canonical element; otherwise it sticks
+    after every sample. Raises ``ValueError`` on numbers that no valve has.
+    """
+
+    S: float
+    J: float
+    zero: float = 0.0
+    gain: float = 1.0
+    actuator: Mapping[str, float] = field(default_factory=lambda: NONE)
+    goes_on: bool = True
+
+    def __post_init__(self) -> None:
+        numbers = [self.S, self.J, self.zero, self.gain, *self.actuator.values()]
+        if set(self.actuator) != set(NAMES):
+            raise ValueError(f"actuator: {sorted(NAMES)} expected, received {[*self.actuator]}")
+        if not np.all(np.isfinite(numbers)) or min(self.S, self.J, *self.actuator.values()) < 0:
+            raise ValueError(f"S, J and actuator finite and at least 0 expected: {self}")
+        if self.gain == 0:
+            raise ValueError("gain: a stem that the command does not move is no start; received 0")
 
 
 @dataclass(frozen=True, kw_only=True)
 class NarxExample:
     """One valve's record: ``op`` (n,) percent, ``mv`` (n,) in any unit, ``usable`` (n,).
 
-    Samples before ``train_until`` are trained on; from there on they only judge. Raises
+    Samples before ``train_until`` are trained on; from there on they only judge. ``start`` is
+    what a stick-slip fit to the same samples found, for a grey-box start of some seeds; without
+    one all seeds start from random weights. Raises
     ``ValueError`` on unequal lengths, a ``train_until`` outside the record, or an interval that is
     not positive.
     """
@@ -25,6 +58,7 @@ class NarxExample:
     usable: Bools
     train_until: int
     interval_s: float
+    start: StickSlipStart | None = None
 
     def __post_init__(self) -> None:
         for name, kind in (("op", np.float64), ("mv", np.float64), ("usable", np.bool_)):
@@ -50,15 +84,18 @@ class NarxSettings:
     Training goes through ``horizons`` samples of free run (1 is series-parallel, the network fed
     the measurement), with at most so many Levenberg-Marquardt ``steps`` each. ``damping`` is each
     stage's first lambda, ``decay`` the weight decay in units of ``se^2 / weights``. Of ``seeds``
-    networks the better half is kept. The last ``watched_share`` of the training part is not
-    trained on: a stage ends for a network when its free run there has not got better for
+    networks at most three in four are kept, those that follow the training part best, and none that
+    is much worse than the best. Where an example has a ``start``, ``fitted_seeds`` of them begin
+    from it; with 0 all begin from random weights. The last ``watched_share`` of the training part
+    is not trained on: a stage ends for a network when its free run there has not got better for
     ``patience`` steps, and goes back to where it was best.
     """
 
     hidden: int = 5
     seeds: int = 4
+    fitted_seeds: int = 2
     horizons: tuple[int, ...] = (1, 20, 300)
-    steps: tuple[int, ...] = (12, 10, 10)
+    steps: tuple[int, ...] = (10, 8, 8)
     damping: float = 0.1
     decay: float = 1e-5
     watched_share: float = 0.1
@@ -71,6 +108,8 @@ class NarxSettings:
         counts = (self.hidden, self.seeds, self.patience, self.valves_per_batch)
         if min(*counts, self.reference_horizon, *self.horizons, *self.steps) < 1:
             raise ValueError(f"counts, horizons and steps of at least 1 expected: {self}")
+        if self.fitted_seeds < 0:
+            raise ValueError(f"fitted_seeds of 0 or more expected, received {self.fitted_seeds}")
         if not self.horizons or len(self.horizons) != len(self.steps):
             raise ValueError(
                 f"as many steps as horizons expected, received {self.steps} and {self.horizons}"
@@ -79,16 +118,22 @@ class NarxSettings:
             raise ValueError(f"watched_share in 0..0.5, damping and decay above 0 expected: {self}")
 
     @property
+    def fitted(self) -> int:
+        """How many members begin from an example's ``start``: none with fewer than five units."""
+        return min(self.fitted_seeds, self.seeds) if self.hidden >= ELEMENT_UNITS else 0
+
+    @property
     def kept(self) -> int:
-        """How many members an ensemble has."""
-        return (self.seeds + 1) // 2
+        """How many members an ensemble has at most."""
+        return self.seeds - self.seeds // 4
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageLog:
-    """One stage of one valve: for each seed the root mean square error it ended with on the trained
-    and on the watched samples (MV's unit, restarted every ``horizon`` samples; ``None`` where
-    nothing was watched) and the accepted steps."""
+    """One stage of one valve: for each member in it the root mean square error it ended with on
+    the trained and on the watched samples (MV's unit, restarted every ``horizon`` samples; ``None``
+    where nothing was watched) and the accepted steps. The members that start from a fitted element
+    have a stage of their own, the last."""
 
     horizon: int
     trained_rmse: tuple[float, ...]

@@ -15,20 +15,23 @@ from stemwatch.models.recording import Floats
 
 
 @njit(cache=True)
-def increment(weights: Floats, hidden: int, error: float, move: float, drift: float) -> float:
+def increment(
+    weights: Floats, hidden: int, error: float, move: float, drift: float, consensus: float
+) -> float:
     """How far the stem moves in one sample; ``weights`` (p,) = value, gate, hidden, flattened."""
-    gate = hidden + 4
+    gate = hidden + 5
     rows = gate + hidden + 1
     value = weights[hidden] * error + weights[hidden + 1] * move + weights[hidden + 2] * drift
-    value += weights[hidden + 3]
+    value += weights[hidden + 3] * consensus + weights[hidden + 4]
     opening = weights[rows - 1]
     for unit in range(hidden):
-        row = rows + 4 * unit
+        row = rows + 5 * unit
         h = math.tanh(
             weights[row] * error
             + weights[row + 1] * move
             + weights[row + 2] * drift
-            + weights[row + 3]
+            + weights[row + 3] * consensus
+            + weights[row + 4]
         )
         value += weights[unit] * h
         opening += weights[gate + unit] * h
@@ -48,6 +51,7 @@ def free_run(
     codes: tuple[int, int, int],
     limits: tuple[float, float, float, float, float, float],
     ratio: float,
+    edge: float,
     out: Floats,
 ) -> None:
     """Fill ``out`` (m, n) with each member's run; ``weights`` (m, p).
@@ -55,7 +59,8 @@ def free_run(
     ``plan`` (n,) says of each sample to ``skip`` it, ``seed`` the run from the measurement, ``run``
     on, or ``restart`` from the two measurements before it; ``codes`` are the numbers standing for
     seed, run and restart. ``limits`` = lowest and highest error, increment and position.
-    ``ratio`` = se / sd. What is skipped is left as it is.
+    ``ratio`` = se / sd; ``edge`` is the network's, in units of sd. What is skipped is left as
+    it is.
     """
     seed, run, restart = codes
     error_low, error_high, slowest, fastest, low, high = limits
@@ -69,7 +74,9 @@ def free_run(
                     before, last = position[t - 2], position[t - 1]
                 error = min(max(level[t] - last, error_low), error_high)
                 drift = ratio * (last - before)
-                step = increment(weights[member], hidden, error, move[t], drift)
+                # Which way command and stem go, however slowly: 1 where both go up.
+                consensus = 0.5 * (math.tanh(move[t] / edge) + math.tanh(drift / edge))
+                step = increment(weights[member], hidden, error, move[t], drift, consensus)
                 new = last + min(max(step, slowest), fastest)
                 new = min(max(new, low), high)
             else:

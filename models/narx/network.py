@@ -2,11 +2,14 @@
 
 ::
 
-    x    = [ (v(t) - y(t-1)) / se , (v(t) - v(t-1)) / sd , (y(t-1) - y(t-2)) / sd ]
+    x    = [ (v(t) - y(t-1)) / se , (v(t) - v(t-1)) / sd , (y(t-1) - y(t-2)) / sd , c(t) ]
+    c(t) = (tanh((v(t) - v(t-1)) / (edge sd)) + tanh((y(t-1) - y(t-2)) / (edge sd))) / 2
     h    = tanh(W x + b)
     y(t) = y(t-1) + se sigmoid(wg.h + bg) (wv.h + c.x + bv)
 
-``y`` is MV and ``v`` is OP laid on MV's scale, ``v = mv_centre + gain (OP - op_centre)``. So
+``y`` is MV and ``v`` is OP laid on MV's scale, ``v = mv_centre + gain (OP - op_centre)``, after
+the actuator's dead time, lag and speed limit where a fit found some; ``c`` is 1 where command and
+stem both go up, -1 where both go down, and ``edge`` = 0.01. So
 ``y(t) = f(y(t-1), y(t-2), u(t), u(t-1))``: a static function of its lags, with nothing else carried
 over. ``u(t)``, the command at the same sample as the answer, is one of them. The gate is there
 because a stuck stem does not move *at all*; a linear output leaks while the valve is stuck.
@@ -21,11 +24,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.narx.actuator import NAMES, NONE
 from stemwatch.models.recording import Bools, Floats
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1 had neither c nor an actuator
 LAGS = MappingProxyType({"op": 2, "mv": 2})  # u(t), u(t-1); y(t-1), y(t-2)
-INPUTS = 3
+INPUTS = 4
+EDGE = 0.01  # of sd: what moves less than that does not move
 SCALING = ("op_centre", "mv_centre", "gain", "error_scale", "change_scale")
 RANGES = ("op", "mv", "error", "change", "drift")
 
@@ -34,16 +39,19 @@ RANGES = ("op", "mv", "error", "change", "drift")
 class NarxNetwork:
     """A trained ensemble as plain arrays: it can be stored, loaded and run without torch.
 
-    ``weights``, for ``m`` members of ``h`` hidden units: ``hidden`` (m, h, 4) the rows ``[W, b]``;
-    ``gate`` (m, h + 1) ``[wg, bg]``; ``value`` (m, h + 4) ``[wv, c, bv]``. What the ensemble says
+    ``weights``, for ``m`` members of ``h`` hidden units: ``hidden`` (m, h, 5) the rows ``[W, b]``;
+    ``gate`` (m, h + 1) ``[wg, bg]``; ``value`` (m, h + 5) ``[wv, c, bv]``. What the ensemble says
     is the mean over its members, each run on its own.
 
     ``scaling``: ``op_centre`` in percent, ``mv_centre`` and ``error_scale`` (``se``) and
     ``change_scale`` (``sd``) in MV's unit, ``gain`` in MV's unit per percent. ``ranges`` are the
     lowest and highest value in the training part of ``op`` in percent and, in MV's unit, of
     ``mv``, ``error`` = v(t) - y(t-1), ``change`` = v(t) - v(t-1) and ``drift`` = y(t) - y(t-1);
-    a run is clamped to them with a margin. ``reference_rmse`` (MV's unit) is the free run's error
-    on the whole record the network comes from, restarted every ``reference_horizon`` samples.
+    a run is clamped to them with a margin. Those of ``error`` and ``drift`` are wider where
+    members started from a stick-slip element. ``actuator``: what OP passes before the network sees
+    it, see ``actuator.driven``; all 0 is nothing. ``reference_rmse`` (MV's unit) is the free run's
+    error on the whole record the network comes from, restarted every ``reference_horizon``
+    samples.
 
     Raises ``ValueError`` where arrays do not fit each other, a name is missing, or a number is
     not finite.
@@ -55,17 +63,23 @@ class NarxNetwork:
     interval_s: float
     reference_rmse: float
     reference_horizon: int = 100
+    actuator: Mapping[str, float] = field(default_factory=lambda: NONE)
     lags: Mapping[str, int] = field(default_factory=lambda: LAGS)
     seed: int = 0
     format_version: int = FORMAT_VERSION
 
     def __post_init__(self) -> None:
-        for name, expected in (("scaling", SCALING), ("ranges", RANGES)):
+        for name, expected in (("scaling", SCALING), ("ranges", RANGES), ("actuator", NAMES)):
             _expect_names(name, getattr(self, name), expected)
         if dict(self.lags) != dict(LAGS):
             raise ValueError(f"lags {dict(LAGS)} expected, received {dict(self.lags)}")
         weights = _checked_weights(self.weights)
-        numbers = [*self.scaling.values(), self.interval_s, self.reference_rmse]
+        numbers = [
+            *self.scaling.values(),
+            *self.actuator.values(),
+            self.interval_s,
+            self.reference_rmse,
+        ]
         numbers += [bound for pair in self.ranges.values() for bound in pair]
         if not np.all(np.isfinite(numbers)):
             raise ValueError(f"finite scaling, ranges, interval and reference expected: {numbers}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.narx.actuator import NONE, driven
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.plan import Step, plan_run
 from stemwatch.models.narx.scaling import (
@@ -15,10 +16,11 @@ from stemwatch.models.narx.scaling import (
     fit_scaling,
     limits,
     scale,
+    stretched,
 )
 from stemwatch.models.recording import Bools, Floats
 
-# Six samples for each of 35 weights.
+# Five samples for each of 41 weights.
 _LEAST_TRAINED = 200
 _LEAST_JUDGED = 30
 _SMALLEST_SPAN = 1e-12
@@ -59,8 +61,13 @@ def prepare(example: NarxExample, settings: NarxSettings) -> Prepared | str:
         return reason
     training = usable & early
     op, mv = (np.where(usable, signal, np.nan) for signal in (example.op, example.mv))
-    scaling = fit_scaling(op, mv, training)
-    ranges = fit_ranges(op, mv, training, scaling)
+    actuator = example.start.actuator if example.start else NONE
+    command = driven(op, example.interval_s, actuator)
+    scaling = fit_scaling(command, mv, training, example.start)
+    ranges = fit_ranges(command, mv, training, scaling)
+    ranges["op"] = (float(op[training].min()), float(op[training].max()))
+    if example.start is not None:
+        ranges = stretched(ranges)
     trained, watched = _split(training, settings.watched_share)
     return Prepared(
         example=example,
@@ -71,7 +78,7 @@ def prepare(example: NarxExample, settings: NarxSettings) -> Prepared | str:
         watched=watched,
         scaling=scaling,
         ranges=ranges,
-        signals=scale(op, mv, scaling, ranges),
+        signals=scale(command, mv, scaling, ranges),
     )
 
 

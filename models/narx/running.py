@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from stemwatch.models.narx.actuator import driven
 from stemwatch.models.narx.kernel import free_run
-from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.narx.network import EDGE, NarxNetwork
 from stemwatch.models.narx.plan import CODES, Plan, plan_run
 from stemwatch.models.narx.scaling import believable, limits, scale
 from stemwatch.models.recording import Bools, Floats
@@ -45,7 +46,8 @@ def usable_samples(op: Floats, mv: Floats, usable: Bools | None) -> Bools:
 
 def run_plan(network: NarxNetwork, op: Floats, mv: Floats, plan: Plan) -> Floats:
     """(n,) mean over the members of the run that ``plan`` describes, in MV's unit."""
-    signals = scale(op, mv, network.scaling, network.ranges)
+    command = driven(op, network.interval_s, network.actuator)
+    signals = scale(command, mv, network.scaling, network.ranges)
     weights = flat(network)
     out = np.full((network.members, op.size), np.nan)
     free_run(
@@ -58,6 +60,7 @@ def run_plan(network: NarxNetwork, op: Floats, mv: Floats, plan: Plan) -> Floats
         CODES,
         limits(network.ranges, network.scaling),
         network.scaling["error_scale"] / network.scaling["change_scale"],
+        EDGE,
         out,
     )
     scaled = np.mean(out, axis=0)

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.narx.example import StickSlipStart
 from stemwatch.models.recording import Bools, Floats
 
 # A run is clamped this share of the range outside it: what training never saw is not extrapolated
 # into, yet a slightly larger swing is not flattened. The error has hardly any: its extremes are
 # where slips begin, and a run that is held there slips, where one beyond may stay for ever.
 _MARGIN = {"mv": 0.5, "error": 0.05, "change": 0.25, "drift": 0.25}
+_STRETCH = {"error": 0.5, "drift": 0.25}
 # The change scale has this share of the error scale as its least, or quantised OP blows it up.
 _LEAST_CHANGE = 0.1
 # Not a measurement of anything; and its square would leave the range of floating point.
@@ -34,17 +36,23 @@ def believable(op: Floats, mv: Floats, usable: Bools) -> Bools:
         return np.asarray(usable & (np.abs(op) < _LARGEST) & (np.abs(mv) < _LARGEST))
 
 
-def fit_scaling(op: Floats, mv: Floats, usable: Bools) -> dict[str, float]:
+def fit_scaling(
+    op: Floats, mv: Floats, usable: Bools, start: StickSlipStart | None = None
+) -> dict[str, float]:
     """``NarxNetwork.scaling`` from the usable samples of a training part.
 
     A valve's position in percent follows a command in percent one to one, so ``gain`` is 1 where
     the spreads are within a factor of two; elsewhere MV has another unit (a flow, millimetres), or
     runs the other way, and ``gain`` is the ratio of the spreads with the correlation's sign.
+    A ``start`` says itself how OP lies on MV's scale.
     ``error_scale = std(e)``, ``change_scale = max(std(dv), 0.1 error_scale)``.
     """
     u, y = op[usable], mv[usable]
     scaling = {"op_centre": float(np.mean(u)), "mv_centre": float(np.mean(y))}
     scaling["gain"] = _gain(u - scaling["op_centre"], y - scaling["mv_centre"])
+    if start is not None:
+        scaling["gain"] = start.gain
+        scaling["mv_centre"] = start.zero + start.gain * scaling["op_centre"]
     pairs = usable[1:] & usable[:-1]
     error = command_error(op, mv, scaling)[1:][pairs]
     change = scaling["gain"] * np.diff(op)[pairs]
@@ -66,6 +74,15 @@ def fit_ranges(
         "drift": np.diff(mv, prepend=np.nan)[pairs],
     }
     return {name: (float(x.min()), float(x.max())) for name, x in signals.items()}
+
+
+def stretched(ranges: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """The ranges for a network started from a stick-slip element: this goes on beyond them."""
+    wide = dict(ranges)
+    for name, share in _STRETCH.items():
+        low, high = ranges[name]
+        wide[name] = low - share * (high - low), high + share * (high - low)
+    return wide
 
 
 def command_error(op: Floats, mv: Floats, scaling: Mapping[str, float]) -> Floats:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from stemwatch.models.narx.network import INPUTS
+from stemwatch.models.narx.network import EDGE, INPUTS
 
 # Far beyond what a useful gradient reaches: a diverging run must not fill the matrix with inf.
 _SENSITIVITY_LIMIT = 1e4
@@ -49,7 +49,7 @@ class Bounds:
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """(B, P) taken apart: ``value`` (B, H + 4), ``gate`` (B, H + 1), ``rows`` (B, H, 4)."""
+    """(B, P) taken apart: ``value`` (B, H + 5), ``gate`` (B, H + 1), ``rows`` (B, H, 5)."""
 
     value: Tensor
     gate: Tensor
@@ -67,7 +67,7 @@ class Weights:
 
     @property
     def outputs(self) -> Tensor:
-        """(B, H + 4, 2): what makes the value and the gate's opening out of ``[h, x, 1]``."""
+        """(B, H + 5, 2): what makes the value and the gate's opening out of ``[h, x, 1]``."""
         gate = torch.zeros_like(self.value)
         hidden = self.rows.shape[1]
         gate[:, :hidden], gate[:, -1] = self.gate[:, :hidden], self.gate[:, hidden]
@@ -76,7 +76,7 @@ class Weights:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """A block simulated: ``units`` (B, T, R, H + 4) = ``[h, x, 1]``, ``outputs`` (B, T, R, 2) the
+    """A block simulated: ``units`` (B, T, R, H + 5) = ``[h, x, 1]``, ``outputs`` (B, T, R, 2) the
     value and the gate's opening, ``position`` (B, T, R), and ``error_free``, ``step_free`` and
     ``position_free`` (B, T, R), 1 where the clamp did not act and 0 where it did."""
 
@@ -93,6 +93,7 @@ def simulate(block: Block, weights: Weights, bounds: Bounds) -> Run:
     hidden, shape = weights.rows.shape[1], block.level.shape
     units = block.level.new_empty(*shape, hidden + INPUTS + 1)
     units[..., hidden + 1], units[..., -1] = block.move, 1.0
+    heading = 0.5 * torch.tanh(block.move / EDGE)
     outputs = block.level.new_empty(*shape, 2)
     position, raw, step, error = (torch.empty_like(block.level) for _ in range(4))
     inwards, outwards = weights.rows.transpose(1, 2).contiguous(), weights.outputs
@@ -102,6 +103,7 @@ def simulate(block: Block, weights: Weights, bounds: Bounds) -> Run:
         torch.sub(block.level[:, t], last, out=error[:, t])
         torch.clamp(error[:, t], bounds.error_low, bounds.error_high, out=x[..., 0])
         torch.mul(last - before, bounds.ratio, out=x[..., 2])
+        torch.add(heading[:, t], torch.tanh(x[..., 2] / EDGE), alpha=0.5, out=x[..., 3])
         now[..., :hidden] = torch.bmm(x, inwards).tanh_()
         outputs[:, t] = torch.bmm(now, outwards)
         torch.mul(torch.sigmoid(outputs[:, t, :, 1]), outputs[:, t, :, 0], out=step[:, t])
@@ -168,7 +170,9 @@ def _one_step(
     by_hidden = _through_hidden(run, weights, by_value, by_gate)
     by_x = torch.matmul(by_hidden, weights.rows[:, None, :, :INPUTS])
     by_x += by_value[..., None] * weights.value[:, None, None, hidden : hidden + INPUTS]
-    d2 = -by_x[..., 2] * bounds.ratio[:, None]
+    turning = 2.0 * run.units[..., hidden + 3] - torch.tanh(block.move / EDGE)
+    by_drift = by_x[..., 2] + by_x[..., 3] * (1.0 - turning * turning) * (0.5 / EDGE)
+    d2 = -by_drift * bounds.ratio[:, None]
     d1 = live - by_x[..., 0] * run.error_free - d2
     return _by_weights(run, by_value, by_gate, by_hidden), d1[..., None], d2[..., None]
 

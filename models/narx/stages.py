@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 import torch
@@ -13,44 +15,65 @@ from stemwatch.models.narx.batch import blocks, bounds
 from stemwatch.models.narx.example import NarxSettings, StageLog
 from stemwatch.models.narx.kernel import free_run
 from stemwatch.models.narx.levenberg import descend
-from stemwatch.models.narx.network import INPUTS
+from stemwatch.models.narx.network import EDGE
 from stemwatch.models.narx.plan import CODES, Step, plan_run
 from stemwatch.models.narx.prepared import Prepared
 from stemwatch.models.narx.sensitivities import Block, Bounds, Weights, normal_matrix
+from stemwatch.models.narx.starts import fitted_starts, random_starts
 from stemwatch.models.recording import Bools, Floats
 
 _LEAST_WATCHED = 30
+# The steep edges of a gate that is set from S and J are large weights, which the usual decay would
+# flatten.
+_FITTED_DECAY = 1e-4
+
+_Trained = tuple[Floats, list[tuple[StageLog, ...]]]
 
 
-def start_weights(settings: NarxSettings) -> Floats:
-    """(seeds, P) random starts: a half-open gate and hardly any movement.
+def train_members(valves: Sequence[Prepared], settings: NarxSettings, device: str) -> _Trained:
+    """Weights (valves, seeds, P) after the last stage, and each valve's log.
 
-    Hidden weights normal / sqrt(inputs) times 1.5, their biases normal, gate normal / sqrt(hidden),
-    value small. Each seed has its own generator, so that more seeds leave the first ones as they
-    are.
+    Either every valve has a start or none has. What starts from a fitted element is trained on the
+    longest horizon only: one-step error would teach it the measurement noise.
     """
-    hidden = settings.hidden
-    starts = []
-    for member in range(settings.seeds):
-        draw = np.random.default_rng([settings.seed, member]).standard_normal
-        rows = draw((hidden, INPUTS + 1))
-        rows[:, :INPUTS] *= 1.5 / np.sqrt(INPUTS)
-        gate = draw(hidden + 1) / np.sqrt(hidden)
-        value = 0.1 * draw(hidden + INPUTS + 1)
-        starts.append(np.concatenate([value, gate, rows.ravel()]))
-    return np.stack(starts)
+    fitted = settings.fitted if valves[0].example.start is not None else 0
+    stages = list(zip(settings.horizons, settings.steps, strict=True))
+    found: list[_Trained] = []
+    if fitted < settings.seeds:
+        random = random_starts(settings, settings.seeds - fitted)
+        starts = np.repeat(random[None], len(valves), axis=0)
+        found.append(_train_stages(valves, starts, stages, settings, device))
+    if fitted:
+        starts = np.stack([_fitted(valve, settings, fitted) for valve in valves])
+        gently = replace(settings, decay=settings.decay * _FITTED_DECAY)
+        found.append(_train_stages(valves, starts, stages[-1:], gently, device))
+    weights, logs = zip(*found, strict=True)
+    joined = [tuple(chain.from_iterable(log)) for log in zip(*logs, strict=True)]
+    return np.concatenate(weights, axis=1), joined
 
 
-def train_stages(
-    valves: Sequence[Prepared], settings: NarxSettings, device: str
-) -> tuple[Floats, list[tuple[StageLog, ...]]]:
-    """Weights (valves, seeds, P) after the last stage, and each valve's log."""
-    weights = torch.from_numpy(start_weights(settings)).to(device).repeat(len(valves), 1)
-    limits = bounds(valves, settings.seeds, device)
+def _fitted(valve: Prepared, settings: NarxSettings, members: int) -> Floats:
+    start = valve.example.start
+    assert start is not None
+    unit_percent = valve.scaling["error_scale"] / abs(valve.scaling["gain"])
+    return fitted_starts(start, unit_percent, settings, members)
+
+
+def _train_stages(
+    valves: Sequence[Prepared],
+    starts: Floats,
+    stages: Sequence[tuple[int, int]],
+    settings: NarxSettings,
+    device: str,
+) -> _Trained:
+    """From ``starts`` (valves, members, P) through (horizon, most steps) one after another."""
+    members = starts.shape[1]
+    weights = torch.from_numpy(starts.reshape(-1, starts.shape[2])).to(device)
+    limits = bounds(valves, members, device)
     logs = []
-    for horizon, steps in zip(settings.horizons, settings.steps, strict=True):
-        pieces, samples = blocks(valves, horizon, settings.seeds, device)
-        watch = _Watch(valves, settings, horizon)
+    for horizon, steps in stages:
+        pieces, samples = blocks(valves, horizon, members, device)
+        watch = _Watch(valves, settings, horizon, members)
         watch(weights, torch.ones_like(samples, dtype=torch.bool))
         descent = descend(
             weights,
@@ -76,13 +99,15 @@ class _Watch:
     A network whose valve has too few watched samples is kept where its loss was lowest.
     """
 
-    def __init__(self, valves: Sequence[Prepared], settings: NarxSettings, horizon: int) -> None:
+    def __init__(
+        self, valves: Sequence[Prepared], settings: NarxSettings, horizon: int, members: int
+    ) -> None:
         self._valves, self._settings, self._horizon = valves, settings, horizon
         self.best = torch.empty(0)
-        self.error = np.full(len(valves) * settings.seeds, np.inf)
+        self.error = np.full(len(valves) * members, np.inf)
         self._waited = np.zeros(self.error.size, dtype=np.int64)
         watched = [int(np.sum(valve.watched)) >= _LEAST_WATCHED for valve in valves]
-        self.watched = np.repeat(watched, settings.seeds)
+        self.watched = np.repeat(watched, members)
 
     def __call__(self, weights: Tensor, improved: Tensor) -> Tensor:
         fell = improved.cpu().numpy()
@@ -122,6 +147,7 @@ def member_errors(
         CODES,
         valve.limits,
         valve.ratio,
+        EDGE,
         out,
     )
     scored = plan >= Step.RUN
@@ -146,7 +172,7 @@ def _stage_logs(
     for at, valve in enumerate(valves):
         se = valve.scaling["error_scale"]
         trained = member_errors(valve, weights[at], valve.trained, horizon, settings.hidden)
-        seen = bool(watch.watched[at * settings.seeds])
+        seen = bool(watch.watched[at * len(weights[at])])
         logs.append(
             StageLog(
                 horizon=horizon,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from stemwatch.models.narx.actuator import NONE
 from stemwatch.models.narx.network import FORMAT_VERSION, NarxNetwork
 from stemwatch.models.recording import Floats
 
@@ -27,6 +28,7 @@ def pack(network: NarxNetwork) -> bytes:
         "format_version": network.format_version,
         "scaling": dict(network.scaling),
         "ranges": {name: list(pair) for name, pair in network.ranges.items()},
+        "actuator": dict(network.actuator),
         "lags": dict(network.lags),
         "interval_s": network.interval_s,
         "reference_rmse": network.reference_rmse,
@@ -42,9 +44,9 @@ def unpack(data: bytes) -> NarxNetwork:
     """The network ``pack`` wrote; ``ValueError`` with a sentence for anything else."""
     facts = _facts(data)
     version = facts.get("format_version")
-    if version != FORMAT_VERSION:
+    if version not in (1, FORMAT_VERSION):
         raise ValueError(
-            f"NARX network of format version {version!r}: this release reads version "
+            f"NARX network of format version {version!r}: this release reads versions up to "
             f"{FORMAT_VERSION}; train the valve's network again, or use the release that wrote it"
         )
     weights = _weights(data)
@@ -54,8 +56,20 @@ def unpack(data: bytes) -> NarxNetwork:
             "NARX network is damaged: its numbers do not match the digest stored with them; "
             "restore it from a backup or train the valve's network again"
         )
+    if version == 1:
+        facts, weights = _of_this_version(facts, weights)
     facts["ranges"] = {name: (pair[0], pair[1]) for name, pair in facts["ranges"].items()}
     return NarxNetwork(weights=weights, **facts)
+
+
+def _of_this_version(
+    facts: dict[str, Any], weights: dict[str, Floats]
+) -> tuple[dict[str, Any], dict[str, Floats]]:
+    """A network of version 1, which saw OP as it was and weighed no fourth input."""
+    new = dict(weights)
+    for name in ("hidden", "value"):  # the fourth input stands before the bias
+        new[name] = np.insert(weights[name], -1, 0.0, axis=-1)
+    return facts | {"format_version": FORMAT_VERSION, "actuator": dict(NONE)}, new
 
 
 def _facts(data: bytes) -> dict[str, Any]:

@@ -8,6 +8,7 @@ import typer
 
 from stemwatch.service.cli.compare import compare
 from stemwatch.service.cli.demo import demo
+from stemwatch.service.cli.drift import drift
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
 from stemwatch.service.cli.reproduce import reproduce
@@ -50,7 +51,7 @@ def _main(
     """
 
 
-for command in (inspect, screen, compare, simulate, demo, trial, maintenance, reproduce):
+for command in (inspect, screen, compare, simulate, demo, trial, drift, maintenance, reproduce):
     app.command()(command)
 
 

@@ -32,7 +32,7 @@ def compare(
         float, typer.Option(min=0.1, max=1.0, help="First part of the record that is fitted.")
     ] = 0.6,
     narx: Annotated[
-        bool, typer.Option("--narx/--no-narx", help="Train the network as well.")
+        bool, typer.Option("--narx/--no-narx", help="Train the networks as well.")
     ] = True,
     out: Annotated[
         Path | None, typer.Option(help="Folder for a page with the models' traces.")
@@ -49,9 +49,9 @@ def compare(
 ) -> None:
     """Fit every stiction model of the literature to one valve and mark them alike.
 
-    Data-driven models, force balances and the NARX network, all fitted to the first part of the
-    record and judged by their free run over the rest. It says which model follows, not whether the
-    valve is ill: that is `stemwatch screen`.
+    Data-driven models, force balances, two published networks and our own, all fitted to the first
+    part of the record and judged by their free run over the rest. It says which model follows, not
+    whether the valve is ill: that is `stemwatch screen`.
     """
     from stemwatch.connectors.connector import Window
     from stemwatch.service.cli.reading import read_options

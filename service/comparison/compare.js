@@ -4,7 +4,7 @@
   var data = JSON.parse(document.getElementById("data").textContent);
   var place = document.getElementById("plot");
   var dark = window.matchMedia("(prefers-color-scheme: dark)");
-  var COLOURS = ["#e5484d", "#0b6bcb", "#30a46c", "#f76b15", "#8e4ec6", "#12a594", "#d6409f", "#ad7f58"];
+  var COLOURS = ["#e5484d", "#2f83d6", "#30a46c", "#f76b15", "#8e4ec6", "#12a594", "#d6409f", "#ad7f58"];
   var times = data.traces[0].values.map(function (_, k) { return data.first + k * data.step; });
   var shown = data.traces.map(function (trace) { return trace.shown; });
   var plot = null;

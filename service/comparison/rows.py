@@ -8,13 +8,18 @@ from typing import Any
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.zoo.canonical import CANONICAL
 from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
-from stemwatch.models.zoo.fit import ModelFit, fit_model, score_run
+from stemwatch.models.zoo.fit import ModelFit, fit_model
 from stemwatch.models.zoo.model import ValveModel
+from stemwatch.models.zoo.networks.fit import fit_network
+from stemwatch.models.zoo.networks.network import Network
+from stemwatch.models.zoo.networks.ours import OURS
 from stemwatch.models.zoo.scores import Score
+from stemwatch.service.comparison.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 
 Tell = Callable[[str, int, int], None]  # model, done, of
-NETWORK = "narx"
+NETWORKS: tuple[Network, ...] = (FEEDFORWARD_PAPER, NARX_PAPER, OURS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,59 +74,33 @@ def compare(
     network: bool = True,
     tell: Tell = lambda *_: None,
 ) -> Comparison:
-    """Fit each of ``models`` and the NARX network to the samples before ``train_until``.
+    """Fit each of ``models`` and the three networks to the samples before ``train_until``.
 
     Raises ``ValueError`` where ``train_until`` is not within the recording. A model that cannot be
     fitted is a row with an outcome.
     """
-    of = len(models) + network
-    rows = []
+    networks = NETWORKS if network else ()
+    of = len(models) + len(networks)
+    rows, element = [], None
     for done, model in enumerate(models):
         tell(model.name, done, of)
-        rows.append(_of_fit(model, fit_model(model, recording, train_until)))
-    if network:
-        tell(NETWORK, len(models), of)
-        rows.append(_of_network(recording, train_until))
+        fit = fit_model(model, recording, train_until)
+        element = fit if model is CANONICAL else element
+        rows.append(_of_fit(fit, "data-driven" if model in DATA_DRIVEN else "force balance"))
+    for done, one in enumerate(networks, start=len(models)):
+        tell(one.name, done, of)
+        rows.append(_of_fit(fit_network(one, recording, train_until, element), "network"))
     return Comparison(recording=recording, train_until=train_until, rows=tuple(rows))
 
 
-def _of_fit(model: ValveModel, fit: ModelFit) -> Row:
+def _of_fit(fit: ModelFit, kind: str) -> Row:
     return Row(
         model=fit.model,
-        kind="data-driven" if model in DATA_DRIVEN else "force balance",
+        kind=kind,
         parameters=fit.parameters,
         training=fit.training,
         heldout=fit.heldout,
         seconds=fit.seconds,
         outcome=fit.outcome,
-        simulated=fit.simulated,
-    )
-
-
-def _of_network(recording: Recording, train_until: int) -> Row:
-    from stemwatch.models.narx.example import NarxExample
-    from stemwatch.models.narx.training import train  # torch takes two seconds to import
-
-    if recording.mv is None:
-        reason = "the recording has no valve position (MV) to train on"
-        return Row(model=NETWORK, kind="network", outcome=reason)
-    example = NarxExample(
-        valve=recording.valve,
-        op=recording.op.values,
-        mv=recording.mv.values,
-        usable=recording.usable,
-        train_until=train_until,
-        interval_s=recording.interval_s,
-    )
-    (fit,) = train([example])
-    if fit.simulated is None:
-        return Row(model=NETWORK, kind="network", outcome=fit.reason or "", seconds=fit.seconds)
-    training, heldout = score_run(recording, fit.simulated, train_until)
-    return Row(
-        model=NETWORK,
-        kind="network",
-        training=training,
-        heldout=heldout,
-        seconds=fit.seconds,
         simulated=fit.simulated,
     )

@@ -13,6 +13,7 @@ from stemwatch.models.findings import Indicator, Residual
 from stemwatch.models.plant import Actuator, PlantLoop, Valve, simulate_loop
 from stemwatch.models.plant.loop import Load, LoadKind
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.stickslip.events import slip_events
 from stemwatch.models.stickslip.fit import fit_stickslip
 
 
@@ -30,7 +31,10 @@ def simulated(lag_s=0.1, dead_time_s=0.0, S=5.0, J=4.0):
 
 
 def all_of(fit, S, J):
-    return [*indicators.of_movement(fit.bench.problem), *indicators.of_friction(fit, S, J)]
+    return [
+        *indicators.of_movement(fit.bench.problem, slip_events(fit)),
+        *indicators.of_friction(fit, S, J),
+    ]
 
 
 @cache

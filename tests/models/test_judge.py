@@ -28,6 +28,7 @@ def evidence(S=5.0, half=0.3, J=2.0, **changed) -> Evidence:
         S_draws=np.linspace(low, high, 300),
         friction_mean=1.0,
         friction_t=5.0,
+        jumps_evident=False,
         following=GOOD_FIT,
         typical_percent=90.0,
         narx=None,
@@ -198,3 +199,10 @@ def test_limits_in_order():
     """A watch limit above the sticky one is refused with both numbers."""
     with pytest.raises(ValueError, match=r"received 2.0 and 1.0"):
         Limits(watch_S_percent=2.0, sticky_S_percent=1.0)
+
+
+def test_evident_jumps_outweigh_slips_that_come_early_or_late():
+    """A stem seen to rest and jump sticks, though the model misses the instants of its slips."""
+    poor = {"following": POOR, **POOR_FIT}
+    assert judge(evidence(4.0, 2.0, **poor), LIMITS).verdict is Verdict.UNDETERMINED
+    assert judge(evidence(4.0, 2.0, jumps_evident=True, **poor), LIMITS).verdict is Verdict.STICKY

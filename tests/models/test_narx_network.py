@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import pickle
 import struct
@@ -14,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.narx import kernel
+from stemwatch.models.narx.actuator import NONE, driven
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.plan import Step, plan_run, segments
 
@@ -25,9 +27,9 @@ def network(members: int = 3, hidden: int = 5, seed: int = 1, **changes: object)
     draw = np.random.default_rng(seed).standard_normal
     facts: dict[str, object] = {
         "weights": {
-            "hidden": draw((members, hidden, 4)),
+            "hidden": draw((members, hidden, 5)),
             "gate": draw((members, hidden + 1)),
-            "value": 0.3 * draw((members, hidden + 4)),
+            "value": 0.3 * draw((members, hidden + 5)),
         },
         "scaling": {
             "op_centre": 50.0,
@@ -67,8 +69,9 @@ def written_out(net: NarxNetwork, op: np.ndarray, y: list[float], member: int) -
         error = np.clip(v[t] - y[-1], -6.6, 6.6)
         change = np.clip(v[t] - v[t - 1], -4.5, 4.5)
         drift = y[-1] - y[-2]
-        x = np.array([error / s["error_scale"], *(np.array([change, drift]) / s["change_scale"])])
-        h = np.tanh(hidden[:, :3] @ x + hidden[:, 3])
+        ways = np.array([change, drift]) / s["change_scale"]
+        x = np.array([error / s["error_scale"], *ways, np.mean(np.tanh(ways / 0.01))])
+        h = np.tanh(hidden[:, :4] @ x + hidden[:, 4])
         opening = 1 / (1 + np.exp(-(gate[:units] @ h + gate[units])))
         step = s["error_scale"] * opening * (value[:units] @ h + value[units:-1] @ x + value[-1])
         y.append(float(np.clip(y[-1] + np.clip(step, -6.0, 6.0), 12.0, 88.0)))
@@ -87,7 +90,7 @@ def test_the_free_run_is_the_equation_of_the_docstring_averaged_over_members() -
 def test_the_kernel_says_the_same_compiled_and_interpreted() -> None:
     """Compiling the kernel changes nothing but its speed."""
     rng = np.random.default_rng(3)
-    weights = rng.standard_normal((2, 35))
+    weights = rng.standard_normal((2, 41))
     level, move, position = rng.standard_normal((3, 120))
     usable = np.ones(120, dtype=bool)
     usable[40:45] = False
@@ -95,7 +98,7 @@ def test_the_kernel_says_the_same_compiled_and_interpreted() -> None:
     outs = np.full((2, 2, 120), np.nan)
     limits = (-3.0, 3.0, -2.0, 2.0, -6.0, 6.0)
     for function, out in zip((kernel.free_run, kernel.free_run.py_func), outs, strict=True):
-        function(weights, 5, level, move, position, plan, (1, 2, 3), limits, 2.0, out)
+        function(weights, 5, level, move, position, plan, (1, 2, 3), limits, 2.0, 0.01, out)
     np.testing.assert_allclose(outs[0], outs[1], rtol=0, atol=1e-10)
     assert np.isnan(outs[0, :, 40:45]).all()
 
@@ -196,7 +199,7 @@ def test_a_network_comes_back_from_its_bytes_bit_for_bit() -> None:
     back = NarxNetwork.from_bytes(data)
     for name, array in net.weights.items():
         assert array.tobytes() == back.weights[name].tobytes()
-    for name in ("scaling", "ranges", "lags"):
+    for name in ("scaling", "ranges", "actuator", "lags"):
         assert dict(getattr(net, name)) == dict(getattr(back, name))
     assert (net.interval_s, net.reference_rmse, net.seed, net.format_version) == (
         back.interval_s,
@@ -250,9 +253,80 @@ def test_truncated_bytes_are_refused() -> None:
 
 def test_an_unknown_format_version_is_refused_by_its_number() -> None:
     """A newer release's network is named as such, not called damaged."""
-    data = network(format_version=2).to_bytes()
-    with pytest.raises(ValueError, match="format version 2: this release reads version 1"):
+    data = network(format_version=3).to_bytes()
+    with pytest.raises(ValueError, match="format version 3: this release reads versions up to 2"):
         NarxNetwork.from_bytes(data)
+
+
+def version_1(net: NarxNetwork) -> bytes:
+    """The bytes that the first format had: three inputs, no actuator."""
+    from safetensors.numpy import save
+
+    arrays = {name: np.array(array) for name, array in net.weights.items()}
+    for name in ("hidden", "value"):
+        arrays[name] = np.delete(arrays[name], -2, axis=-1)
+    facts = {
+        "format_version": 1,
+        "scaling": dict(net.scaling),
+        "ranges": {name: list(pair) for name, pair in net.ranges.items()},
+        "lags": dict(net.lags),
+        "interval_s": net.interval_s,
+        "reference_rmse": net.reference_rmse,
+        "reference_horizon": net.reference_horizon,
+        "seed": net.seed,
+    }
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode())
+    for name in sorted(arrays):
+        digest.update(f"{name}{arrays[name].shape}".encode())
+        digest.update(arrays[name].tobytes())
+    facts["digest"] = digest.hexdigest()
+    return bytes(save(arrays, metadata={"stemwatch.narx": json.dumps(facts, sort_keys=True)}))
+
+
+def test_a_network_of_the_first_format_still_runs_as_it_did() -> None:
+    """It weighed three inputs and saw OP as it was; so does what is read from its bytes."""
+    net = network()
+    without = {name: np.array(array) for name, array in net.weights.items()}
+    without["hidden"][..., -2] = without["value"][..., -2] = 0.0
+    expected = network(weights=without)
+    back = NarxNetwork.from_bytes(version_1(expected))
+    op, mv = signals()
+    assert np.array_equal(expected.free_run(op, mv), back.free_run(op, mv))
+    assert expected.to_bytes() == back.to_bytes()
+
+
+def test_a_network_sees_the_command_as_the_actuator_passes_it_on() -> None:
+    """Dead time, lag and speed limit come before the lags of OP."""
+    actuator = dict(NONE) | {"dead_time_s": 3.0, "lag_up_s": 5.0, "slow_down_s_per_percent": 2.0}
+    op, mv = signals()
+    passed_on = driven(op, INTERVAL_S, actuator)
+    found = network(actuator=actuator).free_run(op, mv)
+    assert np.array_equal(network().free_run(passed_on, mv), found)
+
+
+def test_the_actuator_delays_lags_and_limits() -> None:
+    """A step: nothing for the dead time, then an exponential; downwards at most 1 % in 4 s."""
+    step = np.where(np.arange(60) < 10, 40.0, 50.0)
+    lagged = driven(step, 2.0, dict(NONE) | {"dead_time_s": 5.0, "lag_up_s": 8.0})
+    k = np.arange(60 - 13)
+    share = 1 - np.exp(-2.0 / 8.0)  # the fraction of a sample that the dead time leaves is linear
+    assert np.array_equal(np.full(12, 40.0), lagged[:12])
+    np.testing.assert_allclose(lagged[13:], 50 - (10 - 5 * share) * (1 - share) ** (k + 1))
+    falling = driven(-step, 2.0, dict(NONE) | {"slow_down_s_per_percent": 4.0})
+    np.testing.assert_allclose(falling[10:30], np.maximum(-40 - 0.5 * np.arange(1, 21), -50))
+
+
+def test_a_hole_in_the_command_stays_one_and_is_crossed() -> None:
+    """NaN where OP is; what follows is as if the last command had been held."""
+    op, _ = signals(60)
+    lag = dict(NONE) | {"lag_up_s": 5.0, "lag_down_s": 5.0}
+    held = op.copy()
+    held[20:24] = op[19]
+    holed = op.copy()
+    holed[20:24] = np.nan
+    expected = driven(held, 2.0, lag)
+    expected[20:24] = np.nan
+    np.testing.assert_array_equal(driven(holed, 2.0, lag), expected)
 
 
 def test_the_header_says_lags_scaling_and_version_to_any_reader() -> None:
@@ -260,7 +334,7 @@ def test_the_header_says_lags_scaling_and_version_to_any_reader() -> None:
     data = network().to_bytes()
     (length,) = struct.unpack_from("<Q", data)
     facts = json.loads(json.loads(data[8 : 8 + length])["__metadata__"]["stemwatch.narx"])
-    assert facts["format_version"] == 1
+    assert facts["format_version"] == 2
     assert facts["lags"] == {"op": 2, "mv": 2}
     assert facts["scaling"]["error_scale"] == 2.0
 
@@ -269,6 +343,7 @@ def test_the_header_says_lags_scaling_and_version_to_any_reader() -> None:
     ("changes", "sentence"),
     [
         ({"lags": {"op": 3, "mv": 2}}, "lags .* expected"),
+        ({"actuator": {"lag_s": 1.0}}, "actuator: .* expected, received"),
         ({"scaling": {"gain": 1.0}}, "scaling: .* expected, received"),
         ({"interval_s": float("nan")}, "finite scaling"),
         ({"interval_s": 0.0}, "above 0 expected"),

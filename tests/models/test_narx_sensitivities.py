@@ -18,7 +18,7 @@ from stemwatch.models.narx.sensitivities import (
     simulate,
 )
 
-HIDDEN, NETS, STEPS, ROWS, SIZE = 5, 3, 40, 4, 35
+HIDDEN, NETS, STEPS, ROWS, SIZE = 5, 3, 40, 4, 41
 WIDE = (-50.0, 50.0, -50.0, 50.0, -50.0, 50.0)
 NARROW = (-1.4, 1.5, -0.4, 0.3, -0.8, 0.9)
 
@@ -48,14 +48,15 @@ def flat_weights(seed: int = 5) -> torch.Tensor:
 
 def autograd_run(w: torch.Tensor, piece: Block, net: int, row: int, limits: tuple[float, ...]):  # type: ignore[no-untyped-def]
     """The network's equations for one segment, with a graph, written without the batch."""
-    value, gate, rows = w[:9], w[9:15], w[15:].reshape(5, 4)
+    value, gate, rows = w[:10], w[10:16], w[16:].reshape(5, 5)
     before, last = piece.before[net, row], piece.last[net, row]
     out = []
     for t in range(STEPS):
         error = torch.clamp(piece.level[net, t, row] - last, limits[0], limits[1])
-        x = torch.stack([error, piece.move[net, t, row], 1.7 * (last - before)])
-        h = torch.tanh(rows[:, :3] @ x + rows[:, 3])
-        step = torch.sigmoid(gate[:5] @ h + gate[5]) * (value[:5] @ h + value[5:8] @ x + value[8])
+        ways = torch.stack([piece.move[net, t, row], 1.7 * (last - before)])
+        x = torch.cat([error[None], ways, torch.tanh(ways / 0.01).mean(0, keepdim=True)])
+        h = torch.tanh(rows[:, :4] @ x + rows[:, 4])
+        step = torch.sigmoid(gate[:5] @ h + gate[5]) * (value[:5] @ h + value[5:9] @ x + value[9])
         new = torch.clamp(last + torch.clamp(step, limits[2], limits[3]), limits[4], limits[5])
         before, last = last, new
         out.append(new)
@@ -109,7 +110,17 @@ def test_torch_and_the_kernel_run_the_same_network(limits: tuple[float, ...]) ->
         position = np.concatenate([start, np.zeros(STEPS)])
         out = np.full((1, STEPS + 2), np.nan)
         kernel.free_run(
-            flat[[net]].numpy(), HIDDEN, level, move, position, plan, (1, 2, 3), limits, 1.7, out
+            flat[[net]].numpy(),
+            HIDDEN,
+            level,
+            move,
+            position,
+            plan,
+            (1, 2, 3),
+            limits,
+            1.7,
+            0.01,
+            out,
         )
         np.testing.assert_allclose(
             out[0, 2:], run.position[net, :, row].numpy(), rtol=0, atol=1e-12

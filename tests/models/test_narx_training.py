@@ -98,8 +98,8 @@ def test_training_on_free_runs_beats_training_on_one_step(
     examples: list[NarxExample], fits: list[NarxFit]
 ) -> None:
     """With as many steps, one-step training is better at one step and worse at what counts."""
-    only = train(examples, NarxSettings(horizons=(1,), steps=(32,)))
-    assert np.median(fit_percents(fits)) > np.median(fit_percents(only)) + 3
+    only = train(examples, NarxSettings(horizons=(1,), steps=(26,)))
+    assert np.mean(fit_percents(fits)) > np.mean(fit_percents(only)) + 3
     pairs = [(a.heldout, b.heldout) for a, b in zip(fits, only, strict=True)]
     one_step = [(a.one_step_rmse, b.one_step_rmse) for a, b in pairs if a and b]
     assert np.median([free / step for free, step in one_step]) > 1
@@ -133,7 +133,7 @@ def test_the_log_tells_every_stage_of_every_seed(fits: list[NarxFit]) -> None:
             assert len(stage.trained_rmse) == len(stage.watched_rmse) == len(stage.steps) == 4
             assert all(0 <= steps <= most for steps in stage.steps)
         assert fit.network is not None
-        assert fit.network.members == 2
+        assert 1 <= fit.network.members <= NarxSettings().kept == 3
 
 
 def test_the_same_training_twice_gives_the_same_network(examples: list[NarxExample]) -> None:
@@ -327,7 +327,14 @@ def test_an_example_that_contradicts_itself_is_refused(
 
 @pytest.mark.parametrize(
     "changes",
-    [{"seeds": 0}, {"steps": (1, 2)}, {"watched_share": 0.9}, {"decay": 0.0}, {"horizons": (0, 1)}],
+    [
+        {"seeds": 0},
+        {"fitted_seeds": -1},
+        {"steps": (1, 2)},
+        {"watched_share": 0.9},
+        {"decay": 0.0},
+        {"horizons": (0, 1)},
+    ],
 )
 def test_settings_that_make_no_sense_are_refused(changes: dict[str, object]) -> None:
     """The recipe says what it expected."""

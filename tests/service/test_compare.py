@@ -17,7 +17,7 @@ from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.zoo.model import values_of
 from stemwatch.service.cli.compare import compare as command
 from stemwatch.service.comparison.page import html_bytes
-from stemwatch.service.comparison.rows import NETWORK, compare
+from stemwatch.service.comparison.rows import NETWORKS, compare
 
 
 @pytest.fixture(scope="module")
@@ -66,13 +66,13 @@ def test_the_model_that_made_the_record_is_among_the_best(compared):
     assert compared.ranked()[0].heldout.rmse < 0.2
 
 
-def test_every_model_and_the_network_has_a_row():
-    """Fifteen models and the network, each with marks or a sentence."""
+def test_every_model_and_every_network_has_a_row():
+    """Fifteen models and three networks, each with marks or a sentence."""
     told = []
     comparison = compare(made(700), 450, tell=lambda model, done, of: told.append((model, of)))
     names = [row.model for row in comparison.rows]
-    assert names == [*(model.name for model in EVERY), NETWORK]
-    assert told == [(name, 16) for name in names]
+    assert names == [*(model.name for model in EVERY), *(one.name for one in NETWORKS)]
+    assert told == [(name, 18) for name in names]
     assert all(row.training is not None or row.outcome for row in comparison.rows)
 
 
@@ -81,7 +81,7 @@ def test_a_record_without_a_position_is_a_table_of_reasons():
     recording = made()
     bare = Recording(valve="V", signals={Role.OP: recording.op}, interval_s=1.0)
     rows = compare(bare, 600, DATA_DRIVEN[:2]).rows
-    assert ["no valve position" in row.outcome for row in rows] == [True] * 3
+    assert ["no valve position" in row.outcome for row in rows] == [True] * 5
 
 
 def test_the_page_holds_the_table_and_the_traces(compared):

@@ -1,0 +1,72 @@
+"""What stands between the command and the stem: dead time, lag, speed limit. A filter of OP alone.
+
+The network sees the command as it comes out of here, so that its two lags of it are enough also
+for a valve that answers late. The filter knows nothing of MV, so the network stays a static
+function of its lags.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.recording import Floats
+
+NAMES = (
+    "dead_time_s",
+    "lag_up_s",
+    "lag_down_s",
+    "slow_up_s_per_percent",
+    "slow_down_s_per_percent",
+)
+NONE = MappingProxyType(dict.fromkeys(NAMES, 0.0))
+_LEAST_LAG_S = 1e-3
+_LEAST_SLOWNESS = 1e-3  # s/%: a thousand percent per second is no limit
+
+
+def driven(op: Floats, interval_s: float, actuator: Mapping[str, float]) -> Floats:
+    """(n,) percent: ``op`` (n,) delayed, lagged and limited in speed; NaN stays NaN.
+
+    ``actuator``: dead time and time constants in seconds, slowness (1 / the top speed) in seconds
+    per percent, upwards and downwards; 0 is none of it. A hole is crossed with the last command
+    before it.
+    """
+    if not any(actuator[name] > 0 for name in NAMES):
+        return op
+    dead_time, *lags, slow_up, slow_down = (actuator[name] for name in NAMES)
+    up, down = (1.0 - np.exp(-interval_s / lag) if lag > _LEAST_LAG_S else 1.0 for lag in lags)
+    most_up, most_down = (
+        interval_s / slow if slow > _LEAST_SLOWNESS else np.inf for slow in (slow_up, slow_down)
+    )
+    out = np.full(op.size, np.nan)
+    _drive(_bridged(op), dead_time / interval_s, up, down, most_up, most_down, out)
+    out[np.isnan(op)] = np.nan
+    return out
+
+
+def _bridged(op: Floats) -> Floats:
+    """The last number held over what is none; before the first number, that one."""
+    known = np.isfinite(op)
+    if known.all() or not known.any():
+        return np.ascontiguousarray(np.where(known, op, 0.0))
+    index = np.maximum.accumulate(np.where(known, np.arange(op.size), np.argmax(known)))
+    return np.ascontiguousarray(op[index])
+
+
+@njit(cache=True)
+def _drive(
+    op: Floats, delay: float, up: float, down: float, most_up: float, most_down: float, out: Floats
+) -> None:
+    """``delay`` in samples, ``up`` and ``down`` the lag's share per sample, ``most`` percent."""
+    whole = int(delay)
+    late = delay - whole
+    at = op[0] if op.size else 0.0
+    for k in range(op.size):
+        i = max(k - whole, 0)
+        command = op[i] + late * (op[max(i - 1, 0)] - op[i])
+        error = command - at
+        at += min(max(error * (up if error > 0.0 else down), -most_down), most_up)
+        out[k] = at

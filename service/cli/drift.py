@@ -1,0 +1,211 @@
+"""``stemwatch drift``: does the baseline ratio tell growing stiction from a healthy valve?"""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.progress import Progress, TaskID
+    from rich.table import Table
+
+    from stemwatch.models.estimate import Estimate
+    from stemwatch.service.drift import Followed, Way
+
+TARGET = 0.95  # area under the curve that the indicator is meant to reach
+FALSE_ALARMS = (0.05, 0.02)  # shares of healthy valves that calibrated limits let raise an alarm
+_BANDS = ((1.5, 2.5), (2.5, 4.0), (4.0, float("inf")))  # S in the last window, percent of span
+
+
+def drift(
+    valves: Annotated[
+        int, typer.Option(min=2, max=2000, help="Loops, each followed in three ways.")
+    ] = 120,
+    seed: o.Seed = 2026,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    json_file: o.JsonFile = None,
+) -> None:
+    """Count how well the baseline ratio tells growing stiction from healthy valves, simulated.
+
+    Each loop is drawn healthy and a network is trained on its first window. Six later windows of
+    ten minutes are scored against it, three times: the valve unchanged, unchanged but run
+    differently (another opening, disturbance, tuning or set points), and with stiction that grows
+    to S = 1.5 to 8 %. The alarm limit is calibrated on healthy valves of the next seed. About a
+    minute on two idle cores.
+    """
+    from rich.progress import Progress
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.drift import HEALTHY, Way, run_drift
+    from stemwatch.service.executors import choose_executor
+
+    executor = choose_executor(workers)
+    with Progress(console=views.err) as progress:
+
+        def followed_with(own: int, ways: Sequence[Way], what: str) -> list[Followed]:
+            bar = progress.add_task(what, total=valves)
+            tell = partial(_tell, progress, bar)
+            return run_drift(valves, own, executor, tell, ways)
+
+        followed = followed_with(seed, tuple(Way), "valves")
+        calibration = followed_with(seed + 1, HEALTHY, "calibration")
+    show(followed, calibration)
+    if json_file is not None:
+        report = {"valves": valves, "seed": seed, **as_json(followed, calibration)}
+        json_file.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _tell(progress: Progress, bar: TaskID, done: int) -> None:
+    progress.update(bar, completed=done)
+
+
+def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
+    """The area under the curve of growing stiction against each kind of healthy valve.
+
+    The last one leaves out nothing: a valve that could not be scored raises no alarm, so it ranks
+    below all that were.
+    """
+    from stemwatch.service.drift import HEALTHY, Way, scores
+    from stemwatch.service.separation import auc
+
+    growing = scores(followed, Way.GROWING)
+    found = {way.value: auc(scores(followed, way), growing) for way in HEALTHY}
+    found["both"] = auc(scores(followed, *HEALTHY), growing)
+    ranked = [(one.way, one.score or 0.0) for one in followed]
+    found["both, a refusal being no alarm"] = auc(
+        [score for way, score in ranked if way in HEALTHY],
+        [score for way, score in ranked if way is Way.GROWING],
+    )
+    return found
+
+
+def limits(calibration: Sequence[Followed]) -> dict[str, float]:
+    """The limits that alarms are counted with: name, ratio."""
+    from stemwatch.models.limits import Limits
+    from stemwatch.service.drift import HEALTHY, scores
+    from stemwatch.service.separation import calibrated_limit
+
+    healthy = scores(calibration, *HEALTHY)
+    found = {f"calibrated, {share:.0%}": calibrated_limit(healthy, share) for share in FALSE_ALARMS}
+    named = {name: limit for name, limit in found.items() if limit is not None}
+    return {**named, "watch limit": Limits().baseline_ratio_watch}
+
+
+def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, int]]:
+    """(of which valves, how many alarms, of how many that were scored)."""
+    from stemwatch.service.drift import Way, scores
+
+    groups = [(way.value, scores(followed, way)) for way in Way]
+    grown = [one for one in followed if one.way is Way.GROWING]
+    for low, high in _BANDS:
+        band = [one for one in grown if low <= round(one.S, 6) < high]
+        upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
+        groups.append((f"growing, to S of {upto}", scores(band, Way.GROWING)))
+    counted = [(name, sum(score > limit for score in group), len(group)) for name, group in groups]
+    everyone = sum((one.score or 0.0) > limit for one in grown)
+    return [*counted, ("growing, with those refused", everyone, len(grown))]
+
+
+def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> dict[str, Any]:
+    """Everything that was found, as JSON has it."""
+    from dataclasses import asdict
+
+    from stemwatch.service.trial import wilson
+
+    return {
+        "target_auc": TARGET,
+        "auc": {name: asdict(one) for name, one in areas(followed).items()},
+        "limits": {
+            name: {
+                "ratio": limit,
+                "alarms": [
+                    {"of": group, "alarms": count, "scored": of, "interval": wilson(count, of)}
+                    for group, count, of in alarms(followed, limit)
+                ],
+            }
+            for name, limit in limits(calibration).items()
+        },
+        "followed": [asdict(one) | {"score": one.score} for one in followed],
+        "calibration": [asdict(one) | {"score": one.score} for one in calibration],
+    }
+
+
+def show(followed: Sequence[Followed], calibration: Sequence[Followed]) -> None:
+    """Ratios, areas under the curve with the target, and alarms with their intervals."""
+    from stemwatch.service.cli import views
+
+    views.out.print(_ratio_table(followed))
+    views.out.print(
+        "A window is refused where OP leaves the range the network was trained on in more than a "
+        "quarter of its samples. A valve is scored by the median of its last three scored windows, "
+        "where there are two at least.",
+        highlight=False,
+    )
+    untrained = sum(bool(one.reason) for one in followed)
+    if untrained:
+        views.out.print(
+            f"No baseline could be trained for {untrained} of {len(followed)} rows: "
+            f"{next(one.reason for one in followed if one.reason)}.",
+            highlight=False,
+        )
+    found = areas(followed)
+    for name, area in found.items():
+        views.out.print(f"AUC, growing against {name}: {area}", highlight=False)
+    headline = found["both"].value
+    if headline is not None:
+        verdict = "met" if headline >= TARGET else "missed"
+        views.out.print(f"Target: {TARGET:g} against both: {verdict}.", highlight=False)
+    views.out.print(_alarm_table(followed, limits(calibration)))
+    views.out.print(
+        "calibrated: the lowest ratio, in tenths, that at most this share of the healthy valves of "
+        "the next seed exceed. watch limit: baseline_ratio_watch as it is.",
+        highlight=False,
+    )
+
+
+def _ratio_table(followed: Sequence[Followed]) -> Table:
+    import numpy as np
+    from rich.table import Table
+
+    from stemwatch.service.drift import WINDOWS, Way, scores
+
+    table = Table(title="Ratio to the baseline's reference error", title_justify="left")
+    table.add_column("valves")
+    for name in ("scored", "windows refused", "lowest", "median", "nine in ten", "highest"):
+        table.add_column(name, justify="right")
+    for way in Way:
+        group = [one for one in followed if one.way is way]
+        own = scores(followed, way)
+        refused = sum(one.refused for one in group)
+        row = [way.value, f"{len(own)} of {len(group)}", f"{refused} of {WINDOWS * len(group)}"]
+        if own:
+            row += [f"{number:.2f}" for number in np.quantile(own, [0.0, 0.5, 0.9, 1.0])]
+        table.add_row(*row)
+    return table
+
+
+def _alarm_table(followed: Sequence[Followed], named: dict[str, float]) -> Table:
+    from rich.table import Table
+
+    from stemwatch.service.trial import wilson
+
+    table = Table(title="Alarms", title_justify="left")
+    for name in ("limit", "valves"):
+        table.add_column(name)
+    for name in ("alarms", "share", "95 % interval"):
+        table.add_column(name, justify="right")
+    for limit_name, limit in named.items():
+        for place, (group, count, of) in enumerate(alarms(followed, limit)):
+            low, high = wilson(count, of)
+            share = f"{count / of:.1%}" if of else "-"
+            first = f"{limit_name}: {limit:g}" if place == 0 else ""
+            table.add_row(first, group, f"{count} of {of}", share, f"{low:.1%} to {high:.1%}")
+        table.add_section()
+    return table
