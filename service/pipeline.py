@@ -115,7 +115,9 @@ def _with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
         if valve not in found:
             kept = store.baseline(valve)
             found[valve] = (
-                None if kept is None else StoredBaseline(network=kept.network, note=kept.note)
+                None
+                if kept is None
+                else StoredBaseline(network=kept.network, note=kept.note, window=kept.window)
             )
     return [replace(task, baseline=found[task.tags.valve]) for task in tasks]
 

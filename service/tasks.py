@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,6 +21,7 @@ class StoredBaseline:
 
     network: bytes
     note: str
+    window: tuple[datetime | None, datetime | None] = (None, None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +88,8 @@ def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late,
         return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
     if task.baseline is None:
         return Case(recording=recording)
+    if recording.start is not None and task.baseline.window == (recording.start, recording.end):
+        return Case(recording=recording, baseline_note="This window is the baseline.")
     from stemwatch.models.narx.network import NarxNetwork
 
     try:

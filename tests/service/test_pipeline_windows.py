@@ -95,6 +95,14 @@ def test_the_same_window_again_is_no_change(screened, tmp_path: Path) -> None:
     assert before == trend_of(STICKY, tmp_path / "out")
 
 
+def test_a_window_is_not_compared_with_itself(screened) -> None:
+    """The window that the baseline comes from is said to be the baseline, and gets no ratio."""
+    screened(*EARLY)
+    again = screened(*EARLY)
+    assert again["baseline"] == "This window is the baseline."
+    assert again["residuals"]["baseline"] is None
+
+
 def test_a_valve_keeps_its_first_baseline(screened, rows) -> None:
     """A second window does not replace the baseline, but the network fitted last is its own."""
     screened(*EARLY)
