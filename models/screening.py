@@ -136,7 +136,9 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
     trained: list[NarxFit | None] = [None] * len(fitted)
     if not ready or not options.narx:
         return trained
-    examples = [_example(recording, fit.first_heldout, _start(fit)) for _, fit, recording in ready]
+    examples = [
+        NarxExample.of(recording, fit.first_heldout, start_of(fit)) for _, fit, recording in ready
+    ]
     for (at, _, _), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
         trained[at] = fit
     return trained
@@ -155,7 +157,7 @@ def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[Na
         return [NarxFit(valve=examples[0].valve, reason=reason)]
 
 
-def _start(fit: StickSlipFit) -> StickSlipStart | None:
+def start_of(fit: StickSlipFit) -> StickSlipStart | None:
     """The element as it was fitted to the training part, for the network to start from."""
     q = to_kernel(fit.trained, fit.bench.restick)[0]
     if q[kernel.GAIN] == 0.0:
@@ -171,21 +173,6 @@ def _start(fit: StickSlipFit) -> StickSlipStart | None:
         gain=float(q[kernel.GAIN]),
         actuator=actuator,
         goes_on=bool(np.isfinite(q[kernel.RESTICK])),
-    )
-
-
-def _example(
-    recording: Recording, train_until: int, start: StickSlipStart | None = None
-) -> NarxExample:
-    assert recording.mv is not None
-    return NarxExample(
-        valve=recording.valve,
-        op=recording.op.values,
-        mv=recording.mv.values,
-        usable=recording.usable,
-        train_until=train_until,
-        interval_s=recording.interval_s,
-        start=start,
     )
 
 

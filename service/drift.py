@@ -131,15 +131,7 @@ def _chance(seed: int, *place: int) -> int:
 
 
 def _example(recording: Recording) -> NarxExample:
-    assert recording.mv is not None
-    return NarxExample(
-        valve=recording.valve,
-        op=recording.op.values,
-        mv=recording.mv.values,
-        usable=recording.usable,
-        train_until=int(_TRAINED_SHARE * len(recording)),
-        interval_s=recording.interval_s,
-    )
+    return NarxExample.of(recording, int(_TRAINED_SHARE * len(recording)))
 
 
 def _follow(

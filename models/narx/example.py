@@ -9,7 +9,7 @@ import numpy as np
 
 from stemwatch.models.narx.actuator import NAMES, NONE
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.recording import Bools, Floats, Recording
 
 ELEMENT_UNITS = 5  # hidden units that a stick-slip element needs
 
@@ -75,6 +75,23 @@ class NarxExample:
             )
         if not (np.isfinite(self.interval_s) and self.interval_s > 0):
             raise ValueError(f"{self.valve}: interval_s must be positive: {self.interval_s}")
+
+    @classmethod
+    def of(
+        cls, recording: Recording, train_until: int, start: StickSlipStart | None = None
+    ) -> NarxExample:
+        """The example of a recording; raises ``ValueError`` where it has no position."""
+        if recording.mv is None:
+            raise ValueError(f"{recording.valve}: a network needs the valve position (MV)")
+        return cls(
+            valve=recording.valve,
+            op=recording.op.values,
+            mv=recording.mv.values,
+            usable=recording.usable,
+            train_until=train_until,
+            interval_s=recording.interval_s,
+            start=start,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ from stemwatch.models.narx.training import train
 from stemwatch.models.plant import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.recording import Floats
 from stemwatch.models.residual import of_stiction
-from stemwatch.models.screening import _example, _start
+from stemwatch.models.screening import start_of
 from stemwatch.models.stickslip.fit import fit_stickslip
 
 FLOOR = -100.0
@@ -44,7 +44,7 @@ def valves(count: int, seed: int) -> tuple[list[NarxExample], Floats, float]:
         fit = fit_stickslip(recording)
         seconds += time.perf_counter() - began
         residual = of_stiction(fit, resynced=False)
-        examples.append(_example(recording, fit.first_heldout, _start(fit)))
+        examples.append(NarxExample.of(recording, fit.first_heldout, start_of(fit)))
         percents.append(residual.fit_percent if residual is not None else FLOOR)
     return examples, np.maximum(percents, FLOOR), seconds / count
 

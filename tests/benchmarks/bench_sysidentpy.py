@@ -67,15 +67,7 @@ def recordings(valves: int, seed: int) -> list[tuple[str, Recording]]:
 
 def example_of(recording: Recording) -> NarxExample:
     """The recording, its first 60 % to be trained on."""
-    assert recording.mv is not None
-    return NarxExample(
-        valve=recording.valve,
-        op=recording.op.values,
-        mv=recording.mv.values,
-        usable=recording.usable,
-        train_until=int(TRAINED_SHARE * len(recording)),
-        interval_s=recording.interval_s,
-    )
+    return NarxExample.of(recording, int(TRAINED_SHARE * len(recording)))
 
 
 def fit_percent(simulated: Floats, mv: Floats) -> float:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.training import train
+from stemwatch.models.recording import Recording, Role, Signal
 
 N = 3600
 # (S, J, noise) in percent, the four shapes twice: deadband, undershoot, no offset, overshoot.
@@ -356,3 +357,20 @@ def test_a_real_boiler_feed_valve_is_followed_from_the_first_half_to_the_second(
         valve="LC74_20", op=op, mv=mv, usable=usable, train_until=op.size // 2, interval_s=1.0
     )
     assert fit_percents(train([case]))[0] > 71
+
+
+def test_an_example_of_a_recording_is_its_signals() -> None:
+    """A recording gives its OP, position and mask; without a position there is no example."""
+    op, mv = np.linspace(40.0, 60.0, 50), np.linspace(41.0, 59.0, 50)
+    signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
+    example = NarxExample.of(Recording(valve="V", signals=signals, interval_s=2.0), 30)
+    assert ("V", 30, 2.0, None) == (
+        example.valve,
+        example.train_until,
+        example.interval_s,
+        example.start,
+    )
+    np.testing.assert_array_equal(mv, example.mv)
+    bare = Recording(valve="V", signals={Role.OP: signals[Role.OP]}, interval_s=2.0)
+    with pytest.raises(ValueError, match=r"V: a network needs the valve position"):
+        NarxExample.of(bare, 30)

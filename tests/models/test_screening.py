@@ -13,12 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.findings import Screening
+from stemwatch.models.narx.example import NarxExample
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.training import train
 from stemwatch.models.plant import Actuator, PlantLoop, Valve, simulate_loop
 from stemwatch.models.plant.loop import Load, LoadKind
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
-from stemwatch.models.screening import Case, Options, _example, failed, screen
+from stemwatch.models.screening import Case, Options, failed, screen
 from stemwatch.models.verdict import Verdict
 
 QUICK = Options(narx=False)
@@ -40,7 +41,7 @@ def plant(S=5.0, J=2.0, lag_s=0.1, dead_time_s=0.0, seed=1) -> Recording:
 
 
 def network_of(recording: Recording) -> NarxNetwork:
-    return train([_example(recording, 1080)])[0].network
+    return train([NarxExample.of(recording, 1080)])[0].network
 
 
 def recorded(op, mv=None, *, interval_s=1.0, valve="V") -> Recording:

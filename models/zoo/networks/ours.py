@@ -32,18 +32,9 @@ class OurNarx:
         from stemwatch.models.narx.example import NarxExample, StickSlipStart
         from stemwatch.models.narx.training import train  # torch takes two seconds to import
 
-        recording = lesson.recording
-        assert recording.mv is not None  # without one there is no lesson
         S, J = (lesson.element.parameters[name].value or 0.0 for name in ("S", "J"))
-        example = NarxExample(
-            valve=recording.valve,
-            op=recording.op.values,
-            mv=recording.mv.values,
-            usable=recording.usable,
-            train_until=lesson.train_until,
-            interval_s=recording.interval_s,
-            start=StickSlipStart(S=S, J=J, zero=lesson.element.zero),
-        )
+        start = StickSlipStart(S=S, J=J, zero=lesson.element.zero)
+        example = NarxExample.of(lesson.recording, lesson.train_until, start)
         (fit,) = train([example])
         if fit.network is None or fit.simulated is None:
             return Learned(outcome=fit.reason or "")
