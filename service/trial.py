@@ -11,7 +11,7 @@ import numpy as np
 from stemwatch.models.findings import Screening
 from stemwatch.models.plant import PlantLoop, Truth, draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.executors import Executor
 
 BATCH = 12
@@ -123,3 +123,16 @@ def accuracy(marked: Sequence[Marked]) -> list[Accuracy]:
         median = float(np.median(errors)) if errors else float("nan")
         found.append(Accuracy(name, median, within, len(pairs)))
     return found
+
+
+def shapes(marked: Sequence[Marked]) -> list[tuple[str, int, int]]:
+    """(true shape, how many were given it, of how many sticking valves that were given a shape)."""
+    named = [one for one in marked if one.truth.shape is not None and one.shape is not None]
+    return [
+        (
+            shape.value,
+            sum(one.truth.shape is shape and one.shape == shape.value for one in named),
+            sum(one.truth.shape is shape for one in named),
+        )
+        for shape in Shape
+    ]

@@ -63,7 +63,7 @@ def _print(marked: Sequence[Marked]) -> None:
     from rich.table import Table
 
     from stemwatch.service.cli import views
-    from stemwatch.service.trial import accuracy, rates, wilson
+    from stemwatch.service.trial import accuracy, rates, shapes, wilson
 
     table = Table(title="Verdicts", title_justify="left")
     for name in ("loops", "verdict", "count", "share", "95 % interval"):
@@ -80,6 +80,9 @@ def _print(marked: Sequence[Marked]) -> None:
                 f"the truth in {one.within} of {one.of} ({one.within / one.of:.0%})",
                 highlight=False,
             )
+    right = "; ".join(f"{shape} {hits} of {of}" for shape, hits, of in shapes(marked) if of)
+    if right:
+        views.out.print(f"Shape named right: {right}", highlight=False)
     seconds = sum(one.seconds for one in marked) / max(len(marked), 1)
     views.out.print(f"{seconds:.2f} s a valve", highlight=False)
 

@@ -10,9 +10,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.plant import draw_healthy, draw_sticky
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.executors import InProcess
-from stemwatch.service.trial import Batch, Marked, accuracy, mark_batch, rates, run_trial, wilson
+from stemwatch.service.trial import (
+    Batch,
+    Marked,
+    accuracy,
+    mark_batch,
+    rates,
+    run_trial,
+    shapes,
+    wilson,
+)
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +137,14 @@ def test_wilson_holds_the_share(of: int, data: st.DataObject) -> None:
     assert 0.0 <= low <= high <= 1.0
     if of:
         assert low - 1e-12 <= hits / of <= high + 1e-12
+
+
+def test_shapes_are_counted_by_the_true_one(marked: list[Marked]) -> None:
+    """A sticking valve counts under its own shape; one without a named shape does not count."""
+    sticky = next(m for m in marked if not m.truth.healthy)
+    own = sticky.truth.shape
+    assert own is not None
+    other = next(shape for shape in Shape if shape is not own)
+    seen = [replace(sticky, shape=name) for name in (own.value, other.value, None)]
+    assert (own.value, 1, 2) in shapes(seen)
+    assert (other.value, 0, 0) in shapes(seen)
