@@ -9,6 +9,7 @@ from datetime import datetime
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Floats, Provenance, Recording
 from stemwatch.models.verdict import Shape, Verdict
@@ -88,6 +89,7 @@ class Screening:
     traces: Traces = field(default_factory=_empty_traces)
     recording: Recording | None = None  # None where the source could not be read at all
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
+    mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
     seconds: float = 0.0
 
     @property

@@ -39,6 +39,21 @@ def noise_sigma(values: Floats) -> float:
     return float(1.4826 * np.median(np.abs(bends - np.median(bends))) / np.sqrt(6.0))
 
 
+def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
+    """``noise_sigma`` of the quieter windows: of a signal that hardly ever rests.
+
+    A stem that moves all the time bends the signal more than the noise does. The estimate is the
+    20th percentile over windows of 30 samples, put right for being a low one of many scattering
+    ones (15 % for white noise), and never above ``noise_sigma``.
+    """
+    whole = noise_sigma(values)
+    count = values.size // window
+    if count < 5:
+        return whole
+    parts = [noise_sigma(part) for part in np.array_split(values, count)]
+    return min(whole, 1.15 * float(np.percentile(parts, 100.0 * share)))
+
+
 def quantum(values: Floats) -> float:
     """The recorder's resolution: the step of which (nearly) all differences are multiples, or 0.
 

@@ -27,7 +27,7 @@ class Limits:
     # How much worse than in its baseline window a valve may follow its baseline network before it
     # is watched. On the safe side of what `stemwatch drift` prints: a loop that is run quite
     # differently must not raise an alarm.
-    baseline_ratio_watch: float = 3.0
+    baseline_ratio_watch: float = 2.0
 
     def __post_init__(self) -> None:
         if not 0 < self.watch_S_percent <= self.sticky_S_percent:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.findings import Residual
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.narx.example import NarxFit
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Floats, Recording
@@ -41,6 +42,16 @@ def of_stiction(fit: StickSlipFit, *, resynced: bool) -> Residual | None:
         return None
     rmse = float(np.sqrt(np.mean(error**2)))
     return Residual(rmse=rmse, normalised=rmse / float(np.std(mv)))
+
+
+def better_of(stiction: Residual | None, left_out: Mismatch | None) -> Residual | None:
+    """The residual with the hidden physics where some was named and it leaves less."""
+    if left_out is None or not left_out.effects or stiction is None:
+        return stiction
+    rmse, fit = left_out.heldout.rmse_extended, left_out.heldout.fit_extended
+    if rmse is None or fit is None or rmse >= stiction.rmse:
+        return stiction
+    return Residual(rmse=rmse, normalised=1.0 - fit / 100.0)
 
 
 def typical_percent(fit: StickSlipFit) -> float:

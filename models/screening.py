@@ -1,6 +1,6 @@
 """``screen``: the whole science on one page, from recordings to verdicts.
 
-    recording -> quality -> stick-slip fit -> NARX fit -> baseline -> evidence -> verdict
+    recording -> quality -> stick-slip fit -> NARX fit -> mismatch -> baseline -> verdict
 
 Each valve stands alone: one that fails is a result with a reason and the rest goes on. The
 networks of all valves in a call train together.
@@ -20,16 +20,18 @@ from stemwatch.models.findings import DataQuality, Indicator, Residual, Screenin
 from stemwatch.models.judge import Evidence, Judgement, judge, undetermined
 from stemwatch.models.limits import Limits
 from stemwatch.models.loop import loop_oscillation
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording, Role
 from stemwatch.models.sight import still_seen
-from stemwatch.models.slowness import slowness
+from stemwatch.models.slowness import beside_friction, slowness
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import slip_events
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
-from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval
+from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.verdict import Verdict
 
@@ -45,10 +47,11 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How to screen. ``narx`` may be switched off for a quick look."""
+    """How to screen. ``narx`` and ``mismatch`` may be switched off for a quick look."""
 
     limits: Limits = field(default_factory=Limits)
     narx: bool = True
+    mismatch: bool = True
     narx_settings: NarxSettings = field(default_factory=NarxSettings)
 
 
@@ -71,7 +74,7 @@ def screen(cases: Sequence[Case], options: Options = DEFAULTS) -> list[Screening
     fitted = [_fit_or_reason(case, options.limits) for case in cases]
     networks = _train(fitted, options)
     return [
-        _conclude_or_reason(one, network, options.limits) if isinstance(one, _Fitted) else one
+        _conclude_or_reason(one, network, options) if isinstance(one, _Fitted) else one
         for one, network in zip(fitted, networks, strict=True)
     ]
 
@@ -176,19 +179,21 @@ def start_of(fit: StickSlipFit) -> StickSlipStart | None:
     )
 
 
-def _conclude_or_reason(one: _Fitted, network: NarxFit | None, limits: Limits) -> Screening:
+def _conclude_or_reason(one: _Fitted, network: NarxFit | None, options: Options) -> Screening:
     try:
-        return _conclude(one, network, limits)
+        return _conclude(one, network, options)
     except Exception as error:  # one valve must not end a plant's run
         return _crashed(one.case, error)
 
 
-def _conclude(one: _Fitted, network: NarxFit | None, limits: Limits) -> Screening:
+def _conclude(one: _Fitted, network: NarxFit | None, options: Options) -> Screening:
     began = time.perf_counter()
     if one.fit is None or one.sample is None:
         screening = _without_verdict(one)
     else:
-        screening = _with_verdict(one, one.fit, one.sample, network, limits)
+        ceiling = network.simulated if network is not None else None
+        left_out = explain(one.case.recording, ceiling=ceiling) if options.mismatch else None
+        screening = _with_verdict(one, one.fit, one.sample, network, left_out, options.limits)
     seconds = one.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
 
@@ -236,14 +241,25 @@ def _estimate(draws: Floats, value: float) -> Estimate:
     return Estimate(value=value, low=low, high=high, unit=PERCENT)
 
 
+def _stiction(
+    fit: StickSlipFit, sample: StickSlipSample, left_out: Mismatch | None
+) -> tuple[Estimate, Estimate, Floats]:
+    """S, J and draws of S: those restated with the hidden physics where some was named."""
+    if left_out is None or not left_out.effects or left_out.restated.S.value is None:
+        return _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), sample.S
+    S, J = left_out.restated.S, left_out.restated.J
+    return S, J, spread_of(S)
+
+
 def _with_verdict(
     one: _Fitted,
     fit: StickSlipFit,
     sample: StickSlipSample,
     network: NarxFit | None,
+    left_out: Mismatch | None,
     limits: Limits,
 ) -> Screening:
-    S, J = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J)
+    S, J, S_draws = _stiction(fit, sample, left_out)
     compared = residual.of_baseline(one.case.baseline, one.assessment.recording)
     residuals = {
         "stiction": residual.of_stiction(fit, resynced=False),
@@ -255,15 +271,15 @@ def _with_verdict(
     evidence = Evidence(
         S=S,
         J=J,
-        S_draws=sample.S,
+        S_draws=S_draws,
         friction_mean=fit.of_sticking.mean,
         friction_t=fit.of_sticking.t,
         jumps_evident=events.evident,
-        following=residual.of_stiction(fit, resynced=True),
+        following=residual.better_of(residual.of_stiction(fit, resynced=True), left_out),
         narx=residuals["narx"],
         typical_percent=residual.typical_percent(fit),
         sigma=fit.bench.problem.sigma,
-        slow=slowness(fit),
+        slow=slowness(fit) if left_out is None else beside_friction(left_out),
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
@@ -280,6 +296,7 @@ def _with_verdict(
     screening = _screening(one, judgement, S, J, residuals, found)
     return replace(
         screening,
+        mismatch=left_out,
         baseline_note=" ".join(filter(None, (one.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
         traces=Traces(

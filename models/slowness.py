@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.stickslip import parameters as at
 from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.fit import StickSlipFit
@@ -28,6 +29,22 @@ def slowness(fit: StickSlipFit) -> str:
     if not parts:
         return ""
     return f" Beside friction, {' and '.join(parts)}{_misread(fit)}."
+
+
+def beside_friction(left_out: Mismatch) -> str:
+    """What the mismatch named, a sentence with a blank before it, or nothing."""
+    if not left_out.effects:
+        return ""
+    told = f" Beside friction: {left_out.effects[0].sentence}"
+    more = len(left_out.effects) - 1
+    if more:
+        told += f" And {more} more, see what S and J leave out."
+    naive, restated = left_out.naive.S.value, left_out.restated.S.value
+    if naive is None or restated is None:
+        return told
+    if naive > MISREAD * restated and naive - restated > MISREAD_PERCENT:
+        told += f" S and J alone would have read S as {naive:.1f} %."
+    return told
 
 
 def _late(fit: StickSlipFit) -> list[str]:

@@ -22,10 +22,8 @@ _MOST_ROWS = 256
 _Columns = tuple[Floats, Floats, Floats, Floats, Floats, Floats]
 
 
-def blocks(
-    valves: Sequence[Prepared], horizon: int, seeds: int, device: str
-) -> tuple[list[Block], Tensor]:
-    """Every valve's training segments of ``horizon`` samples, and the samples in them (B,).
+def blocks(valves: Sequence[Prepared], horizon: int, seeds: int, device: str) -> list[Block]:
+    """Every valve's training segments of ``horizon`` samples.
 
     Networks are ordered valve by valve, each valve's seeds together.
     """
@@ -41,12 +39,10 @@ def blocks(
         torch.from_numpy(np.stack(column)).to(device).repeat_interleave(seeds, dim=0)
         for column in zip(*columns, strict=True)
     ]
-    samples = torch.tensor([float(lengths.sum()) for _, lengths in cuts], dtype=torch.float64)
-    pieces = [
+    return [
         _block([column[..., first : first + rows] for column in stacked])
         for first in range(0, total, rows)
     ]
-    return pieces, samples.repeat_interleave(seeds).to(device)
 
 
 def bounds(valves: Sequence[Prepared], seeds: int, device: str) -> Bounds:

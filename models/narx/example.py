@@ -109,7 +109,7 @@ class NarxSettings:
     """
 
     hidden: int = 5
-    seeds: int = 4
+    seeds: int = 8
     fitted_seeds: int = 2
     horizons: tuple[int, ...] = (1, 20, 300)
     steps: tuple[int, ...] = (10, 8, 8)

@@ -13,6 +13,10 @@ from torch import Tensor
 _MOST_DAMPING = 1e8
 _LEAST_DAMPING = 1e-10
 
+# Weights (B, P) and the largest r'r (B,) that is still of use, to (B, P + 1, P + 1): J'J, with J'r
+# in its last column and r'r in its corner. Where r'r is larger it may be inf, and the rest any.
+Normal = Callable[[Tensor, Tensor], Tensor]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Descent:
@@ -36,7 +40,7 @@ def one_thread() -> Iterator[None]:
 
 def descend(
     weights: Tensor,
-    normal: Callable[[Tensor], Tensor],
+    normal: Normal,
     samples: Tensor,
     *,
     steps: int,
@@ -46,17 +50,19 @@ def descend(
 ) -> Descent:
     """Minimise ``r'r / samples + decay |w|^2 / P`` for each network.
 
-    ``normal(weights)`` gives ``normal_matrix``; ``samples`` (B,). The step solves
+    ``normal`` as ``Normal`` says; ``samples`` (B,). The step solves
     ``(J'J + lambda diag(J'J)) dw = -J'r`` with decay in both; lambda falls to a quarter where the
     loss fell, and is four times as large where it did not. ``watch(weights, improved)`` is told of
     every step and answers (B,) True for the networks that may go on.
     """
     active = torch.ones_like(samples, dtype=torch.bool)
-    matrix, gradient, loss = _objective(normal(weights), weights, samples, decay)
+    anything = torch.full_like(samples, torch.inf)
+    matrix, gradient, loss = _objective(normal(weights, anything), weights, samples, decay)
     lam, accepted = torch.full_like(loss, damping), torch.zeros_like(loss)
     for _ in range(steps):
         trial = weights + _step(matrix, gradient, lam)
-        new = _objective(normal(trial), trial, samples, decay)
+        most = torch.where(active, (loss - _shrink(trial, decay)) * samples, -torch.inf)
+        new = _objective(normal(trial, most), trial, samples, decay)
         improved = active & (new[2] < loss)
         weights, matrix, gradient, loss = (
             _where(improved, fresh, old)
@@ -79,7 +85,12 @@ def _objective(
     shrink = decay / size
     matrix = normal[:, :size, :size] + shrink * torch.eye(size).to(weights)
     gradient = normal[:, :size, size] + shrink * weights
-    return matrix, gradient, normal[:, size, size] + shrink * (weights * weights).sum(1)
+    return matrix, gradient, normal[:, size, size] + _shrink(weights, decay)
+
+
+def _shrink(weights: Tensor, decay: float) -> Tensor:
+    """(B,) what the weight decay adds to the loss."""
+    return decay / weights.shape[1] * (weights * weights).sum(1)
 
 
 def _step(matrix: Tensor, gradient: Tensor, lam: Tensor) -> Tensor:

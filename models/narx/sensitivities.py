@@ -14,7 +14,7 @@ from torch import Tensor
 from stemwatch.models.narx.network import EDGE, INPUTS
 
 # Far beyond what a useful gradient reaches: a diverging run must not fill the matrix with inf.
-_SENSITIVITY_LIMIT = 1e4
+LIMIT = 1e4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +139,7 @@ def jacobian(block: Block, run: Run, weights: Weights, bounds: Bounds) -> Tensor
         carried[:, t].addcmul_(d1[:, t], carried[:, t - 1])
         if t > 1:
             carried[:, t].addcmul_(d2[:, t], carried[:, t - 2])
-        carried[:, t].clamp_(-_SENSITIVITY_LIMIT, _SENSITIVITY_LIMIT)
+        carried[:, t].clamp_(-LIMIT, LIMIT)
     return s.view(nets, steps * rows, -1)
 
 

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from stemwatch.models.narx.batch import blocks, bounds
 from stemwatch.models.narx.example import NarxSettings, StageLog
 from stemwatch.models.narx.kernel import free_run
 from stemwatch.models.narx.levenberg import descend
 from stemwatch.models.narx.network import EDGE
-from stemwatch.models.narx.plan import CODES, Step, plan_run
+from stemwatch.models.narx.normal import normal_of
+from stemwatch.models.narx.plan import CODES, Plan, Step, plan_run
 from stemwatch.models.narx.prepared import Prepared
-from stemwatch.models.narx.sensitivities import Block, Bounds, Weights, normal_matrix
 from stemwatch.models.narx.starts import fitted_starts, random_starts
 from stemwatch.models.recording import Bools, Floats
 
@@ -69,15 +67,14 @@ def _train_stages(
     """From ``starts`` (valves, members, P) through (horizon, most steps) one after another."""
     members = starts.shape[1]
     weights = torch.from_numpy(starts.reshape(-1, starts.shape[2])).to(device)
-    limits = bounds(valves, members, device)
     logs = []
     for horizon, steps in stages:
-        pieces, samples = blocks(valves, horizon, members, device)
+        normal, samples = normal_of(valves, settings.hidden, horizon, members, device)
         watch = _Watch(valves, settings, horizon, members)
         watch(weights, torch.ones_like(samples, dtype=torch.bool))
         descent = descend(
             weights,
-            partial(_normal, pieces, limits, settings.hidden),
+            normal,
             samples,
             steps=steps,
             damping=settings.damping,
@@ -89,10 +86,6 @@ def _train_stages(
     return _by_valve(weights, len(valves)), list(zip(*logs, strict=True))
 
 
-def _normal(pieces: list[Block], limits: Bounds, hidden: int, flat: Tensor) -> Tensor:
-    return normal_matrix(pieces, Weights.split(flat, hidden), limits)
-
-
 class _Watch:
     """Keeps each network where its free run on the watched samples was best.
 
@@ -102,7 +95,8 @@ class _Watch:
     def __init__(
         self, valves: Sequence[Prepared], settings: NarxSettings, horizon: int, members: int
     ) -> None:
-        self._valves, self._settings, self._horizon = valves, settings, horizon
+        self._valves, self._settings = valves, settings
+        self._plans = [plan_run(valve.watched, horizon) for valve in valves]
         self.best = torch.empty(0)
         self.error = np.full(len(valves) * members, np.inf)
         self._waited = np.zeros(self.error.size, dtype=np.int64)
@@ -111,7 +105,7 @@ class _Watch:
 
     def __call__(self, weights: Tensor, improved: Tensor) -> Tensor:
         fell = improved.cpu().numpy()
-        error = self._errors(weights)
+        error = self._errors(weights, fell)
         better = fell & np.where(self.watched, error < self.error, True)
         self.error = np.where(better, error, self.error)
         self._waited = np.where(better | ~fell, self._waited, self._waited + 1)
@@ -120,22 +114,23 @@ class _Watch:
         going = (self._waited < self._settings.patience) | ~self.watched
         return torch.from_numpy(going).to(weights.device)
 
-    def _errors(self, weights: Tensor) -> Floats:
+    def _errors(self, weights: Tensor, asked: Bools) -> Floats:
+        """Of the networks ``asked`` for; inf for the others."""
         members = _by_valve(weights, len(self._valves))
-        errors = [
-            member_errors(valve, flat, valve.watched, self._horizon, self._settings.hidden)
-            for valve, flat in zip(self._valves, members, strict=True)
-        ]
-        return np.concatenate(errors)
+        wanted = asked.reshape(members.shape[:2])
+        errors = np.full(wanted.shape, np.inf)
+        for at, valve in enumerate(self._valves):
+            chosen = wanted[at]
+            if chosen.any():
+                flat, plan = members[at, chosen], self._plans[at]
+                errors[at, chosen] = member_errors(valve, flat, plan, self._settings.hidden)
+        return errors.ravel()
 
 
-def member_errors(
-    valve: Prepared, weights: Floats, part: Bools, horizon: int, hidden: int
-) -> Floats:
-    """(m,) root mean square error of each member's free run in ``part``, scaled; inf where the
-    run left the finite or there was nothing to run on."""
-    plan = plan_run(part, horizon)
-    out = np.full((weights.shape[0], part.size), np.nan)
+def member_errors(valve: Prepared, weights: Floats, plan: Plan, hidden: int) -> Floats:
+    """(m,) root mean square error of each member's free run by ``plan``, scaled; inf where the run
+    left the finite or there was nothing to run on."""
+    out = np.full((weights.shape[0], plan.size), np.nan)
     signals = valve.signals
     free_run(
         weights,
@@ -171,7 +166,8 @@ def _stage_logs(
     weights = _by_valve(watch.best, len(valves))
     for at, valve in enumerate(valves):
         se = valve.scaling["error_scale"]
-        trained = member_errors(valve, weights[at], valve.trained, horizon, settings.hidden)
+        plan = plan_run(valve.trained, horizon)
+        trained = member_errors(valve, weights[at], plan, settings.hidden)
         seen = bool(watch.watched[at * len(weights[at])])
         logs.append(
             StageLog(

@@ -123,8 +123,8 @@ def _reference_rmse(network: NarxNetwork, valve: Prepared) -> float:
 
 def _best(valve: Prepared, weights: Floats, settings: NarxSettings) -> Floats:
     """(m, P) the members with the lowest free-run error on the training part, not restarted."""
-    training = valve.trained | valve.watched
-    errors = member_errors(valve, weights, training, training.size, settings.hidden)
+    plan = plan_run(valve.trained | valve.watched, valve.usable.size)
+    errors = member_errors(valve, weights, plan, settings.hidden)
     if valve.example.start is not None:
         errors[: settings.seeds - settings.fitted] *= _DOUBT
     best = np.argsort(errors, kind="stable")[: settings.kept]

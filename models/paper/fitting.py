@@ -1,8 +1,8 @@
 """Levenberg-Marquardt on free runs of any ``Step``, over a horizon that grows from 1.
 
 Horizon 1 is series-parallel: every sample is predicted from true ones. Derivatives of one step
-come from torch; through a run they are carried forward, ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``,
-so that no graph is unrolled.
+come from torch, or from the step's own kernel where it has one; through a run they are carried
+forward, ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``, so that no graph is unrolled.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.func import grad, vmap
 
 from stemwatch.models.narx.levenberg import descend
-from stemwatch.models.paper.step import SEEDS, Step, run_free
+from stemwatch.models.paper.step import LIMIT, SEEDS, Compiled, Step, run_free
 from stemwatch.models.recording import Floats
 
 _SENSITIVITY_LIMIT = 1e4  # far beyond any useful gradient: a diverging run must not fill J'J
@@ -64,7 +64,7 @@ def fit_stage(step: Step, weights: Floats, u: Floats, y: Floats, stage: Stage) -
     unit = centre.abs().clamp(min=1.0)
     both = torch.cat([unit, torch.ones_like(unit[:, :1])], dim=1)
 
-    def normal(change: Tensor) -> Tensor:
+    def normal(change: Tensor, _: Tensor) -> Tensor:
         plain = normal_matrix(step, centre + unit * change, cut)
         return both[:, :, None] * plain * both[:, None, :]
 
@@ -82,6 +82,8 @@ def fit_stage(step: Step, weights: Floats, u: Floats, y: Floats, stage: Stage) -
 
 def normal_matrix(step: Step, weights: Tensor, cut: Segments) -> Tensor:
     """(B, P + 1, P + 1): ``J'J`` with ``J'r`` as its last column and ``r'r`` in its corner."""
+    if isinstance(step, Compiled):
+        return torch.stack([_squared(step, one, cut) for one in weights.numpy()])
     with torch.no_grad():
         y = _runs(step, weights, cut)
     lags = _lags(cut.u, y)
@@ -93,6 +95,14 @@ def normal_matrix(step: Step, weights: Tensor, cut: Segments) -> Tensor:
     residual = _answers(step, weights, lags, y, cut)
     J = torch.cat([s, residual[..., None]], dim=-1).reshape(nets, horizon * rows, -1)
     return torch.bmm(J.transpose(1, 2), J)
+
+
+def _squared(step: Compiled, weights: Floats, cut: Segments) -> Tensor:
+    """(P + 1, P + 1) of one network; at horizon 1 an answer is not held, so that its error shows
+    the way back."""
+    limit = LIMIT if cut.u.shape[0] > SEEDS + 1 else np.inf
+    J = step.jacobian(weights, cut.u.numpy(), cut.y.numpy(), limit, _SENSITIVITY_LIMIT)
+    return torch.from_numpy(J.T) @ torch.from_numpy(J)
 
 
 def _runs(step: Step, weights: Tensor, cut: Segments) -> Tensor:

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stemwatch.models.paper import kernel
 from stemwatch.models.recording import Floats
 from stemwatch.models.verdict import Shape
 
@@ -33,6 +34,11 @@ _FUNCTION: dict[Transfer, Callable[[Tensor], Tensor]] = {
     Transfer.LOG_SIGMOID: torch.sigmoid,
     Transfer.TANGENT_SIGMOID: torch.tanh,
     Transfer.LINEAR: _same,
+}
+_CODE = {
+    Transfer.LOG_SIGMOID: kernel.LOG_SIGMOID,
+    Transfer.TANGENT_SIGMOID: kernel.TANGENT_SIGMOID,
+    Transfer.LINEAR: kernel.LINEAR,
 }
 _LOG, _TAN, _LIN = Transfer.LOG_SIGMOID, Transfer.TANGENT_SIGMOID, Transfer.LINEAR
 
@@ -79,8 +85,38 @@ class ThreeLayers:
             summed = torch.matmul(signal, matrix[..., :-1].transpose(1, 2))
             signal = _FUNCTION[transfer](summed + matrix[:, None, :, -1])
             at += width * wide
-        centre, share = (0.5, 0.4) if self.transfers[-1] is _LOG else (0.0, 0.8)
-        return self.reach * (signal[..., 0] - centre) / share
+        reach, centre, share = self._scale
+        return reach * (signal[..., 0] - centre) / share
+
+    def runs(self, weights: Floats, u: Floats, y: Floats, limit: float) -> Floats:
+        """See ``step.Compiled``."""
+        sizes, codes, inputs = self._told
+        out = np.empty(u.shape)
+        kernel.free_runs(weights, sizes, codes, inputs, self._scale, u, y, limit, out)
+        return out
+
+    def jacobian(
+        self, weights: Floats, u: Floats, y: Floats, limit: float, steepest: float
+    ) -> Floats:
+        """See ``step.Compiled``."""
+        sizes, codes, inputs = self._told
+        out = np.empty(((u.shape[0] - 2) * u.shape[1], weights.size + 1))
+        kernel.jacobian(weights, sizes, codes, inputs, self._scale, u, y, limit, steepest, out)
+        return out
+
+    @property
+    def _scale(self) -> tuple[float, float, float]:
+        """Reach, and the target's centre and share, as the kernel takes them."""
+        return (self.reach, 0.5, 0.4) if self.transfers[-1] is _LOG else (self.reach, 0.0, 0.8)
+
+    @property
+    def _told(self) -> tuple[kernel.Indices, kernel.Indices, kernel.Indices]:
+        """What ``kernel`` is told of the network: sizes, codes, inputs."""
+        return (
+            np.array([len(self.inputs), *self.sizes]),
+            np.array([_CODE[transfer] for transfer in self.transfers]),
+            np.array(self.inputs),
+        )
 
     @property
     def shapes(self) -> tuple[tuple[int, int], ...]:

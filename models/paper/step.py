@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -26,6 +26,24 @@ class Step(Protocol):
     def __call__(self, weights: Tensor, lags: Tensor) -> Tensor: ...
 
 
+@runtime_checkable
+class Compiled(Protocol):
+    """A step with kernels of its own, which do without a graph and without torch at each sample.
+
+    ``weights`` (P,) of one network, ``u`` and ``y`` (T, R) as in ``run_free``.
+    """
+
+    def runs(self, weights: Floats, u: Floats, y: Floats, limit: float) -> Floats:
+        """(T, R) free runs, held within ``-limit`` to ``limit``."""
+        ...
+
+    def jacobian(
+        self, weights: Floats, u: Floats, y: Floats, limit: float, steepest: float
+    ) -> Floats:
+        """(R (T - 2), P + 1): what each weight does to the runs, and last the residuals."""
+        ...
+
+
 def run_free(step: Step, weights: Tensor, u: Tensor, y: Tensor) -> Tensor:
     """(B, T, R) free runs of B networks over R inputs, each fed its own output.
 
@@ -33,6 +51,9 @@ def run_free(step: Step, weights: Tensor, u: Tensor, y: Tensor) -> Tensor:
     are. What leaves ``-LIMIT`` to ``LIMIT`` is held there, so that a run which diverges has an
     error that can be averaged.
     """
+    if isinstance(step, Compiled):
+        pair = (u.numpy(), y.numpy())
+        return torch.from_numpy(np.stack([step.runs(one, *pair, LIMIT) for one in weights.numpy()]))
     runs = [sample.expand(weights.shape[0], -1) for sample in y[:SEEDS]]
     for t in range(SEEDS, u.shape[0]):
         commands = torch.stack([u[t], u[t - 1], u[t - 2]], dim=-1).expand(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.models.plant.compression import exception_report, swinging_door
-from stemwatch.models.plant.loop import Archive, CompressionKind, PlantLoop, Span
+from stemwatch.models.plant.loop import Archive, CompressionKind, PlantLoop, Span, Transmitters
 from stemwatch.models.recording import (
+    Bools,
     Floats,
     Provenance,
     Quality,
@@ -18,14 +19,20 @@ from stemwatch.models.recording import (
 
 SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP", Role.MODE: "MODE"}
 
+READS = 20  # looks at the plant in each interval of an archive that is uneven
+
 
 def archived(loop: PlantLoop, columns: dict[Role, Floats], rng: np.random.Generator) -> Recording:
-    """The recording of true ``columns`` (n,) in percent (mode 1 or 0), sampled on the clock."""
-    measured = _measured(loop, columns, rng)
+    """The recording of true ``columns`` (n,) in percent (mode 1 or 0), sampled on the clock.
+
+    Where the archive is uneven, OP, MV and PV are (READS n,).
+    """
+    measured = _measured(loop, _sampled(loop.archive, columns, rng), rng)
     signals = {}
     for role, values in measured.items():
-        kept = _compressed(_frozen(values, role, loop.archive), role, loop.archive)
+        kept, dropped = _compressed(_frozen(values, role, loop.archive), role, loop.archive)
         quality = _quality(kept.size, role, loop.archive)
+        quality[dropped] = Quality.MISSING
         unit = "" if role is Role.MODE else "%"
         signals[role] = Signal(
             values=kept, quality=quality, tag=f"{loop.tag}.{SUFFIX[role]}", unit=unit
@@ -38,6 +45,39 @@ def archived(loop: PlantLoop, columns: dict[Role, Floats], rng: np.random.Genera
     )
 
 
+def _sampled(
+    archive: Archive, columns: dict[Role, Floats], rng: np.random.Generator
+) -> dict[Role, Floats]:
+    """The columns on the archive's clock: read late by chance, or averaged over blocks."""
+    if not archive.uneven:
+        return columns
+    sampled = dict(columns)
+    for role in (Role.OP, Role.MV, Role.PV):
+        fine = columns[role]
+        place = np.arange(0, fine.size, READS)
+        if archive.average_s > 0.0:
+            block = max(round(archive.average_s / archive.interval_s), 1) * READS
+            sums = np.concatenate([[0.0], np.cumsum(fine)])
+            # What is stored is the mean over the last complete block, none before the first.
+            stop = np.maximum(place // block * block, 1)
+            start = np.maximum(stop - block, 0)
+            sampled[role] = (sums[stop] - sums[start]) / (stop - start)
+            continue
+        if role is Role.MV:
+            most = archive.position_jitter_s / archive.interval_s * READS
+            place = np.maximum(place - np.round(rng.uniform(0.0, most, place.size)).astype(int), 0)
+        sampled[role] = fine[place]
+    return sampled
+
+
+def reading_of(seen: Transmitters, position: Floats) -> Floats:
+    """(n,) what the transmitter shows of ``position`` (n,) percent, without what chance adds."""
+    record = np.linspace(0.0, 1.0, position.size)
+    bow = seen.position_bow * np.sin(np.pi * position / 50.0) if seen.position_bow else 0.0
+    reading = seen.position_span * (position - 50.0) + 50.0 + seen.position_zero
+    return np.asarray(reading + bow + seen.position_drift * record)
+
+
 def _measured(
     loop: PlantLoop, columns: dict[Role, Floats], rng: np.random.Generator
 ) -> dict[Role, Floats]:
@@ -47,7 +87,10 @@ def _measured(
     # Drawn whether or not it is used, so that a valve without transmitter behaves the same.
     noise = rng.standard_normal(position.size) * seen.position_noise
     if seen.has_position:
-        reading = seen.position_span * (position - 50.0) + 50.0 + seen.position_zero + noise
+        reading = reading_of(seen, position) + noise
+        if seen.position_walk > 0.0:
+            walk = np.cumsum(rng.standard_normal(position.size)) / np.sqrt(position.size)
+            reading = reading + seen.position_walk * walk
         measured[Role.MV] = rounded(reading, seen.position_step)
     measured[Role.OP] = rounded(measured[Role.OP], seen.op_step)
     measured[Role.PV] = rounded(measured[Role.PV], seen.pv_step)
@@ -72,16 +115,23 @@ def _frozen(values: Floats, role: Role, archive: Archive) -> Floats:
     return held
 
 
-def _compressed(values: Floats, role: Role, archive: Archive) -> Floats:
+def _compressed(values: Floats, role: Role, archive: Archive) -> tuple[Floats, Bools]:
+    """(n,) what the archive gives back, and where it gives nothing."""
+    dropped = np.zeros(values.size, dtype=np.bool_)
     for compression in archive.compression:
         if compression.role is not role:
             continue
         if compression.kind is CompressionKind.EXCEPTION:
-            values = exception_report(values, compression.deviation)
+            held = exception_report(values, compression.deviation)
+            kept = np.concatenate([[True], held[1:] != held[:-1]])
+            values = held
         else:
-            knots = np.flatnonzero(swinging_door(values, compression.deviation))
+            kept = swinging_door(values, compression.deviation)
+            knots = np.flatnonzero(kept)
             values = np.interp(np.arange(values.size), knots, values[knots])
-    return values
+        if not compression.filled:
+            dropped |= ~kept
+    return values, dropped
 
 
 def _quality(count: int, role: Role, archive: Archive) -> QualityCodes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from stemwatch.models.plant.defects import Upsets
 from stemwatch.models.plant.valve import Valve
 from stemwatch.models.recording import Role
 
@@ -102,13 +103,23 @@ class ManualSpan:
 @dataclass(frozen=True, kw_only=True)
 class Transmitters:
     """What the measurements add: white noise (standard deviation), errors and resolution, all in
-    percent. The position reads ``span (x - 50) + 50 + zero``. A ``step`` of 0 is no rounding."""
+    percent. The position reads ``span (x - 50) + 50 + zero``. A ``step`` of 0 is no rounding.
+
+    ``position_play`` is the lost motion between stem and sensor, percent of travel from end to end
+    of the play; ``position_bow`` the height of an S-shaped error of the linkage that vanishes at
+    both ends and in the middle; ``position_drift`` what the reading has gained at the end of the
+    record, evenly; ``position_walk`` the standard deviation there of a random walk.
+    """
 
     pv_noise: float = 0.05
     position_noise: float = 0.03
     position_zero: float = 0.0
     position_span: float = 1.0
     position_step: float = 0.0
+    position_play: float = 0.0
+    position_bow: float = 0.0
+    position_drift: float = 0.0
+    position_walk: float = 0.0
     op_step: float = 0.0
     pv_step: float = 0.0
     has_position: bool = True
@@ -128,12 +139,14 @@ class Compression:
     """A column that the archive thins to a deviation in percent, and fills again when asked.
 
     A swinging door is filled by straight lines between the kept samples, exception reporting by
-    holding the last kept one; neither is marked in the quality, as in real archives.
+    holding the last kept one; neither is marked in the quality, as in real archives. Not
+    ``filled``, the samples that were not kept are missing, as in an export of raw values.
     """
 
     role: Role
     kind: CompressionKind
     deviation: float
+    filled: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,15 +154,25 @@ class Archive:
     """The historian: sampling interval, and what goes wrong in it.
 
     ``phase_s`` is how long after a whole interval the poll comes; at 0 it reads just before the
-    controller's scan of the same instant, when OP has been held the longest.
+    controller's scan of the same instant, when OP has been held the longest. With
+    ``position_jitter_s`` the position is read up to that much earlier than its even time stamp
+    says, by chance; with ``average_s`` every signal is the mean over blocks of that length, held
+    until the next.
     """
 
     interval_s: float = 1.0
     phase_s: float = 0.0
+    position_jitter_s: float = 0.0
+    average_s: float = 0.0
     compression: tuple[Compression, ...] = ()
     frozen: tuple[Span, ...] = ()
     gaps: tuple[Span, ...] = ()
     bad: tuple[Span, ...] = ()
+
+    @property
+    def uneven(self) -> bool:
+        """Whether it needs more than one look at the plant in each interval."""
+        return self.position_jitter_s > 0.0 or self.average_s > 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +207,7 @@ class PlantLoop:
     loads: tuple[Load, ...] = ()
     setpoints: tuple[tuple[float, float], ...] = ()
     manual: tuple[ManualSpan, ...] = ()
+    upsets: Upsets = field(default_factory=Upsets)
     duration_s: float = 3600.0
     warmup_s: float = 120.0
 

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from stemwatch.models.plant.defects import Upsets
 from stemwatch.models.plant.loop import LoadKind, PlantLoop
 from stemwatch.models.recording import Floats, Role
 from stemwatch.models.verdict import Shape
@@ -15,6 +16,9 @@ Plain = float | int | str | bool | None
 
 # A controller that scans this many air lags apart lets the stem come to rest between scans.
 _RESTING_SCAN_LAGS = 3.0
+# A slip that takes a second or more is seen at 1 s; every valve drawn as usual is far below.
+_DRAGGING_S = 0.5
+_RESTICKING_PERCENT_PER_S = 0.1
 # A loop oscillates where the intervals between crossings differ by less than this share.
 _REGULAR = 0.35
 _FEWEST_CROSSINGS = 8
@@ -77,22 +81,48 @@ def _period_s(loop: PlantLoop, error: Floats) -> float | None:
 def effects_of(loop: PlantLoop) -> tuple[str, ...]:
     """Identifiers of the effects in valve and record beyond S and J, in the order of the chain."""
     actuator, seen, archive = loop.valve.actuator, loop.transmitters, loop.archive
+    line, packing, body, upsets = (
+        loop.valve.air_line,
+        loop.valve.packing,
+        loop.valve.body,
+        loop.upsets,
+    )
+    limits = (line.fill_percent_per_s, line.vent_percent_per_s)
+    standard = Upsets(growth=upsets.growth)
     positioned = loop.valve.positioner_gain > 0.0
     resting = loop.controller.scan_s > _RESTING_SCAN_LAGS * actuator.air_lag_s
-    restick = loop.valve.J > 0.0 and (positioned or resting)
+    resticks = positioned or resting or actuator.stribeck_percent_per_s >= _RESTICKING_PERCENT_PER_S
+    restick = loop.valve.J > 0.0 and resticks
     present = {
         "positioner": positioned,
         "actuator_lag": actuator.air_lag_s > 0.0,
+        "asymmetric_lag": line.vent_lag_s not in (None, actuator.air_lag_s),
         "dead_time": actuator.dead_time_s > 0.0,
+        "underdamped_positioner": line.ring_rad_per_s > 0.0,
+        "rate_limit": limits[0] is not None and limits[0] == limits[1],
+        "asymmetric_rate_limit": limits[0] != limits[1],
+        "supply_sag": line.sag_share > 0.0,
+        "flow_force": body.flow_percent != 0.0,
+        "asymmetric_slip": packing.J_skew != 0.0 or packing.S_skew != 0.0,
+        "position_dependent_friction": packing.bump_percent > 0.0,
+        "growing_stiction": upsets.growth != 0.0,
+        "dwell_dependent_breakaway": packing.dwell_percent > 0.0,
+        "stem_creep": packing.creep_percent_per_s != 0.0,
+        "viscous_drag": actuator.viscous_s >= _DRAGGING_S,
         "low_speed_restick": restick,
         "breakaway_scatter": loop.valve.scatter > 0.0,
+        "travel_stop": body.low_percent > 0.0 or body.high_percent < 100.0,
+        "lost_motion": seen.position_play > 0.0,
         "zero_shift": seen.has_position and seen.position_zero != 0.0,
         "span_error": seen.has_position and seen.position_span != 1.0,
+        "sensor_drift": seen.position_drift != 0.0 or seen.position_walk > 0.0,
+        "unknown": upsets != standard or body.hysteresis_percent > 0.0 or seen.position_bow != 0.0,
         "quantisation": max(seen.position_step, seen.op_step, seen.pv_step) > 0.0,
         "oscillating_disturbance": any(x.kind is LoadKind.OSCILLATING for x in loop.loads),
         "manual": bool(loop.manual),
         "no_position": not seen.has_position,
         "historian_compression": bool(archive.compression),
+        "sampling_jitter": archive.uneven,
         "frozen_signal": bool(archive.frozen),
         "frozen_position": any(span.role is Role.MV for span in archive.frozen),
         "gaps": bool(archive.gaps),

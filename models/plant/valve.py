@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 from dataclasses import dataclass, field
 
+from stemwatch.models.plant.defects import AirLine, Body, Packing
 from stemwatch.models.verdict import Shape
 
 # A valve that shows less than this of S and of J is called healthy, percent of span. It lies above
@@ -64,6 +65,8 @@ class Valve:
     * Phenomenological: ``S < J`` on the packing itself, that is, a negative kinetic level. The
       moving stem is pushed ahead of its command by ``(J - S)/2`` all the while it slides.
 
+    ``packing``, ``body`` and ``air_line`` hold what a valve may have beyond that, by default none.
+
     Raises ``ValueError`` where S, J, scatter or gain is negative.
     """
 
@@ -72,6 +75,9 @@ class Valve:
     scatter: float = 0.04
     positioner_gain: float = 0.0
     actuator: Actuator = field(default_factory=Actuator)
+    packing: Packing = field(default_factory=Packing)
+    body: Body = field(default_factory=Body)
+    air_line: AirLine = field(default_factory=AirLine)
 
     def __post_init__(self) -> None:
         for name in ("S", "J", "scatter", "positioner_gain"):

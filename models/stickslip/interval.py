@@ -11,7 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import parameters as at
@@ -41,6 +43,15 @@ def interval(draws: Floats, value: float) -> tuple[float, float]:
     """95 % percentile interval of ``draws``, widened to hold ``value``."""
     low, high = np.percentile(draws, COVERAGE)
     return min(float(low), value), max(float(high), value)
+
+
+def spread_of(estimate: Estimate) -> Floats:
+    """(REPLICATES,) values that have the estimate's 95 % interval: normal quantiles about it."""
+    if estimate.value is None or estimate.low is None or estimate.high is None:
+        return np.empty(0)
+    quantiles = ndtri((np.arange(REPLICATES) + 0.5) / REPLICATES)
+    below, above = estimate.value - estimate.low, estimate.high - estimate.value
+    return np.asarray(estimate.value + quantiles / 1.96 * np.where(quantiles < 0, below, above))
 
 
 def _block_weights(counts: Floats, rng: np.random.Generator) -> Floats:

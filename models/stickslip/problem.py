@@ -56,7 +56,7 @@ class Problem:
         kernel.block_losses(
             self.op,
             self.mv,
-            self._resynced(),
+            self.resynced_marks(),
             self.block,
             self.interval_s,
             delta,
@@ -66,7 +66,7 @@ class Problem:
         )
         return losses, counts
 
-    def _resynced(self) -> kernel.Marks:
+    def resynced_marks(self) -> kernel.Marks:
         """``start`` with a resynchronisation at the beginning of each block of time."""
         n = self.op.size
         marks = self.start.copy()
@@ -77,7 +77,7 @@ class Problem:
     def simulate(self, q: Floats, *, resynced: bool = False) -> Floats:
         """(n,) MV by a free run, percent; only gaps restart it, or also each block of time."""
         out = np.empty(self.op.size)
-        marks = self._resynced() if resynced else self.start
+        marks = self.resynced_marks() if resynced else self.start
         kernel.simulate(self.op, self.mv, marks, self.interval_s, q, out)
         return out
 

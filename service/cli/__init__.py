@@ -6,11 +6,14 @@ import sys
 
 import typer
 
+from stemwatch.service.cli.calibrate import calibrate_mismatch
 from stemwatch.service.cli.compare import compare
 from stemwatch.service.cli.demo import demo
 from stemwatch.service.cli.drift import drift
+from stemwatch.service.cli.explain import explain
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
+from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.reproduce import reproduce
 from stemwatch.service.cli.screen import screen
 from stemwatch.service.cli.simulate import simulate
@@ -51,7 +54,20 @@ def _main(
     """
 
 
-for command in (inspect, screen, compare, simulate, demo, trial, drift, maintenance, reproduce):
+for command in (
+    inspect,
+    screen,
+    explain,
+    compare,
+    simulate,
+    demo,
+    trial,
+    prove,
+    calibrate_mismatch,
+    drift,
+    maintenance,
+    reproduce,
+):
     app.command()(command)
 
 

@@ -15,8 +15,8 @@ from stemwatch.models.zoo.model import ValveModel
 from stemwatch.models.zoo.networks.fit import fit_network
 from stemwatch.models.zoo.networks.network import Network
 from stemwatch.models.zoo.networks.ours import OURS
+from stemwatch.models.zoo.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 from stemwatch.models.zoo.scores import Score
-from stemwatch.service.comparison.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 
 Tell = Callable[[str, int, int], None]  # model, done, of
 NETWORKS: tuple[Network, ...] = (FEEDFORWARD_PAPER, NARX_PAPER, OURS)

@@ -6,7 +6,8 @@ var stemwatchCharts = (function () {
   var PRINT_HEIGHTS = { travel: 156, process: 98, residual: 98 };
   var STYLES = {
     op: { width: 1.25 }, mv: { width: 1.75 }, stiction: { width: 1.5, dash: [6, 3] },
-    narx: { width: 1.25, dash: [2, 3] }, pv: { width: 1.5 }, sp: { width: 1.25, dash: [6, 4] }
+    narx: { width: 1.25, dash: [2, 3] }, naive: { width: 1.5, dash: [7, 3] }, extended: { width: 1.75, dash: [3, 4] },
+    pv: { width: 1.5 }, sp: { width: 1.25, dash: [6, 4] }
   };
   // Where the residual panel draws a model alone, a solid line reads better than a dashed one.
   function dash(panel, role) { return panel.id === "residual" ? undefined : STYLES[role].dash; }

@@ -14,39 +14,25 @@ thinned    samples a point stands for, 1 where every sample is drawn
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from stemwatch.models.findings import Screening
-from stemwatch.models.recording import Floats, Recording, Role, Signal
-from stemwatch.service.report.decimate import (
-    Grid,
-    bucket_of,
-    lowest_and_highest,
-    telling_samples,
+from stemwatch.models.recording import Recording, Role
+from stemwatch.service.report.decimate import telling_samples
+from stemwatch.service.report.pack import packed
+from stemwatch.service.report.panels import (
+    Chart,
+    Frame,
+    chart_over_time,
+    difference,
+    frame_of,
+    panel,
+    series,
 )
-from stemwatch.service.report.pack import packed, packed_indices
-from stemwatch.service.report.stretch import Stretch, typical_stretch
-from stemwatch.service.report.words import figure, printable
+from stemwatch.service.report.words import printable
 
 # The loop of a whole record is a cloud with an outline; its stretch is drawn sample by sample.
 LOOP_POINTS = 800
-
-_SIGNALS = (Role.OP, Role.MV, Role.PV)
-
-Chart = dict[str, Any]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Frame:
-    """At which samples the traces of one recording are drawn: everywhere, and in the stretch."""
-
-    grid: Grid
-    stretch: Stretch | None
-    detail: NDArray[np.intp] | None
 
 
 def chart_of(screening: Screening) -> Chart | None:
@@ -54,71 +40,38 @@ def chart_of(screening: Screening) -> Chart | None:
     recording = screening.recording
     if recording is None or not len(recording) or not np.isfinite(recording.op.values).any():
         return None
-    frame = _frame(screening, recording)
-    grid = frame.grid
     heldout = screening.traces.heldout_from
+    frame = frame_of(recording, screening.traces.stiction, heldout)
     panels = [
         _travel(screening, recording, frame),
         _process(recording, frame),
         _residuals(screening, recording, frame),
     ]
-    return {
-        "start": None if recording.start is None else recording.start.timestamp(),
-        "first": grid.first * recording.interval_s,
-        "step": grid.step * recording.interval_s,
-        "interval": recording.interval_s,
-        "duration": recording.duration_s,
-        "heldout": None if heldout is None else heldout * recording.interval_s,
-        "stretch": _stretch(frame.stretch, recording.interval_s),
-        "detail": None if frame.detail is None else packed_indices(frame.detail),
-        "panels": [panel for panel in panels if panel is not None],
-        "loop": _loop(screening, recording),
-        "thinned": grid.bucket,
-    }
+    chart = chart_over_time(recording, frame, heldout, panels)
+    return {**chart, "loop": _loop(screening, recording)}
 
 
-def _frame(screening: Screening, recording: Recording) -> _Frame:
-    grid, stretch = Grid.of(len(recording)), typical_stretch(screening)
-    if stretch is None or grid.bucket == 1:
-        return _Frame(grid=grid, stretch=stretch, detail=None)
-    drawn = [recording.signals[role].values for role in _SIGNALS if role in recording.signals]
-    if screening.traces.stiction is not None:
-        drawn.append(screening.traces.stiction)
-    part = [trace[stretch.first : stretch.last] for trace in drawn]
-    if bucket_of(part[0].size, len(part)) >= grid.bucket:
-        return _Frame(grid=grid, stretch=stretch, detail=None)
-    return _Frame(grid=grid, stretch=stretch, detail=stretch.first + telling_samples(part))
-
-
-def _stretch(stretch: Stretch | None, interval_s: float) -> Chart | None:
-    if stretch is None:
-        return None
-    last = (stretch.last - 1) * interval_s
-    first = stretch.first * interval_s
-    return {"name": stretch.name, "from": first, "to": last, "why": stretch.why}
-
-
-def _travel(screening: Screening, recording: Recording, frame: _Frame) -> Chart:
-    series = [_series("op", "OP", recording.op.values, frame)]
+def _travel(screening: Screening, recording: Recording, frame: Frame) -> Chart:
+    traces = [series("op", "OP", recording.op.values, frame)]
     if recording.mv is not None:
-        series.append(_series("mv", "MV", recording.mv.values, frame))
+        traces.append(series("mv", "MV", recording.mv.values, frame))
     if screening.traces.stiction is not None:
         label = "stick-slip model"
-        series.append(_series("stiction", label, screening.traces.stiction, frame))
-    title = "Controller output and stem" if len(series) > 1 else "Controller output"
-    return _panel("travel", title, "%", series)
+        traces.append(series("stiction", label, screening.traces.stiction, frame))
+    title = "Controller output and stem" if len(traces) > 1 else "Controller output"
+    return panel("travel", title, "%", traces)
 
 
-def _process(recording: Recording, frame: _Frame) -> Chart | None:
+def _process(recording: Recording, frame: Frame) -> Chart | None:
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
     shown = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
     if pv is None:
         return None
-    series = [_series(role, role.upper(), signal.values, frame) for role, signal in shown]
-    return _panel("process", "Process", pv.unit, series)
+    traces = [series(role, role.upper(), signal.values, frame) for role, signal in shown]
+    return panel("process", "Process", pv.unit, traces)
 
 
-def _residuals(screening: Screening, recording: Recording, frame: _Frame) -> Chart | None:
+def _residuals(screening: Screening, recording: Recording, frame: Frame) -> Chart | None:
     mv, traces = recording.mv, screening.traces
     if mv is None:
         return None
@@ -126,49 +79,14 @@ def _residuals(screening: Screening, recording: Recording, frame: _Frame) -> Cha
         ("stiction", "MV − stick-slip model", traces.stiction),
         ("narx", "MV − NARX network", traces.narx),
     )
-    series = [
-        _series(role, label, _difference(mv, simulated), frame)
+    shown = [
+        series(role, label, difference(mv, simulated), frame)
         for role, label, simulated in models
         if simulated is not None
     ]
-    if not series:
+    if not shown:
         return None
-    return _panel("residual", "What the models leave unexplained", "%", series)
-
-
-def _difference(mv: Signal, simulated: Floats) -> Floats:
-    if simulated.shape != mv.values.shape:
-        raise ValueError(
-            f"{mv.tag}: a simulated trace must be as long as MV; "
-            f"expected {mv.values.shape}, received {simulated.shape}"
-        )
-    return np.asarray(mv.values - simulated)
-
-
-def _series(role: str, label: str, values: Floats, frame: _Frame) -> Chart:
-    drawn = lowest_and_highest(values, frame.grid)
-    series = {"role": role, "label": label, "said": _range(label, drawn), "values": packed(drawn)}
-    if frame.detail is not None:
-        series["detail"] = packed(values[frame.detail])
-    return series
-
-
-def _panel(name: str, title: str, unit: str, series: list[Chart]) -> Chart:
-    spoken = "; ".join(one.pop("said") for one in series)
-    return {
-        "id": name,
-        "title": title,
-        "unit": printable(unit),
-        "summary": f"{title} over time: {spoken}.",
-        "series": series,
-    }
-
-
-def _range(label: str, values: Floats) -> str:
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return f"{label} has no samples"
-    return f"{label} between {figure(known.min())} and {figure(known.max())}"
+    return panel("residual", "What the models leave unexplained", "%", shown)
 
 
 def _loop(screening: Screening, recording: Recording) -> Chart | None:

@@ -8,6 +8,7 @@ from datetime import datetime
 
 from stemwatch.models.findings import Screening
 from stemwatch.service.report.context import ReportContext
+from stemwatch.service.report.mismatch_words import left_out
 from stemwatch.service.report.ranking import RankedValve
 from stemwatch.service.report.words import finite, printable
 
@@ -34,6 +35,7 @@ def columns(context: ReportContext) -> list[Column]:
         *_residuals("stiction", "stick-slip model"),
         *_residuals("narx", "NARX network"),
         *_residuals("baseline", "baseline"),
+        *_mismatch(),
         *_recording(context),
     ]
 
@@ -125,6 +127,33 @@ def _residuals(model: str, label: str) -> list[Column]:
         Column(header=f"{label} rmse (% of span)", meaning=rmse, read=read("rmse")),
         Column(header=f"{label} fit (%)", meaning="100 is perfect", read=read("fit_percent")),
     ]
+
+
+def _mismatch() -> list[Column]:
+    def fit(part: str) -> Callable[[RankedValve], Cell]:
+        def read(valve: RankedValve) -> Cell:
+            found = valve.screening.mismatch
+            return None if found is None else getattr(found.heldout, part)
+
+        return read
+
+    heldout = "100 (1 - rmse / std(MV)) on samples not fitted"
+    return [
+        _text("mismatch", "what S and J leave out, see docs", _mismatch_word, 14),
+        _text("left out", "effects, strongest first; | where not told apart", _left_out, 28),
+        Column(header="fit of S and J (%)", meaning=heldout, read=fit("fit_naive")),
+        Column(header="fit with what was left out (%)", meaning=heldout, read=fit("fit_extended")),
+    ]
+
+
+def _mismatch_word(valve: RankedValve) -> Cell:
+    found = valve.screening.mismatch
+    return None if found is None else found.finding.value
+
+
+def _left_out(valve: RankedValve) -> Cell:
+    found = valve.screening.mismatch
+    return None if found is None else left_out(found)
 
 
 def _recording(context: ReportContext) -> list[Column]:

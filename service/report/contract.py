@@ -8,9 +8,9 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import Indicator, Residual, Screening
 from stemwatch.service.report.context import software_name
+from stemwatch.service.report.mismatch_contract import estimate_object, mismatch_object
 from stemwatch.service.report.words import finite, printable
 
 CONTRACT_VERSION = 1
@@ -31,7 +31,7 @@ def to_contract(screening: Screening) -> dict[str, Any]:
         "shape": None if screening.shape is None else screening.shape.value,
         "severity": finite(screening.severity),
         "confidence": finite(screening.confidence),
-        "stiction": {"S": _estimate(screening.S), "J": _estimate(screening.J)},
+        "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
         "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},
         "quality": {
             "grade": printable(screening.quality.grade),
@@ -41,6 +41,7 @@ def to_contract(screening: Screening) -> dict[str, Any]:
             printable(name): _indicator(indicator)
             for name, indicator in screening.indicators.items()
         },
+        "mismatch": None if screening.mismatch is None else mismatch_object(screening.mismatch),
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
@@ -50,20 +51,6 @@ def to_contract(screening: Screening) -> dict[str, Any]:
 
 def _instant(when: datetime | None) -> str | None:
     return None if when is None else when.isoformat()
-
-
-def _estimate(estimate: Estimate) -> dict[str, Any]:
-    value = finite(estimate.value)
-    reason = estimate.reason
-    if value is None and reason is None:
-        reason = "the fit gave no finite number"
-    return {
-        "value": value,
-        "low": finite(estimate.low),
-        "high": finite(estimate.high),
-        "unit": printable(estimate.unit),
-        "reason": None if reason is None else printable(reason),
-    }
 
 
 def _residual(model: str, residual: Residual | None) -> dict[str, float | None] | None:

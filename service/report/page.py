@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -18,12 +18,14 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report import words
+from stemwatch.service.report import mismatch_words, words
 from stemwatch.service.report.beside import beside_friction, without_them
-from stemwatch.service.report.charts import Chart, chart_of
+from stemwatch.service.report.charts import chart_of
 from stemwatch.service.report.context import ReportContext
 from stemwatch.service.report.fits import MODEL_NAMES, fit_bars, spread_percent
 from stemwatch.service.report.gauge import gauge, gauge_top
+from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars, mismatch_view
+from stemwatch.service.report.panels import Chart
 from stemwatch.service.report.ranking import RankedValve, count_verdicts
 
 # Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
@@ -31,10 +33,9 @@ from stemwatch.service.report.ranking import RankedValve, count_verdicts
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
 
-STYLES = ("vendor/uPlot.min.css", "report.css", "print.css")
+STYLES = ("vendor/uPlot.min.css", "report.css", "mismatch.css", "print.css")
 EARLY_SCRIPTS = ("theme.js",)
-SCRIPTS = (
-    "ranking.js",
+PLOT_SCRIPTS = (
     "vendor/uPlot.iife.min.js",
     "axes.js",
     "data.js",
@@ -43,6 +44,7 @@ SCRIPTS = (
     "overview.js",
     "plots.js",
 )
+SCRIPTS = ("ranking.js", *PLOT_SCRIPTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,13 +54,14 @@ class PlottedValve:
     valve: RankedValve
     chart: Chart | None
     why_not: str
+    mismatch: MismatchView | None = None
 
 
 def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
     """The page as UTF-8."""
     screenings = [valve.screening for valve in ranked]
     counts = count_verdicts(screenings)
-    page = _environment(context).get_template("report.html")
+    page = environment(context, resource).get_template("report.html")
     text = page.render(
         context=context,
         counts=counts,
@@ -67,7 +70,8 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
         areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
         gauge_top=gauge_top(screenings),
         models=MODEL_NAMES,
-        **_inlined(),
+        compact=True,
+        **inlined(SCRIPTS),
     )
     return text.encode()
 
@@ -89,15 +93,25 @@ def _plot(valve: RankedValve, limit: int) -> PlottedValve:
             f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
             "small; run a report of this valve alone to see its plots."
         )
-        return PlottedValve(valve=valve, chart=None, why_not=why)
+        return PlottedValve(valve=valve, chart=None, why_not=why, mismatch=_view(valve, False))
     chart = chart_of(valve.screening)
     why = "" if chart is not None else "There is nothing to plot: no samples could be read."
-    return PlottedValve(valve=valve, chart=chart, why_not=why)
+    return PlottedValve(valve=valve, chart=chart, why_not=why, mismatch=_view(valve, True))
 
 
-def _environment(context: ReportContext) -> Environment:
+def _view(valve: RankedValve, plotted: bool) -> MismatchView | None:
+    """The overlay is drawn where something was left out; else the plots above say it all."""
+    found = valve.screening.mismatch
+    if found is None:
+        return None
+    recording = valve.screening.recording if plotted and found.effects else None
+    return mismatch_view(found, recording, valve.anchor, valve.screening.valve)
+
+
+def environment(context: ReportContext, load: Callable[[str], str]) -> Environment:
+    """Templates by the names that ``load`` knows; every text from outside is escaped."""
     env = Environment(
-        loader=FunctionLoader(_resource),
+        loader=FunctionLoader(load),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -117,6 +131,13 @@ def _environment(context: ReportContext) -> Environment:
         "without_them": without_them,
         "fit_bars": fit_bars,
         "spread_percent": spread_percent,
+        "left_over_bars": left_over_bars,
+        "effect_name": mismatch_words.effect_name,
+        "effect_names": mismatch_words.effect_names,
+        "others": mismatch_words.others,
+        "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
+        "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
+        "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "beyond": words.beyond,
         "sortable": words.sortable,
         "plain": "{:g}".format,
@@ -137,25 +158,27 @@ def _finalize(value: Any) -> Any:
 
 
 @cache
-def _resource(name: str) -> str:
+def resource(name: str) -> str:
+    """The text of a template, style or script of the report."""
     return files("stemwatch.service.report").joinpath(name).read_text("utf-8")
 
 
 @cache
-def _inlined() -> dict[str, Any]:
+def inlined(scripts: tuple[str, ...]) -> dict[str, Any]:
+    """What a page holds of styles and ``scripts``, and the policy that allows no others."""
     early = _script(EARLY_SCRIPTS)
-    late = _script(SCRIPTS)
+    late = _script(scripts)
     return {
-        "styles": Markup("\n".join(_resource(name) for name in STYLES)),
+        "styles": Markup("\n".join(resource(name) for name in STYLES)),
         "early_script": early,
         "script": late,
         "policy": _policy(early, late),
-        "chart_licence": _resource("vendor/uPlot-LICENSE.txt"),
+        "chart_licence": resource("vendor/uPlot-LICENSE.txt"),
     }
 
 
 def _script(names: Sequence[str]) -> Markup:
-    return Markup(";\n".join(_resource(name).strip() for name in names))
+    return Markup(";\n".join(resource(name).strip() for name in names))
 
 
 def _policy(*scripts: str) -> str:

@@ -32,7 +32,10 @@
 
   function place(set, name) { return set.box.querySelector(".plot-" + name); }
 
-  function width(set, name) { return printing ? PRINT_WIDTHS[name] : place(set, name).clientWidth; }
+  // Beside a loop the lower plots are narrow on paper; an overlay has none.
+  function printWidth(set, name) { return set.chart.loop ? PRINT_WIDTHS[name] : PRINT_WIDTHS.travel; }
+
+  function width(set, name) { return printing ? printWidth(set, name) : place(set, name).clientWidth; }
 
   function overview(set) {
     var shade = stemwatchCharts.shadeHeldOut(set.chart);

@@ -36,7 +36,7 @@ def rank_valves(screenings: Sequence[Screening], context: ReportContext) -> list
         ranked.append(
             RankedValve(
                 rank=place,
-                anchor=_anchor(screening.valve, taken),
+                anchor=anchor_of(screening.valve, taken),
                 screening=screening,
                 facts=facts,
                 trend=trend(screening, facts.previous),
@@ -56,7 +56,8 @@ def _worst_first(screening: Screening) -> tuple[int, float, str]:
     return WORST_FIRST.index(screening.verdict), -severity, screening.valve
 
 
-def _anchor(valve: str, taken: Counter[str]) -> str:
+def anchor_of(valve: str, taken: Counter[str]) -> str:
+    """An anchor for ``valve`` that is not among ``taken`` yet, and is from now on."""
     slug = re.sub(r"[^\w.-]+", "-", printable(valve)).strip("-")[:LONGEST_ANCHOR]
     anchor = f"valve-{slug or 'unnamed'}"
     # Case is folded because some readers compare anchors that way.

@@ -69,15 +69,21 @@ def typical_stretch(screening: Screening) -> Stretch | None:
     those whose error (rmse of MV less the stick-slip model; without a model, OP's swing) lies
     between the 40th and the 60th percentile, it is the one of the most ordinary duration.
     """
-    recording = screening.recording
-    if recording is None:
+    if screening.recording is None:
         return None
+    traces = screening.traces
+    return stretch_of(screening.recording, traces.stiction, traces.heldout_from)
+
+
+def stretch_of(
+    recording: Recording, simulated: Floats | None, heldout: int | None
+) -> Stretch | None:
+    """The same for any free run (n,) of MV and any first sample that it was not fitted to."""
     turns = _turns(recording.op.values)
-    heldout = screening.traces.heldout_from
     parts = [] if heldout is None else [(heldout, True)]
     for begin, held_out in [*parts, (0, False)]:
         found = _candidates(turns[turns >= begin], begin, len(recording), held_out)
-        chosen = None if found is None else _most_typical(screening, recording, found)
+        chosen = None if found is None else _most_typical(simulated, recording, found)
         if chosen is not None:
             return chosen
     return None
@@ -104,8 +110,10 @@ def _candidates(turns: Indices, begin: int, end: int, held_out: bool) -> _Candid
     return found.keep(last - first <= LONGEST_SHARE * end)
 
 
-def _most_typical(screening: Screening, recording: Recording, found: _Candidates) -> Stretch | None:
-    errors = _errors(screening, recording, found)
+def _most_typical(
+    simulated: Floats | None, recording: Recording, found: _Candidates
+) -> Stretch | None:
+    errors = _errors(simulated, recording, found)
     measure = _swings(recording, found) if errors is None else errors
     known = np.isfinite(measure)
     if not known.any():
@@ -123,9 +131,9 @@ def _most_typical(screening: Screening, recording: Recording, found: _Candidates
     return Stretch(first=int(found.first[k]), last=int(found.last[k]), name=name, why=why)
 
 
-def _errors(screening: Screening, recording: Recording, found: _Candidates) -> Floats | None:
+def _errors(simulated: Floats | None, recording: Recording, found: _Candidates) -> Floats | None:
     """Rmse of MV less the stick-slip model on each candidate; NaN where too much is missing."""
-    mv, simulated = recording.mv, screening.traces.stiction
+    mv = recording.mv
     if mv is None or simulated is None or simulated.shape != mv.values.shape:
         return None
     square = (mv.values - simulated) ** 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,10 +57,18 @@ def write_report(
         (files.html, html_bytes),
     ]
     ranked = rank_valves(screenings, context)
-    failures = [_put(path, render(ranked, context)) for path, render in renders]
+    put_all({path: render(ranked, context) for path, render in renders})
+    return files
+
+
+def put_all(contents: Mapping[Path, bytes]) -> None:
+    """Write every file whole or leave it as it was.
+
+    Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
+    """
+    failures = [_put(path, content) for path, content in contents.items()]
     if said := [failure for failure in failures if failure]:
         raise ReportNotWritten(" ".join(said))
-    return files
 
 
 def json_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:

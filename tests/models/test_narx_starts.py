@@ -113,10 +113,10 @@ def test_a_wrong_start_costs_little() -> None:
 
 
 def test_the_log_tells_the_fitted_members_apart() -> None:
-    """Two random members through three stages, then two fitted ones through the longest runs."""
+    """Six random members through three stages, then two fitted ones through the longest runs."""
     fit = train([example(4.0, 1.0)])[0]
     assert [(stage.horizon, len(stage.steps)) for stage in fit.log] == [
-        *((1, 2), (20, 2), (300, 2)),
+        *((1, 6), (20, 6), (300, 6)),
         (300, 2),
     ]
 
@@ -136,7 +136,7 @@ def test_no_fitted_seeds_means_random_starts_that_know_the_actuator() -> None:
     """Switched off, no member starts from the element, and the log says so."""
     case = example(4.0, 1.0, actuator=ACTUATOR)
     fit = train([case], NarxSettings(fitted_seeds=0))[0]
-    assert [(stage.horizon, len(stage.steps)) for stage in fit.log] == [(1, 4), (20, 4), (300, 4)]
+    assert [(stage.horizon, len(stage.steps)) for stage in fit.log] == [(1, 8), (20, 8), (300, 8)]
     assert fit.network is not None
     assert dict(fit.network.actuator) == ACTUATOR
 

@@ -126,15 +126,15 @@ def test_what_is_reported_is_what_the_network_does(
 
 
 def test_the_log_tells_every_stage_of_every_seed(fits: list[NarxFit]) -> None:
-    """Three horizons, four seeds; nobody takes more steps than allowed."""
+    """Three horizons, eight seeds; nobody takes more steps than allowed."""
     for fit in fits:
         assert [stage.horizon for stage in fit.log] == [1, 20, 300]
         for stage, most in zip(fit.log, NarxSettings().steps, strict=True):
             assert stage.watched_rmse is not None
-            assert len(stage.trained_rmse) == len(stage.watched_rmse) == len(stage.steps) == 4
+            assert len(stage.trained_rmse) == len(stage.watched_rmse) == len(stage.steps) == 8
             assert all(0 <= steps <= most for steps in stage.steps)
         assert fit.network is not None
-        assert 1 <= fit.network.members <= NarxSettings().kept == 3
+        assert 1 <= fit.network.members <= NarxSettings().kept == 6
 
 
 def test_the_same_training_twice_gives_the_same_network(examples: list[NarxExample]) -> None:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.models.plant import PlantLoop, Valve, kernel, simulate, simulate_loop
+from stemwatch.models.plant import PlantLoop, Valve, kernel, si, simulate, simulate_loop
+from stemwatch.models.plant.defects import AirLine, Body, Packing, Upsets
 from stemwatch.models.plant.kernel import run_loop
 from stemwatch.models.plant.loop import Controller, Load, LoadKind, ManualSpan, Process, ProcessKind
 from stemwatch.models.recording import Floats
@@ -19,7 +20,32 @@ _STICKY = PlantLoop(
     duration_s=20.0,
     warmup_s=0.0,
 )
-_COMPILED = ("friction_level", "stem_speed", "air_step", "controller_scan", "process_step")
+_COMPILED = (
+    "air_line_step",
+    "air_step",
+    "asked_pressure",
+    "between",
+    "bristle_speed",
+    "controller_reading",
+    "controller_scan",
+    "friction_level",
+    "moved_stem",
+    "packing_levels",
+    "plug_force",
+    "process_step",
+    "stem_speed",
+    "valve_step",
+    "within_stroke",
+)
+_FULL = Valve(
+    S=4.0,
+    J=2.0,
+    packing=Packing(J_skew=0.3, bump_percent=1.0, dwell_percent=0.3, creep_percent_per_s=0.01),
+    body=Body(high_percent=52.0, flow_percent=2.0, hysteresis_percent=1.0),
+    air_line=AirLine(
+        vent_lag_s=1.0, fill_percent_per_s=2.0, ring_rad_per_s=0.8, ring_damping=0.4, sag_share=0.1
+    ),
+)
 
 
 @pytest.mark.parametrize(
@@ -28,8 +54,10 @@ _COMPILED = ("friction_level", "stem_speed", "air_step", "controller_scan", "pro
         _STICKY,
         replace(_STICKY, valve=Valve.showing(3.0, 3.8, positioner_gain=1.5)),
         replace(_STICKY, process=Process(kind=ProcessKind.LEVEL, gain=0.05, integrating=True)),
+        replace(_STICKY, valve=_FULL, upsets=Upsets(growth=1.0, vibration_percent=1.0)),
+        replace(_STICKY, valve=Valve(S=4.0, J=2.0, packing=Packing(presliding_percent=0.02))),
     ],
-    ids=["sticky", "positioner", "integrating"],
+    ids=["sticky", "positioner", "integrating", "all of it", "bristles"],
 )
 def test_compiled_and_plain_kernel_agree(loop: PlantLoop, monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel as Python runs it gives the same stem as the compiled one."""
@@ -88,18 +116,20 @@ def test_half_the_step_gives_the_same_healthy_loop() -> None:
 
 def test_a_standing_stem_holds_any_force_below_breakaway() -> None:
     """Karnopp: at rest the stem stays at rest up to the breakaway level, and leaves it above."""
-    stem = simulate.stem_numbers(Valve(S=5.0, J=2.0))
-    assert 0.0 == kernel.stem_speed(0.999 * stem.breakaway_n, 0.0, stem.breakaway_n, 1e-3, stem)
-    assert 0.0 < kernel.stem_speed(1.001 * stem.breakaway_n, 0.0, stem.breakaway_n, 1e-3, stem)
+    stem = si.stem_numbers(Valve(S=5.0, J=2.0))
+    levels = (stem.breakaway_n, stem.kinetic_n)
+    assert 0.0 == kernel.stem_speed(0.999 * stem.breakaway_n, 0.0, *levels, 1e-3, stem)
+    assert 0.0 < kernel.stem_speed(1.001 * stem.breakaway_n, 0.0, *levels, 1e-3, stem)
 
 
 def test_friction_takes_energy_from_a_free_stem() -> None:
     """Let go away from balance, the stem's energy never rises and it stops inside the friction."""
-    stem = simulate.stem_numbers(Valve(S=2.0, J=0.0))
+    stem = si.stem_numbers(Valve(S=2.0, J=0.0))
     stem = stem._replace(viscous_n_s_per_m=50.0)  # light damping, so that it swings
     x, v, energies = 0.2 * stem.stroke_m, 0.0, []
     for _ in range(20_000):
-        v = kernel.stem_speed(-stem.spring_n_per_m * x, v, stem.breakaway_n, 1e-4, stem)
+        force = -stem.spring_n_per_m * x
+        v = kernel.stem_speed(force, v, stem.breakaway_n, stem.kinetic_n, 1e-4, stem)
         x += 1e-4 * v
         energies.append(0.5 * stem.mass_kg * v**2 + 0.5 * stem.spring_n_per_m * x**2)
     # A semi-implicit step exchanges a little energy with itself within a swing.

@@ -12,7 +12,7 @@ class OurNarx:
 
     name = "NARX (ours)"
     source = (
-        "This product. Half of its networks start as the fitted canonical element, half from "
+        "This product. Two of its eight networks start as the fitted canonical element, six from "
         "random weights; those that follow the training part best are kept, and the result is "
         "their mean."
     )

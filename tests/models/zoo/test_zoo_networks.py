@@ -14,11 +14,11 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.verdict import Shape
 from stemwatch.models.zoo.canonical import CANONICAL
 from stemwatch.models.zoo.fit import fit_model
+from stemwatch.models.zoo.networks import training
 from stemwatch.models.zoo.networks.fit import fit_network
 from stemwatch.models.zoo.networks.ours import OURS
-from stemwatch.service.comparison import training
+from stemwatch.models.zoo.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 from stemwatch.service.comparison.rows import NETWORKS
-from stemwatch.service.comparison.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = re.sub(r"\s+", " ", (DOCS / "models.md").read_text("utf-8"))

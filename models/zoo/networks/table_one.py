@@ -1,8 +1,4 @@
-"""The paper's networks of Table 1, trained on a recording.
-
-They stand here, not in the zoo, because inside ``models`` the zoo and the paper's study know
-nothing of each other.
-"""
+"""The paper's networks of Table 1, trained on a recording."""
 
 from __future__ import annotations
 
@@ -66,7 +62,7 @@ class TableOne:
 
     def learn(self, lesson: Lesson) -> Learned:
         """Several seeds, trained side by side; the one best on the watched block of time."""
-        from stemwatch.service.comparison import training  # torch takes two seconds to import
+        from stemwatch.models.zoo.networks import training  # torch takes two seconds to import
 
         S, J = (lesson.element.parameters[name].value or 0.0 for name in ("S", "J"))
         shape = shape_of(S, J)

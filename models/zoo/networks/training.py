@@ -92,7 +92,7 @@ def fit_stage(step: ThreeLayers, weights: Floats, cut: Segments, stage: Stage) -
     """(B, P) weights after the stage; decay pulls each weight's change, not the weight, to 0."""
     centre = torch.from_numpy(weights)
 
-    def normal(change: Tensor) -> Tensor:
+    def normal(change: Tensor, _: Tensor) -> Tensor:
         return normal_matrix(step, centre + change, cut)
 
     descent = descend(

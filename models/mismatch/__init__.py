@@ -1,0 +1,1 @@
+"""What the stiction model leaves out: locate the mismatch, name the physics, model it, show it."""

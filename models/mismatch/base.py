@@ -1,0 +1,144 @@
+"""The base of every comparison: S, J and the reading's zero and gain, fitted with every chance.
+
+``naive`` is what others report: S and J alone, gain 1 and zero 0, no delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.forensics import repeat_share
+from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch.bench import Bench, Hypothesis, Layout, make_bench
+from stemwatch.models.mismatch.crossfit import CAREFUL, Effort, Fitted, crossfit, search
+from stemwatch.models.mismatch.term import Look
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.stickslip.fit import CANONICAL, COARSE_COMMAND, ONLY_WHEN_TURNING
+from stemwatch.models.stickslip.parameters import Bounds
+from stemwatch.models.stickslip.problem import Problem
+
+RATIOS = (0.0, 0.15, 0.35, 0.6, 0.85, 1.15)
+WIDTHS = 16
+RESTICKS = (0.0, 0.05, 0.4)  # percent per second
+ZERO_REACH = 8.0  # percent either way
+GAIN_REACH = (-0.25, 0.3)
+RESTICK_REACH = 4.0  # percent per second; from there on a stem sticks at every sample
+CLEARLY = 0.97  # share of the canonical reading's loss that another one must reach
+LEAST_DELTA = 0.05  # percent
+LEAST_SCATTER = 0.03  # percent
+SCATTER_REACH = (0.03, 0.15)  # of the level
+FEWEST_BREAKAWAYS = 8
+NAIVE = Effort(keep=2, rounds=4, population=32, width=0.02)
+
+
+@dataclass(frozen=True)
+class Base:
+    """The workbench, scaled, and the base fitted on both folds."""
+
+    bench: Bench
+    fitted: Fitted
+
+
+def base_bounds(problem: Problem, look: Look) -> Bounds:
+    """Limits of S, J/S, zero, gain - 1, the delay within a sample and the speed of sticking."""
+    reach = max(1.2 * look.swing, 2.0)
+    late = at.WITHIN_SAMPLE * problem.interval_s
+    low = [0.0, 0.0, -ZERO_REACH, GAIN_REACH[0], 0.0, 0.0]
+    high = [reach, 1.5, ZERO_REACH, GAIN_REACH[1], late, RESTICK_REACH]
+    return Bounds(np.array(low), np.array(high))
+
+
+def grid(look: Look, zero: float, resticks: tuple[float, ...] = (0.0,)) -> Floats:
+    """(m, 6) S, J/S and the reading's zero, with and without the one that the loop suggests, and
+    speeds below which the stem sticks again."""
+    widths = max(1.2 * look.swing, 2.0) * np.linspace(0.02, 1.0, WIDTHS) ** 1.8
+    zeros = np.unique([0.0, zero])
+    parts = np.array(np.meshgrid(widths, RATIOS, zeros, resticks, indexing="ij"))
+    rows = np.zeros((parts[0].size, at.N_BASE))
+    rows[:, [at.S_PERCENT, at.RATIO, at.ZERO, at.RESTICK]] = parts.reshape(4, -1).T
+    return rows
+
+
+def suggested_zero(problem: Problem) -> float:
+    """Friction holds the stem in a band that is as wide above the command as below, percent."""
+    ahead = (problem.mv - problem.op)[problem.scored]
+    low, high = np.percentile(ahead, (2.0, 98.0))
+    return 0.5 * float(low + high)
+
+
+def scale(bench: Bench, simulated: Floats) -> float:
+    """Scale of the robust loss: three times the noise or the bulk of the residual, percent."""
+    problem = bench.problem
+    residual = (problem.mv - simulated)[problem.scored]
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return max(3.0 * problem.sigma, spread, LEAST_DELTA)
+
+
+def first_scatter(look: Look) -> float:
+    """Before anything is known of the stem: a share of a band that a third of OP's swing makes."""
+    return at.FIRST_SCATTER * max(look.swing / 6.0, 0.5)
+
+
+def breakaway_scatter(early_late: Floats, level: float, sigma: float) -> float:
+    """Standard deviation of the breakaway level, percent, from how far each one came from it."""
+    seen = early_late[early_late != 0.0]
+    if seen.size < FEWEST_BREAKAWAYS:
+        return max(at.FIRST_SCATTER * level, sigma, LEAST_SCATTER)
+    spread = 1.4826 * float(np.median(np.abs(seen)))
+    low, high = SCATTER_REACH
+    return max(min(max(spread, low * level), high * level), sigma, LEAST_SCATTER)
+
+
+def fit_base(problem: Problem, look: Look) -> Base:
+    """The base on both folds, its reading of when a stem sticks again, and the loss's scale."""
+    spread = float(np.std(problem.mv[problem.scored]))
+    first = max(3.0 * problem.sigma, 0.1 * spread, LEAST_DELTA)
+    bounds = base_bounds(problem, look)
+    bench = make_bench(problem, look, bounds, first, CANONICAL, first_scatter(look))
+    starts = bounds.clip(grid(look, suggested_zero(problem), RESTICKS))
+    readings = [bench]
+    if repeat_share(problem.op) >= COARSE_COMMAND:
+        readings.append(replace(bench, restick=ONLY_WHEN_TURNING, _layouts={}))
+    everything = np.ones(problem.n_blocks, dtype=bool)
+    found = [search(one, one.layout(Hypothesis()), everything, starts, CAREFUL) for one in readings]
+    best = int(np.argmin([one.loss for one in found]))
+    if found[best].loss >= CLEARLY * found[0].loss:
+        best = 0
+    chosen = readings[best]
+    layout = chosen.layout(Hypothesis())
+    simulated, early_late = chosen.assimilated(layout, found[best].candidate)
+    delta = min(scale(chosen, simulated), 3.0 * first)
+    level = 0.5 * found[best].candidate[at.S_PERCENT] * (1.0 + found[best].candidate[at.RATIO])
+    scatter = breakaway_scatter(early_late, float(level), problem.sigma)
+    chosen = replace(chosen, delta=delta, scatter=scatter, _layouts={})
+    layout = chosen.layout(Hypothesis())
+    near = np.vstack((starts[:: max(starts.shape[0] // 60, 1)], found[best].candidate))
+    fitted = crossfit(chosen, layout, near, CAREFUL)
+    seen = fitted.candidates.mean(axis=0)
+    S = float(seen[at.S_PERCENT])
+    look = replace(look, S=S, J=S * float(seen[at.RATIO]))
+    return Base(replace(chosen, look=look, _layouts={}), fitted)
+
+
+def naive_bench(bench: Bench) -> Bench:
+    """The bench as others fit: free runs, put right at each block of time only."""
+    return replace(bench, window=0.0, restick=CANONICAL, _layouts={})
+
+
+def fit_naive(bench: Bench, blocks: Bools) -> Floats:
+    """(6,) S and J alone: gain 1, zero 0, no delay, fitted to ``blocks`` of a naive bench."""
+    layout = naive_layout(bench)
+    starts = layout.bounds.clip(grid(bench.look, 0.0))
+    found = search(bench, layout, blocks, starts, NAIVE)
+    return search(bench, layout, blocks, found.candidate[None, :], NAIVE).candidate
+
+
+def naive_layout(bench: Bench) -> Layout:
+    """The base with its reading and its delay held at neutral."""
+    layout = bench.layout(Hypothesis())
+    low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
+    low[at.ZERO] = high[at.ZERO] = low[at.GAIN] = high[at.GAIN] = 0.0
+    high[at.DELAY] = high[at.RESTICK] = 0.0
+    return replace(layout, bounds=Bounds(low, high))

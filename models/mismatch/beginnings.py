@@ -1,0 +1,37 @@
+"""Where the search for one more term begins: what S and J become once it is there.
+
+A base that lacks a term has bent S and J to make up for it; the search must begin where they are
+once it is there, or it never leaves the base's own optimum.
+"""
+
+from __future__ import annotations
+
+from stemwatch.models.mismatch.crossfit import Beginning
+from stemwatch.models.mismatch.term import Term, Way
+
+# S that valves have, percent, for terms that make the base's own S meaningless.
+FRESH = (2.0, 4.0, 7.0)
+FRESH_RATIO = 0.4
+_LED_ASTRAY = ("travel_stop", "rate_limit", "asymmetric_rate_limit")
+
+
+def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
+    """S and J to begin with where the simpler hypothesis found ``S`` and ``J``, percent."""
+    own = Beginning(S, J)
+    if term.slug in _LED_ASTRAY:
+        return [own, *(Beginning(s, FRESH_RATIO * s, plain=True) for s in FRESH)]
+    if term.way is Way.COMMAND or term.slug == "viscous_drag":
+        # It smears the slips, which has driven J to nothing.
+        return [
+            own,
+            Beginning(0.75 * S, 0.25 * S, plain=True),
+            Beginning(S, 0.6 * S, plain=True),
+            Beginning(0.5 * S, 0.1 * S, plain=True),
+        ]
+    if term.slug == "lost_motion":
+        # The play has been read as part of S, and taken from J.
+        return [own, Beginning(S, J, S_less=1.0), Beginning(S, J, S_less=1.0, J_less=-0.5)]
+    if term.slug == "dwell_dependent_breakaway":
+        # It raises the breakaway only, by b ln(1 + rest/t0): S and J alike.
+        return [own, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
+    return [own, Beginning(0.8 * S, 0.32 * S)]

@@ -1,0 +1,318 @@
+"""``explain``: where simulation and recording differ, what physics was left out, and what it gains.
+
+record effects -> base (S, J, reading) -> terms, one by one -> the reading's own errors
+               -> parameters with intervals -> fit before and after on unseen data -> words
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.forensics import quiet_sigma
+from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch.audit import NO_POSITION, audit
+from stemwatch.models.mismatch.base import Base, fit_base, fit_naive, naive_bench, naive_layout
+from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search
+from stemwatch.models.mismatch.findings import (
+    Effect,
+    Finding,
+    HeldOut,
+    Mismatch,
+    RecordEffect,
+    ResidualMap,
+    Runs,
+    Stiction,
+    Untestable,
+)
+from stemwatch.models.mismatch.limits import MEAN_WHERE_MUCH_IS_LEFT, much_left
+from stemwatch.models.mismatch.locate import locate
+from stemwatch.models.mismatch.naming import Named, Needed, Score, name
+from stemwatch.models.mismatch.reading import Off, findings, values_of
+from stemwatch.models.mismatch.record import RecordSettled, settle
+from stemwatch.models.mismatch.show import show
+from stemwatch.models.mismatch.telling import Directions, directions, effect
+from stemwatch.models.mismatch.term import Look, Term, Way
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.uncertainty import draws, estimate
+from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.stickslip.problem import Problem, make_problem
+
+FEWEST_SAMPLES = 200
+LEAST_SIGMA = 1e-3  # percent
+MODEL_ERROR = 0.05  # of the level (S + J)/2, one sigma: no stem is exactly the element
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One recording on its way."""
+
+    recording: Recording
+    settled: RecordSettled
+    base: Base
+    refused: Mapping[str, str]
+    ceiling: Floats | None
+
+
+def explain(recording: Recording, *, ceiling: Floats | None = None) -> Mismatch:
+    """All that is known of the mismatch of one recording; never raises for what it holds.
+
+    ``ceiling`` (n,) is a network's free run of MV, NaN where it has none: the share of the
+    residual that is systematic at all.
+    """
+    began = time.perf_counter()
+    settled = settle(recording)
+    reason = _cannot(recording, settled)
+    if reason is not None:
+        found = _not_testable(settled, reason)
+    else:
+        found = _told(_fitted(recording, settled, ceiling))
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
+    """Why nothing can be said of this recording, or ``None``."""
+    if recording.mv is None:
+        return NO_POSITION
+    if np.count_nonzero(settled.real & recording.usable) < FEWEST_SAMPLES:
+        return f"fewer than {FEWEST_SAMPLES} samples of the position were really measured"
+    real = recording.mv.values[settled.real & recording.usable]
+    if float(np.ptp(real)) == 0.0:
+        return "the position does not change by one digit"
+    if float(np.ptp(recording.op.values[recording.op.usable])) == 0.0:
+        return "OP never moves"
+    return None
+
+
+def problem_of(recording: Recording, settled: RecordSettled) -> Problem:
+    """The fitting problem, scored on samples that were really measured."""
+    problem = make_problem(recording)
+    block = np.where(settled.real, problem.block, -1).astype(np.int64)
+    sigma = max(quiet_sigma(_measured(recording, settled)), settled.sigma_floor, LEAST_SIGMA)
+    return replace(problem, block=block, sigma=min(sigma, problem.sigma))
+
+
+def _measured(recording: Recording, settled: RecordSettled) -> Floats:
+    """(n,) MV where it was really measured, else NaN."""
+    assert recording.mv is not None
+    return np.where(recording.usable & settled.real, recording.mv.values, np.nan)
+
+
+def look_of(problem: Problem) -> Look:
+    """What terms may know of the recording."""
+    op, mv = problem.op, problem.mv[problem.scored]
+    op_low, op_high = np.percentile(op, (1.0, 99.0))
+    mv_low, mv_high = np.percentile(mv, (1.0, 99.0))
+    return Look(
+        interval_s=problem.interval_s,
+        duration_s=problem.op.size * problem.interval_s,
+        op_low=float(op_low),
+        op_high=float(op_high),
+        mv_low=float(mv_low),
+        mv_high=float(mv_high),
+        sigma=problem.sigma,
+        S=0.0,
+        J=0.0,
+    )
+
+
+def _fitted(recording: Recording, settled: RecordSettled, ceiling: Floats | None) -> _Case:
+    problem = problem_of(recording, settled)
+    base = fit_base(problem, look_of(problem))
+    candidate = base.fitted.candidates.mean(axis=0)
+    simulated = base.bench.simulate(base.fitted.layout, candidate)
+    look = base.bench.look
+    refused = audit(
+        problem.op,
+        problem.mv,
+        simulated,
+        problem.scored,
+        problem.interval_s,
+        problem.sigma,
+        look.S,
+        look.J,
+        settled.spacing_s,
+    )
+    return _Case(recording, settled, base, refused, ceiling)
+
+
+def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
+    """The terms that the recording could have shown."""
+    return {slug: term for slug, term in catalogue().items() if slug not in refused}
+
+
+def _told(case: _Case) -> Mismatch:
+    terms = admissible(case.refused)
+    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    bench = named.bench
+    off, fitted = findings(bench, named.fitted, terms)
+    layout, best = _whole(bench, fitted)
+    drawn = draws(bench, layout, best)
+    effects = _effects(case.recording, named, off, layout, best, drawn)
+    # An archive that drew lines leaves no noise to compare with.
+    open_end = not _compressed(case.settled) and much_left(bench, fitted)
+    if open_end:
+        effects = tuple(one for one in effects if one.evidence.mean >= MEAN_WHERE_MUCH_IS_LEFT)
+    everything = np.ones(bench.problem.n_blocks, dtype=bool)
+    plain = naive_bench(bench)
+    simple = naive_layout(plain)
+    naive = fit_naive(plain, everything)
+    shown = show(bench, layout, [one.term for one in named.needed], case.ceiling)
+    finding = _finding(effects, open_end)
+    return Mismatch(
+        finding=finding,
+        sentence=_sentence(finding, effects, case.refused),
+        naive=_stiction(draws(plain, simple, naive), naive),
+        restated=_stiction(drawn, best),
+        effects=effects,
+        record_effects=case.settled.effects,
+        not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
+        heldout=shown.heldout,
+        before=_map(bench, shown.runs.naive),
+        after=_map(bench, shown.runs.extended),
+        runs=shown.runs,
+    )
+
+
+def _whole(bench: Bench, fitted: Fitted) -> tuple[Layout, Floats]:
+    """The hypothesis fitted to the whole record, from the fits to both folds."""
+    everything = np.ones(bench.problem.n_blocks, dtype=bool)
+    starts = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
+    return fitted.layout, search(bench, fitted.layout, everything, starts, CAREFUL).candidate
+
+
+def _stiction(drawn: Floats, best: Floats) -> Stiction:
+    S, J = best[at.S_PERCENT], best[at.S_PERCENT] * best[at.RATIO]
+    error = MODEL_ERROR * 0.5 * (S + J)
+    S_drawn = drawn[:, at.S_PERCENT]
+    return Stiction(
+        S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
+        J=_positive(estimate(S_drawn * drawn[:, at.RATIO], float(J), PERCENT, float(error))),
+    )
+
+
+def _positive(found: Estimate) -> Estimate:
+    return replace(found, low=max(found.low or 0.0, 0.0))
+
+
+def _effects(
+    recording: Recording,
+    named: Named,
+    off: list[Off],
+    layout: Layout,
+    best: Floats,
+    drawn: Floats,
+) -> tuple[Effect, ...]:
+    """The accepted terms and the reading's errors, strongest first."""
+    bench, way = named.bench, directions(recording)
+    found = [_needed_effect(named, one, layout, best, drawn, way) for one in named.needed]
+    for one in off:
+        share = _share(bench, one.without, named.fitted)
+        found.append(
+            effect(
+                bench,
+                one.term,
+                (one.term.slug,),
+                values_of(one.term.slug, best),
+                np.array([values_of(one.term.slug, row) for row in drawn]),
+                one.advantage,
+                share,
+                (one.without.layout, one.without.candidates.mean(axis=0)),
+                way,
+            )
+        )
+    return tuple(sorted(found, key=lambda one: -one.evidence.mean))
+
+
+def _needed_effect(
+    named: Named, one: Needed, layout: Layout, best: Floats, drawn: Floats, way: Directions
+) -> Effect:
+    place = layout.places[one.term.slug]
+    return effect(
+        named.bench,
+        one.term,
+        one.members,
+        best[place],
+        drawn[:, place],
+        one.advantage,
+        _share(named.bench, one.without, named.fitted),
+        (one.without.layout, one.without.candidates.mean(axis=0)),
+        way,
+    )
+
+
+def _share(bench: Bench, before: Fitted, after: Fitted) -> float:
+    """The share of the held-out loss that goes."""
+    return float(np.clip(1.0 - after.heldout.sum() / max(before.heldout.sum(), 1e-12), -1.0, 1.0))
+
+
+def _map(bench: Bench, simulated: Floats) -> ResidualMap:
+    problem = bench.problem
+    return locate(
+        problem.op,
+        problem.mv,
+        simulated,
+        problem.scored,
+        problem.block,
+        problem.interval_s,
+        problem.sigma,
+    )
+
+
+def _compressed(settled: RecordSettled) -> bool:
+    return any(effect.slug == "historian_compression" for effect in settled.effects)
+
+
+def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
+    if not effects:
+        return Finding.UNKNOWN if open_end else Finding.NONE
+    single = all(len(one.members) == 1 for one in effects)
+    return Finding.NAMED if single else Finding.CANDIDATES
+
+
+def _sentence(finding: Finding, effects: tuple[Effect, ...], refused: Mapping[str, str]) -> str:
+    if finding is Finding.NONE:
+        tail = f" {len(refused)} effects could not be tested here." if refused else ""
+        return f"S and J explain this recording; nothing else is needed.{tail}"
+    if finding is Finding.UNKNOWN:
+        return (
+            "S and J do not explain this recording, and nothing in the catalogue does; the "
+            "residual map shows where it differs."
+        )
+    return " ".join(one.sentence for one in effects)
+
+
+def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
+    unknown = Estimate.unknown(reason, unit=PERCENT)
+    nothing = Stiction(S=unknown, J=unknown)
+    effects: tuple[RecordEffect, ...] = settled.effects
+    return Mismatch(
+        finding=Finding.NOT_TESTABLE,
+        sentence=f"Nothing can be said: {reason}.",
+        naive=nothing,
+        restated=nothing,
+        record_effects=effects,
+        not_testable=tuple(Untestable(slug=slug, reason=reason) for slug in catalogue()),
+        heldout=HeldOut(),
+    )
+
+
+def scores(recording: Recording) -> dict[str, tuple[float, float]]:
+    """Mean and t of the advantage of every admissible term over the base alone: what limits are
+    calibrated on, with recordings in which nothing is hidden. Empty where nothing can be fitted."""
+    settled = settle(recording)
+    if _cannot(recording, settled) is not None:
+        return {}
+    case = _fitted(recording, settled, None)
+    terms = admissible(case.refused)
+    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    first: tuple[Score, ...] = named.stages[0].scores
+    return {one.slug: (one.advantage.mean, one.advantage.t) for one in first}
+
+
+__all__ = ["Runs", "admissible", "explain", "look_of", "problem_of", "scores"]

@@ -1,0 +1,174 @@
+"""The ways to cut a record into cells: phase, direction, rest before, travel, speed, time.
+
+All cuts but the direction and the slips follow the simulated stem and the command, which know
+nothing of the noise in MV: a cut that followed MV itself would sort its noise into cells.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.excitation import REST_SAMPLES, reversals, slips, swing
+from stemwatch.models.mismatch.residual_map import Facet
+from stemwatch.models.recording import Bools, Floats
+
+Codes = NDArray[np.int64]
+
+SLIP_S, SETTLED_S = 4.0, 12.0  # after a slip: slipping until, settling until
+TURN_S = 4.0  # either side of a turn of OP
+RECENT_S = 10.0  # a quick move of OP is felt this long
+BANDS, LEAST_BAND = 7, 0.5  # of travel; percent
+PARTS = 8  # of the record
+_STANDS = 0.002  # percent per second; a slower simulated stem stands
+_SIMULATED_NOISE = 0.01  # percent; a simulated step beyond seven times this is a slip
+_HELD = 0.005  # percent per second; a slower command is held
+
+PHASES = ("stick", "slip", "settling", "moving", "reversal")
+_PHASE_PHRASES = (
+    "While the stem rests",
+    "In the first 4 s after a slip",
+    "From 4 to 12 s after a slip",
+    "While the stem slides",
+    "Around a turn of the command",
+)
+
+
+def _after(events: NDArray[np.int64], n: int) -> Codes:
+    """(n,) samples since the last event, a large number before the first."""
+    last = np.full(n, -(10**9), dtype=np.int64)
+    last[events[events < n]] = events[events < n]
+    return np.asarray(np.arange(n) - np.maximum.accumulate(last))
+
+
+def moving_stem(simulated: Floats, interval_s: float) -> Bools:
+    """(n,) True where the simulated stem moved into the sample."""
+    steps = np.abs(np.diff(simulated, prepend=simulated[:1]))
+    return np.asarray(steps > _STANDS * interval_s)
+
+
+def phase(op: Floats, mv: Floats, simulated: Floats, interval_s: float, sigma: float) -> Facet:
+    """Stick, slip, settling, moving or reversal; a slip of the model or of the recording counts."""
+    n = op.size
+    begins = np.concatenate(
+        (
+            slips(simulated, op, _SIMULATED_NOISE).begins,
+            slips(mv, op, sigma).begins,
+        )
+    )
+    since = _after(np.sort(begins) + 1, n) * interval_s
+    turn = reversals(op, max(0.1 * swing(op), 0.2))
+    half = max(round(TURN_S / interval_s), 1)
+    # Within half a window of a turn, on either side.
+    near = _after(np.maximum(turn - half, 0), n) <= 2 * half
+    code = np.where(moving_stem(simulated, interval_s), 3, 0)
+    code[near] = 4
+    code[since < SETTLED_S] = 2
+    code[since < SLIP_S] = 1
+    return Facet("phase", PHASES, code.astype(np.int64), _PHASE_PHRASES)
+
+
+def direction(mv: Floats, simulated: Floats, interval_s: float, sigma: float) -> Facet:
+    """Rising, falling or at rest: where the recorded stem goes, else where the simulated one does.
+
+    The difference is taken over about 3 s, the sample itself in its middle: noise that is the same
+    forwards and backwards does not prefer a sign there.
+    """
+    half = max(round(1.5 / interval_s), 1)
+    index = np.arange(mv.size)
+    ahead, behind = np.minimum(index + half, mv.size - 1), np.maximum(index - half, 0)
+    seen = mv[ahead] - mv[behind]
+    modelled = simulated[ahead] - simulated[behind]
+    least = max(8.5 * sigma, 0.2)
+    way = np.where(np.abs(seen) > least, seen, np.where(np.abs(modelled) > least, modelled, 0.0))
+    code = np.where(way > 0.0, 0, np.where(way < 0.0, 1, 2)).astype(np.int64)
+    phrases = ("While the stem rises", "While the stem falls", "While the stem is at rest")
+    return Facet("direction", ("rising", "falling", "at rest"), code, phrases)
+
+
+def rests(moving: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(m,) first samples of motion after a rest of three samples or more, and the rests' lengths.
+
+    A record begins with a rest of unknown length, which is not counted.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([1], moving.astype(np.int8), [1]))))
+    begins, ends = edges[::2], edges[1::2]
+    whole = (begins > 0) & (ends < moving.size) & (ends - begins >= REST_SAMPLES)
+    return ends[whole], (ends - begins)[whole]
+
+
+def rest_before(simulated: Floats, interval_s: float) -> Facet:
+    """How long the simulated stem had rested before it moved, in terciles; 12 s after at least."""
+    n = simulated.size
+    moving = moving_stem(simulated, interval_s)
+    ends, lengths = rests(moving)
+    code = np.full(n, -1, dtype=np.int64)
+    if ends.size < 6:
+        return Facet("rest", (), code)
+    low, high = (float(q) for q in np.percentile(lengths * interval_s, (33.3, 66.7)))
+    number = _after(ends, n)
+    which = np.searchsorted(ends, np.arange(n), side="right") - 1
+    felt = (which >= 0) & (moving | (number * interval_s < SETTLED_S))
+    before = lengths[np.maximum(which, 0)] * interval_s
+    code[felt] = ((before > low).astype(np.int64) + (before > high))[felt]
+    labels = (f"up to {low:.0f} s", f"{low:.0f} to {high:.0f} s", f"over {high:.0f} s")
+    phrases = tuple(f"When the stem starts after a rest of {label}" for label in labels)
+    return Facet("rest", labels, code, phrases)
+
+
+def travel_edges(simulated: Floats, scored: Bools) -> Floats:
+    """(bands + 1,) even edges from the 0.5th to the 99.5th percentile of the position."""
+    low, high = np.percentile(simulated[scored], (0.5, 99.5))
+    bands = int(np.clip((high - low) / LEAST_BAND, 1, BANDS))
+    return np.linspace(low, max(high, low + 1e-6), bands + 1)
+
+
+def travel_band(simulated: Floats, edges: Floats) -> Facet:
+    """The band of travel in which the simulated stem is; what lies beyond joins the end bands."""
+    code = np.searchsorted(edges[1:-1], simulated, side="right").astype(np.int64)
+    digits = 0 if edges[1] - edges[0] >= 2.0 else 1
+    labels = tuple(f"{a:.{digits}f} to {b:.{digits}f} %" for a, b in pairwise(edges))
+    phrases = tuple(f"At a travel of {label}" for label in labels)
+    return Facet("travel", labels, code, phrases)
+
+
+def command_speed(op: Floats, scored: Bools, interval_s: float) -> Facet:
+    """The quickest that OP moved within the last 10 s: held, or bands up to the 50th, 90th, 98th
+    percentile of the moving samples, and above."""
+    steps = np.abs(np.diff(op, prepend=op[:1])) / interval_s
+    window = max(round(RECENT_S / interval_s), 1)
+    padded = np.concatenate((np.zeros(window - 1), steps))
+    quickest = np.lib.stride_tricks.sliding_window_view(padded, window).max(axis=1)
+    moving = quickest > _HELD
+    code = np.full(op.size, 0, dtype=np.int64)
+    chosen = quickest[moving & scored]
+    if chosen.size < 50:
+        return Facet("speed", ("held",), code, ("While the command is held",))
+    at = np.percentile(chosen, (50.0, 90.0, 98.0))
+    code[moving] = 1 + np.searchsorted(at, quickest[moving], side="left")
+    words = [f"{value:.2g} %/s" for value in at]
+    labels = (
+        "held",
+        f"below {words[0]}",
+        f"{words[0]} to {words[1]}",
+        f"{words[1]} to {words[2]}",
+        f"above {words[2]}",
+    )
+    phrases = (
+        "While the command is held",
+        f"While the command moves slower than {words[0]}",
+        *(f"Within 10 s of the command moving at {label}" for label in labels[2:4]),
+        f"Within 10 s of the command moving faster than {words[2]}",
+    )
+    return Facet("speed", labels, code, phrases)
+
+
+def part_of_record(n: int, interval_s: float) -> Facet:
+    """Eight equal parts of the record, labelled in minutes from its start."""
+    code = (np.arange(n, dtype=np.int64) * PARTS) // max(n, 1)
+    minutes = np.linspace(0.0, n * interval_s / 60.0, PARTS + 1)
+    digits = 0 if minutes[-1] >= 30.0 else 1
+    labels = tuple(f"minute {a:.{digits}f} to {b:.{digits}f}" for a, b in pairwise(minutes))
+    return Facet("time", labels, code, tuple(f"From {label}" for label in labels))

@@ -1,0 +1,165 @@
+"""The nouns of a mismatch: what was found where simulation and recording differ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Floats
+
+
+class Finding(StrEnum):
+    """What can be said of a recording's mismatch, in one word."""
+
+    NAMED = "named"  # one effect explains it, and nothing else does as well
+    CANDIDATES = "candidates"  # effects that this recording cannot tell apart
+    UNKNOWN = "unknown"  # systematic, and nothing in the catalogue explains it
+    NONE = "none"  # S and J explain the recording, scatter of the breakaways included
+    NOT_TESTABLE = "not_testable"  # the recording could not have shown anything
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What speaks for an effect: its gain on blocks of time that it was not fitted to.
+
+    ``mean`` is the mean log ratio of the robust losses without and with it, ``t`` its t-like
+    value (see ``stickslip.fit.advantage``); ``share`` the share of the squared held-out residual
+    that it removes, 0 to 1; ``note`` a sentence with the evidence against its neighbours.
+    """
+
+    mean: float
+    t: float
+    share: float
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """One effect that was left out, accepted and refitted together with S and J."""
+
+    slug: str
+    members: tuple[str, ...]  # slugs that this recording cannot tell from it, its own first
+    sentence: str  # for a maintenance engineer
+    where: str  # where in the record it shows
+    check: str  # what to look at in the field
+    decide: str  # the test that would tell the members apart; empty where there is one
+    parameters: Mapping[str, Estimate]
+    evidence: Evidence
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordEffect:
+    """What recorder and archive did to the numbers; settled before any physics is named."""
+
+    slug: str
+    sentence: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Untestable:
+    """An effect that this recording could not have shown, and why not."""
+
+    slug: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One place of a residual map.
+
+    ``share`` of the squared residual, ``weight`` share of the samples, ``mean`` and ``rms`` of the
+    residual in percent of span; ``z`` how far the share lies above the weight, by a block
+    bootstrap; ``bias_z`` how far the mean lies from zero, by the same.
+    """
+
+    facet: str  # "phase", "direction", "rest", "travel", "speed", "time"
+    label: str
+    samples: int
+    weight: float
+    share: float
+    mean: float
+    rms: float
+    z: float
+    bias_z: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HotPlace:
+    """A cell that holds significantly more residual than its size, in one sentence."""
+
+    facet: str
+    label: str
+    share: float
+    z: float
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualMap:
+    """Where a residual lives: cells by facet, and travel (rows) against phase (columns)."""
+
+    cells: tuple[Cell, ...] = ()
+    hot: tuple[HotPlace, ...] = ()
+    travel_edges: tuple[float, ...] = ()  # percent of MV, rows + 1
+    columns: tuple[str, ...] = ()
+    grid: tuple[tuple[float | None, ...], ...] = ()  # rms in percent of span; None: no samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """The fit before and after on data that the fit did not see.
+
+    Errors in percent of span, fits ``100 (1 - rmse / std(MV))``; ``None`` where it cannot be said.
+    ``gain_low`` and ``gain_high`` are the 95 % interval of ``fit_extended - fit_naive``, by a
+    block bootstrap.
+    """
+
+    rmse_naive: float | None = None
+    rmse_extended: float | None = None
+    rmse_ceiling: float | None = None  # of the NARX network: how much is systematic at all
+    noise_floor: float | None = None
+    fit_naive: float | None = None
+    fit_extended: float | None = None
+    gain_low: float | None = None
+    gain_high: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stiction:
+    """S and J in percent of OP span."""
+
+    S: Estimate
+    J: Estimate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Runs:
+    """(n,) free runs of MV in percent: S and J alone, and with what was named.
+
+    ``heldout_from`` is the first sample that neither was fitted to.
+    """
+
+    naive: Floats
+    extended: Floats
+    heldout_from: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mismatch:
+    """All that is known of the difference between model and recording."""
+
+    finding: Finding
+    sentence: str
+    naive: Stiction
+    restated: Stiction
+    effects: tuple[Effect, ...] = ()
+    record_effects: tuple[RecordEffect, ...] = ()
+    not_testable: tuple[Untestable, ...] = ()
+    heldout: HeldOut = field(default_factory=HeldOut)
+    before: ResidualMap = field(default_factory=ResidualMap)
+    after: ResidualMap = field(default_factory=ResidualMap)
+    runs: Runs | None = None
+    seconds: float = 0.0

@@ -1,0 +1,182 @@
+"""Where a residual lives, and the few sentences that say so to a maintenance engineer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.mismatch.facets import (
+    PHASES,
+    command_speed,
+    direction,
+    part_of_record,
+    phase,
+    rest_before,
+    travel_band,
+    travel_edges,
+)
+from stemwatch.models.mismatch.findings import Cell, HotPlace, ResidualMap
+from stemwatch.models.mismatch.residual_map import Facet, block_sums, cells_of, clipped
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.words import share
+
+# A cell is hot where it holds half as much again as its size, or where its mean is off. Some
+# thirty cells are looked at in two ways, so each needs a level of about one in 2,000.
+HOT_Z, HOT_RATIO, BIAS_RATIO = 3.3, 1.5, 1.25
+BIAS_Z, BIAS_SIGMAS = 3.5, 2.0
+ABOVE_NOISE = 1.5  # times sigma that the rms of a hot cell must reach
+LEAST_SHARE = 0.02  # of the squared residual; less is not worth a sentence
+LEAST_SAMPLES = 20
+MOST_HOT = 5
+NEW_SHARE = 0.5  # of its squared residual that a further hot place must not have in common
+ONE_SIDED = 0.5  # |mean| / rms from which a sentence gives the side
+MOSTLY = 0.8  # and from which it need not say "on average"
+WHOLE = "whole"
+
+
+def locate(
+    op: Floats,
+    mv: Floats,
+    simulated: Floats,
+    scored: Bools,
+    block: NDArray[np.int64],
+    interval_s: float,
+    sigma: float,
+) -> ResidualMap:
+    """The residual map of ``mv - simulated`` (n,), percent.
+
+    ``scored`` (n,) marks the samples that count, ``block`` (n,) their blocks of time (negative:
+    none), ``sigma`` is the noise of MV in percent. The residual is cut at its 99.5th percentile.
+    Share, weight and the two z of each cell: see ``residual_map.scores``. An empty map where fewer
+    than 100 samples are scored.
+    """
+    scored = scored & (block >= 0) & np.isfinite(mv) & np.isfinite(simulated)
+    if np.count_nonzero(scored) < 100:
+        return ResidualMap()
+    mv = np.where(np.isfinite(mv), mv, simulated)
+    residual = clipped(mv - simulated, scored)
+    edges = travel_edges(simulated, scored)
+    facets: tuple[Facet, ...] = (
+        phase(op, mv, simulated, interval_s, sigma),
+        direction(mv, simulated, interval_s, sigma),
+        rest_before(simulated, interval_s),
+        travel_band(simulated, edges),
+        command_speed(op, scored, interval_s),
+        part_of_record(op.size, interval_s),
+    )
+    facets = tuple(facet for facet in facets if facet.labels)
+    whole = Facet(WHOLE, ("all the time",), np.zeros(op.size, dtype=np.int64), ("All the time",))
+    (overall,) = cells_of(whole, block_sums(whole, residual, block, scored))
+    cells = tuple(
+        cell
+        for facet in facets
+        for cell in cells_of(facet, block_sums(facet, residual, block, scored))
+    )
+    hot = _hot_places(overall, facets, residual, block, scored, sigma)
+    return ResidualMap(
+        cells=cells,
+        hot=hot,
+        travel_edges=tuple(float(edge) for edge in edges),
+        columns=PHASES,
+        grid=_grid(residual, scored, facets, len(edges) - 1),
+    )
+
+
+def _hot_places(
+    overall: Cell,
+    facets: tuple[Facet, ...],
+    residual: Floats,
+    block: NDArray[np.int64],
+    scored: Bools,
+    sigma: float,
+) -> tuple[HotPlace, ...]:
+    """The hot cells, strongest first; one that repeats what stronger ones say is left out.
+
+    A constant offset would make every cell hot: it is said once, and taken off before the rest.
+    """
+    found = []
+    if _biased(overall, sigma):
+        found.append(_place(overall, "All the time"))
+        residual = np.where(scored, residual - overall.mean, residual)
+    candidates = [
+        (facet, cell)
+        for facet in facets
+        for cell in cells_of(facet, block_sums(facet, residual, block, scored))
+        if _hot(cell, sigma)
+    ]
+    candidates.sort(key=lambda candidate: -_strength(candidate[1]))
+    said = np.zeros(residual.size, dtype=bool)
+    energy = np.where(scored, residual**2, 0.0)
+    for facet, cell in candidates:
+        number = facet.labels.index(cell.label)
+        inside = facet.code == number
+        own = float(energy[inside].sum())
+        if float(energy[inside & ~said].sum()) < NEW_SHARE * own:
+            continue
+        said |= inside
+        found.append(_place(cell, facet.phrases[number]))
+        if len(found) == MOST_HOT:
+            break
+    return tuple(found)
+
+
+def _biased(cell: Cell, sigma: float) -> bool:
+    """True where the mean of a cell is off by more than noise and chance."""
+    return abs(cell.mean) > BIAS_SIGMAS * sigma and abs(cell.bias_z) > BIAS_Z
+
+
+def _hot(cell: Cell, sigma: float) -> bool:
+    """True where a cell holds more than its size, or is off to one side."""
+    if cell.samples < LEAST_SAMPLES or cell.share < LEAST_SHARE:
+        return False
+    loaded = (
+        cell.z > HOT_Z and cell.share > HOT_RATIO * cell.weight and cell.rms > ABOVE_NOISE * sigma
+    )
+    # A mean that is off where little of the residual lives is no place to look at.
+    return loaded or (_biased(cell, sigma) and cell.share > BIAS_RATIO * cell.weight)
+
+
+def _strength(cell: Cell) -> float:
+    """What puts one hot place before another: the squared residual beyond its size."""
+    return cell.share * (1.0 - min(cell.weight / max(cell.share, 1e-12), 1.0)) + 1e-3 * cell.share
+
+
+def _place(cell: Cell, phrase: str) -> HotPlace:
+    """A hot cell as a sentence."""
+    if abs(cell.mean) >= ONE_SIDED * cell.rms or cell.z <= HOT_Z:
+        side = "above" if cell.mean > 0.0 else "below"
+        usually = "" if abs(cell.mean) >= MOSTLY * cell.rms else " on average"
+        what = f"the position lies{usually} {_percent(abs(cell.mean))} {side} the model"
+    else:
+        what = f"position and model differ by {_percent(cell.rms)}, to either side"
+    where = f" ({share(cell.share)} of the mismatch in {share(cell.weight)} of the time)"
+    if cell.facet == WHOLE:
+        where = ""
+    z = cell.bias_z if cell.facet == WHOLE or abs(cell.bias_z) > cell.z else cell.z
+    return HotPlace(
+        facet=cell.facet,
+        label=cell.label,
+        share=cell.share,
+        z=abs(z),
+        sentence=f"{phrase}, {what}{where}.",
+    )
+
+
+def _percent(value: float) -> str:
+    """Two figures, no exponent: "1.2 %", "0.34 %", "12 %"."""
+    digits = 0 if value >= 10.0 else 1 if value >= 1.0 else 2
+    return f"{value:.{digits}f} %"
+
+
+def _grid(
+    residual: Floats, scored: Bools, facets: tuple[Facet, ...], rows: int
+) -> tuple[tuple[float | None, ...], ...]:
+    """Rms in percent of span by travel (rows) and phase (columns); ``None`` where no sample is."""
+    by_name = {facet.name: facet for facet in facets}
+    at = by_name["travel"].code * len(PHASES) + by_name["phase"].code
+    size = rows * len(PHASES)
+    count = np.bincount(at[scored], minlength=size)
+    square = np.bincount(at[scored], residual[scored] ** 2, minlength=size)
+    rms = np.sqrt(square / np.maximum(count, 1))
+    values = [float(v) if c else None for v, c in zip(rms, count, strict=True)]
+    return tuple(tuple(values[i : i + len(PHASES)]) for i in range(0, size, len(PHASES)))

@@ -1,0 +1,231 @@
+"""Which terms explain what the base leaves: screened, refined, guarded, and no more than needed.
+
+A term enters a hypothesis where it predicts blocks of time that it was not fitted to better than
+the hypothesis without it, by more than recordings with nothing hidden ever show (``limits``), and
+where it is large enough to matter. The simpler of two that are as good is taken. Then the next one
+is looked for on top of it, three at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch.base import Base
+from stemwatch.models.mismatch.beginnings import beginnings
+from stemwatch.models.mismatch.bench import Bench, Hypothesis
+from stemwatch.models.mismatch.crossfit import (
+    CAREFUL,
+    LOOK,
+    POLISH,
+    Effort,
+    Fitted,
+    again,
+    better,
+    crossfit,
+    gain,
+    scored,
+    widened,
+)
+from stemwatch.models.mismatch.limits import convincing
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.fit import Advantage
+
+MOST_TERMS = 3
+REFINED = 6  # candidates of a stage that are searched with care
+AS_GOOD = 1.5  # paired t below which two explanations cannot be told apart
+NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
+
+
+@dataclass(frozen=True)
+class Score:
+    """One more term on top of what was accepted before."""
+
+    term: Term
+    fitted: Fitted
+    advantage: Advantage
+
+    @property
+    def slug(self) -> str:
+        return self.term.slug
+
+    @property
+    def values(self) -> Floats:
+        """(k,) the term's coordinates, the mean of both folds."""
+        return np.asarray(self.fitted.values(self.slug).mean(axis=0))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One round: what stood before, the scores of all terms on top of it, best first, and those
+    accepted as explaining it, the chosen one first."""
+
+    before: Fitted
+    scores: tuple[Score, ...]
+    accepted: tuple[Score, ...]
+
+
+@dataclass(frozen=True)
+class Needed:
+    """A term of the final hypothesis: the stage that brought it, the best fit that lacks it, and
+    how much better unseen blocks are predicted with it."""
+
+    stage: Stage
+    without: Fitted
+    advantage: Advantage
+
+    @property
+    def term(self) -> Term:
+        return self.stage.accepted[0].term
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        return tuple(one.slug for one in self.stage.accepted)
+
+
+@dataclass(frozen=True)
+class Named:
+    """The hypothesis that was reached, what it needs, and the stages on the way to it."""
+
+    bench: Bench
+    base: Fitted
+    fitted: Fitted
+    needed: tuple[Needed, ...]
+    stages: tuple[Stage, ...]
+
+
+def screened(bench: Bench, simple: Fitted, terms: Iterable[Term], effort: Effort) -> list[Score]:
+    """Every term on top of ``simple``, best first."""
+    found = []
+    middle = simple.candidates.mean(axis=0)
+    S, J = float(middle[at.S_PERCENT]), float(middle[at.S_PERCENT] * middle[at.RATIO])
+    for term in terms:
+        rich = simple.layout.hypothesis.plus(term)
+        layout = bench.layout(rich)
+        starts = widened(bench, rich, simple, term, beginnings(term, S, J))
+        fitted = crossfit(bench, layout, starts, effort)
+        fitted = better(bench, neutral(bench, simple, rich), fitted)
+        found.append(Score(term, fitted, gain(bench, simple, fitted)))
+    return _ordered(found)
+
+
+def _ordered(scores: Iterable[Score]) -> list[Score]:
+    return sorted(scores, key=lambda score: -score.advantage.mean)
+
+
+def neutral(bench: Bench, simple: Fitted, rich: Hypothesis) -> Fitted:
+    """``simple`` written in the coordinates of ``rich``, its new terms neutral."""
+    layout = bench.layout(rich)
+    candidates = np.zeros((2, layout.size))
+    candidates[:, : at.N_BASE] = simple.candidates[:, : at.N_BASE]
+    for slug, place in simple.layout.places.items():
+        candidates[:, layout.places[slug]] = simple.candidates[:, place]
+    return scored(bench, layout, layout.bounds.clip(candidates))
+
+
+def reduced(bench: Bench, rich: Fitted, simple: Hypothesis) -> Floats:
+    """(2, size) the candidates of ``rich`` in the coordinates of ``simple``."""
+    layout = bench.layout(simple)
+    candidates = np.zeros((2, layout.size))
+    candidates[:, : at.N_BASE] = rich.candidates[:, : at.N_BASE]
+    for slug, place in layout.places.items():
+        candidates[:, place] = rich.candidates[:, rich.layout.places[slug]]
+    return layout.bounds.clip(candidates)
+
+
+def refined(bench: Bench, simple: Fitted, scores: list[Score]) -> tuple[Fitted, list[Score]]:
+    """The best scores searched with care, and ``simple`` restarted from each of them.
+
+    A local minimum of the simple hypothesis is the commonest false discovery.
+    """
+    careful = [
+        Score(one.term, again(bench, one.fitted, CAREFUL), one.advantage)
+        for one in scores[:REFINED]
+    ]
+    hypothesis = simple.layout.hypothesis
+    restarts = [reduced(bench, one.fitted, hypothesis) for one in careful]
+    if restarts:
+        simple = again(bench, simple, CAREFUL, *restarts)
+        simple = again(bench, simple, POLISH)
+    rest = [*careful, *scores[REFINED:]]
+    return simple, _ordered(
+        Score(one.term, one.fitted, gain(bench, simple, one.fitted)) for one in rest
+    )
+
+
+def passes(score: Score, bench: Bench, stage: int) -> bool:
+    """True where the gain is beyond what nothing hidden shows, and the size matters."""
+    enough = convincing(score.advantage, int(np.count_nonzero(bench.counts)), stage)
+    return enough and score.term.material(score.values, bench.look)
+
+
+def accepted(bench: Bench, scores: list[Score], stage: int) -> list[Score]:
+    """The terms that explain the recording, the one to take first; those after it as good."""
+    passing = [one for one in scores if passes(one, bench, stage)]
+    if not passing:
+        return []
+    best = passing[0]
+    for simpler in passing[1:]:
+        if simpler.slug in best.term.contains and _nearly(bench, simpler, best):
+            best = simpler
+            break
+    rivals = [one for one in passing if one is not best and _as_good(bench, one, best)]
+    return [best, *rivals]
+
+
+def _nearly(bench: Bench, simple: Score, rich: Score) -> bool:
+    """True where the richer term is not clearly better than the simpler one that it contains."""
+    more = gain(bench, simple.fitted, rich.fitted)
+    return more.mean < NEARLY or more.t < 1.0
+
+
+def _as_good(bench: Bench, rival: Score, best: Score) -> bool:
+    return gain(bench, rival.fitted, best.fitted).t < AS_GOOD
+
+
+def name(base: Base, terms: Iterable[Term]) -> Named:
+    """Build the hypothesis up from the base with the ``terms`` that the recording can show."""
+    bench, simple = base.bench, base.fitted
+    left = list(terms)
+    stages: list[Stage] = []
+    first = simple
+    for stage in range(MOST_TERMS):
+        scores = screened(bench, simple, left, LOOK)
+        simple, scores = refined(bench, simple, scores)
+        if stage == 0:
+            first = simple
+        found = accepted(bench, scores, stage)
+        stages.append(Stage(simple, tuple(scores), tuple(found)))
+        if not found:
+            break
+        simple = again(bench, found[0].fitted, POLISH)
+        left = [term for term in left if term.slug != found[0].slug]
+    fitted, needed = pruned(bench, simple, [stage for stage in stages if stage.accepted])
+    return Named(bench=bench, base=first, fitted=fitted, needed=tuple(needed), stages=tuple(stages))
+
+
+def pruned(bench: Bench, fitted: Fitted, stages: list[Stage]) -> tuple[Fitted, list[Needed]]:
+    """Drop each term, first come first, that is no longer needed now that the later ones are there.
+
+    The first term of two has often stood in for both.
+    """
+    if len(stages) == 1:
+        only = stages[0]
+        return fitted, [Needed(only, only.before, gain(bench, only.before, fitted))]
+    needed: list[Needed] = []
+    for stage in stages:
+        lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)
+        begun = scored(bench, bench.layout(lacking), reduced(bench, fitted, lacking))
+        without = again(bench, begun, CAREFUL)
+        advantage = gain(bench, without, fitted)
+        if convincing(advantage, int(np.count_nonzero(bench.counts)), stage=1):
+            needed.append(Needed(stage, without, advantage))
+        else:
+            fitted = without
+    if len(needed) == 1:
+        return pruned(bench, fitted, [needed[0].stage])
+    return fitted, needed

@@ -1,0 +1,98 @@
+"""When the recorded stem lets go: seen in the position alone, without a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from stemwatch.models.recording import Bools, Floats
+
+REST_S = 3.0  # a stem rests when it has not moved for this long, or for three samples
+DEPARTS = 4.5  # standard deviations of the noise, twice in a row or twice as far once
+LEAST_PERCENT = 0.15
+MEMORY = 5  # samples over which a resting position is averaged: a stem may creep
+Samples = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Onsets:
+    """``at`` (m,) first samples of motion after a rest, ``side`` (m,) 1.0 rising, -1.0 falling,
+    ``rested`` (m,) the samples rested before, ``place`` (m,) where, percent of MV."""
+
+    at: Samples
+    side: Floats
+    rested: Samples
+    place: Floats
+
+    def upcoming(self, n: int) -> tuple[Samples, Samples]:
+        """(n,) each: the next onset at or after a sample, rising and falling; n where none."""
+        return _upcoming(self.at[self.side > 0], n), _upcoming(self.at[self.side < 0], n)
+
+
+def _upcoming(at: Samples, n: int) -> Samples:
+    padded = np.append(at, n)
+    return np.asarray(padded[np.searchsorted(at, np.arange(n), side="left")]).astype(np.int64)
+
+
+@njit(cache=True)
+def _scan(
+    mv: Floats,
+    usable: Bools,
+    far: float,
+    rest: int,
+    at: Samples,
+    side: Floats,
+    rested: Samples,
+    place: Floats,
+) -> int:
+    """Follow the position: rest until it departs from its mean, motion until it is still."""
+    count = 0
+    resting = False
+    total, samples, lasted = 0.0, 0, 0
+    for k in range(1, mv.size):
+        if not usable[k] or not usable[k - 1]:
+            resting, samples = False, 0
+            continue
+        if resting:
+            mean = total / samples
+            off = mv[k] - mean
+            ahead = mv[k + 1] - mean if k + 1 < mv.size else off
+            gone = abs(off) > 2.0 * far or (abs(off) > far and ahead * off > 0 and abs(ahead) > far)
+            if gone:
+                at[count], rested[count], place[count] = k, lasted, mean
+                side[count] = 1.0 if off > 0 else -1.0
+                count += 1
+                resting, samples = False, 0
+            else:
+                # The mean of the last samples only: a stem may creep, a reading may drift.
+                if samples < MEMORY:
+                    total += mv[k]
+                else:
+                    total += mv[k] - total / samples
+                samples = min(samples + 1, MEMORY)
+                lasted += 1
+        else:
+            samples += 1
+            if samples >= rest:
+                low = high = mv[k]
+                total = 0.0
+                for i in range(k - rest + 1, k + 1):
+                    low, high = min(low, mv[i]), max(high, mv[i])
+                    total += mv[i]
+                if high - low <= far:
+                    resting, samples, lasted = True, rest, rest
+    return count
+
+
+def onsets(mv: Floats, usable: Bools, sigma: float, interval_s: float) -> Onsets:
+    """The breakaways of a position (n,) with noise ``sigma``, percent; finite where usable."""
+    n = mv.size
+    far = max(DEPARTS * sigma, LEAST_PERCENT)
+    rest = max(round(REST_S / interval_s), 3)
+    at, rested = np.empty(n, np.int64), np.empty(n, np.int64)
+    side, place = np.empty(n), np.empty(n)
+    count = _scan(mv, usable, far, rest, at, side, rested, place)
+    return Onsets(at[:count], side[:count], rested[:count], place[:count])

@@ -1,0 +1,98 @@
+"""The reading's own numbers, which every hypothesis has: findings only where materially off.
+
+A zero error, a span error and a stem that sticks again at speed are fitted along with everything.
+Each is a finding where the hypothesis is clearly worse on unseen blocks of time without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, gain, scored
+from stemwatch.models.mismatch.limits import convincing
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.parameters import Bounds
+
+# Coordinate of each, and the largest value that is nothing to speak of.
+COORDINATES = {
+    "span_error": (at.GAIN, 0.0),
+    "zero_shift": (at.ZERO, 0.0),
+    "low_speed_restick": (at.RESTICK, 0.12),
+}
+DRIFT = "sensor_drift"
+LEAST_ZERO = 0.4  # percent, all through a drift
+
+
+@dataclass(frozen=True)
+class Off:
+    """A number of the reading that is materially off."""
+
+    term: Term
+    advantage: Advantage
+    without: Fitted  # the hypothesis with the number held at neutral
+
+
+def pinned(layout: Layout, coordinate: int, most: float) -> Layout:
+    """``layout`` with one base coordinate held at neutral, or below ``most``."""
+    low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
+    low[coordinate], high[coordinate] = 0.0, min(most, float(high[coordinate]))
+    return replace(layout, bounds=Bounds(low, high))
+
+
+def values_of(slug: str, candidate: Floats) -> Floats:
+    """(1,) the coordinate of a reading's term in a candidate."""
+    return np.asarray(candidate[[COORDINATES[slug][0]]])
+
+
+def findings(bench: Bench, fitted: Fitted, terms: dict[str, Term]) -> tuple[list[Off], Fitted]:
+    """What is off, and ``fitted`` with the gain held at 1 where that is not a finding.
+
+    The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
+    """
+    found: list[Off] = []
+    for slug, (coordinate, most) in COORDINATES.items():
+        if slug not in terms or (slug == "zero_shift" and _explained(fitted, found)):
+            continue
+        off = _dropped(bench, fitted, terms[slug], coordinate, most)
+        if off is not None:
+            found.append(off)
+        elif slug == "span_error":
+            fitted = without(bench, fitted, coordinate, most)
+    return found, fitted
+
+
+def _explained(fitted: Fitted, found: list[Off]) -> bool:
+    """True where a zero error is part of another finding: a span error turns about some point of
+    the stroke, and a drift that began or ended at zero is off in between."""
+    if any(one.term.slug == "span_error" for one in found):
+        return True
+    if DRIFT not in fitted.layout.places:
+        return False
+    zero = float(fitted.candidates[:, at.ZERO].mean())
+    half = 0.5 * float(fitted.values(DRIFT)[:, 0].mean())
+    least = min(abs(zero - half), abs(zero), abs(zero + half))
+    return least < LEAST_ZERO or abs(half) > abs(zero)
+
+
+def without(bench: Bench, fitted: Fitted, coordinate: int, most: float) -> Fitted:
+    """``fitted`` with one base coordinate held at neutral, refitted."""
+    layout = pinned(fitted.layout, coordinate, most)
+    begun = scored(bench, layout, layout.bounds.clip(fitted.candidates))
+    return again(bench, begun, CAREFUL)
+
+
+def _dropped(bench: Bench, fitted: Fitted, term: Term, coordinate: int, most: float) -> Off | None:
+    value = fitted.candidates.mean(axis=0)[[coordinate]]
+    if not term.material(value, bench.look):
+        return None
+    plain = without(bench, fitted, coordinate, most)
+    advantage = gain(bench, plain, fitted)
+    if not convincing(advantage, int(np.count_nonzero(bench.counts))):
+        return None
+    return Off(term, advantage, plain)

@@ -1,0 +1,35 @@
+"""Signals that are refreshed less often than they are recorded: scanned slowly, or averaged."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.recording import Floats
+
+LEAST_CHANGES = 30
+ON_TIME = 0.98  # share of the changes that fall on the refresh
+LONGEST = 120  # samples between refreshes
+
+
+def refresh_period(values: Floats) -> tuple[int, int]:
+    """Samples between refreshes of a signal (n,), and the first of them: (1, 0) where it may change
+    at any sample.
+
+    The longest period on which at least 98 % of its changes fall, from at least 30 changes.
+    """
+    changes = np.flatnonzero(np.abs(np.diff(values)) > 0.0) + 1
+    if changes.size < LEAST_CHANGES:
+        return 1, 0
+    for period in range(min(LONGEST, values.size // LEAST_CHANGES), 1, -1):
+        place, share = _favourite(changes, period)
+        if share >= ON_TIME:
+            return period, place
+    return 1, 0
+
+
+def _favourite(changes: NDArray[np.int64], period: int) -> tuple[int, float]:
+    """The phase of a period at which most changes fall, and their share."""
+    counts = np.bincount(changes % period, minlength=period)
+    place = int(counts.argmax())
+    return place, float(counts[place] / changes.size)

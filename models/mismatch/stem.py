@@ -1,0 +1,263 @@
+"""The stem's kernel: sticking, slipping, sliding, stops, play and the reading, over a force.
+
+The element is the canonical one of Choudhury, Thornhill and Shah (2005): levels
+``fs = (S + J)/2`` and ``fd = (S - J)/2``, ``F = p - x - force(x)``. What is added to it:
+
+- whether a moving stem sticks again is decided by its own speed and the force on it. With
+  ``gap = d F - fd`` the stem moves ``a gap`` in a sample, ``a = 1 - exp(-dt / DRAG_S)``; it sticks
+  where that is no faster than ``RESTICK``. Without drag ``gap`` is the step of the force, and this
+  is the canonical test; with drag, the stem goes on after the command has turned.
+- friction may depend on place (``friction``, added to both levels), on the rest before
+  (``breakaway``, added to ``fs``), on direction (``ASYMMETRY``: J (1 + a) rising, J (1 - a)
+  falling) and on time (``GROWTH``: both levels times 1 + g t/T),
+- a force may depend on place (``force``), a resting stem may creep, stops may hold it,
+- between stem and reading there may be play, and the reading may drift:
+  ``MV = gain (z - 50) + 50 + zero + drift (t/T - 1/2) + wander(t)``.
+
+No two breakaways of a real stem are equal (5 to 12 % scatter is normal), and on a slow ramp a
+breakaway that comes a little late costs a whole jump for a long time. A run may therefore be
+*assimilated*: where the recording shows the stem let go (``onsets``), and the force is within a
+window of ``fs``, the stem lets go there, and what is charged is how far the force was from
+``fs``, not the time. All hypotheses are compared this way; what is shown to people is a free run.
+
+The tables over place have ``PLACES`` entries from ``PLACE_LOW`` to ``PLACE_HIGH`` percent and are
+read by linear interpolation, so that a new law of friction needs no change here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+(
+    S,
+    J,
+    ASYMMETRY,
+    GROWTH,
+    CREEP,
+    DRAG_S,
+    RESTICK,
+    STOP_LOW,
+    STOP_HIGH,
+    PLAY,
+    GAIN,
+    ZERO,
+    DRIFT,
+    BY_PLACE,
+    BY_REST,
+    BY_TIME,
+) = range(16)
+N_NUMBERS = 16
+
+EVENT = 3.0  # samples that a breakaway counts for
+PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
+_START, _RESYNC = 1, 2
+_ROUNDING = 1e-9  # percent; a smaller step of the force is a held command
+# A stem that drags towards its end of travel never quite arrives; below this speed it stands.
+_STANDS_BELOW = 0.01  # percent per second
+_PATIENCE_S = 120.0  # how long an assimilated run waits for a breakaway that the recording shows
+
+
+@dataclass
+class Stem:
+    """Numbers (16,) and tables of one run; ``clear`` makes it the canonical element again.
+
+    ``friction`` and ``force`` (141,) over place, ``breakaway`` (n + 1,) over the samples rested,
+    ``wander`` (n + 1,) of the reading over time, all in percent of span. A term that fills a table
+    sets ``numbers[BY_PLACE]``, ``numbers[BY_REST]`` or ``numbers[BY_TIME]`` to 1.
+    """
+
+    numbers: Floats
+    friction: Floats
+    force: Floats
+    breakaway: Floats
+    wander: Floats
+    interval_s: float
+
+    @classmethod
+    def neutral(cls, samples: int, interval_s: float) -> Stem:
+        """A stem without friction whose tables suit a recording of ``samples``."""
+        times = np.zeros(samples + 1), np.zeros(samples + 1)
+        tables = np.zeros(PLACES), np.zeros(PLACES), *times
+        stem = cls(np.zeros(N_NUMBERS), *tables, interval_s)
+        stem.clear()
+        return stem
+
+    def clear(self) -> None:
+        """Everything neutral; the tables only where they were used."""
+        q = self.numbers
+        if q[BY_PLACE] != 0.0:
+            self.friction[:] = 0.0
+            self.force[:] = 0.0
+        if q[BY_REST] != 0.0:
+            self.breakaway[:] = 0.0
+        if q[BY_TIME] != 0.0:
+            self.wander[:] = 0.0
+        q[:] = 0.0
+        q[GAIN], q[STOP_LOW], q[STOP_HIGH] = 1.0, -np.inf, np.inf
+
+
+def places() -> Floats:
+    """(141,) the places of the tables, percent of travel."""
+    return np.linspace(PLACE_LOW, PLACE_HIGH, PLACES)
+
+
+@njit(cache=True)
+def _at(table: Floats, x: float) -> float:
+    """The table at place ``x``, linear between its entries and constant beyond."""
+    place = (x - PLACE_LOW) * ((PLACES - 1) / (PLACE_HIGH - PLACE_LOW))
+    place = min(max(place, 0.0), PLACES - 1.000001)
+    i = int(place)
+    value: float = table[i] + (place - i) * (table[i + 1] - table[i])
+    return value
+
+
+@njit(cache=True)
+def _clip(x: float, low: float, high: float) -> float:
+    inside: float = min(max(x, low), high)
+    return inside
+
+
+@njit(cache=True)
+def run(  # noqa: C901  # one loop without calls between samples is what makes it fast
+    p: Floats,
+    mv: Floats,
+    marks: Marks,
+    dt: float,
+    q: Floats,
+    friction: Floats,
+    force: Floats,
+    breakaway: Floats,
+    wander: Floats,
+    next_up: NDArray[np.int64],
+    next_down: NDArray[np.int64],
+    window: float,
+    early_late: Floats,
+    out: Floats,
+) -> None:
+    """Run of the stem over the force ``p`` (n,), percent, into ``out`` (n,), percent of MV.
+
+    ``marks`` (n,): at START the whole state is taken from ``mv``, at RESYNC only the place where a
+    resting stem rests. ``p`` must be finite. ``next_up`` and ``next_down`` (n,) are the samples at
+    which the recorded stem next lets go, or n; ``window`` (a share of ``fs``, 0: a free run) is how
+    far from ``fs`` it may do so, and ``early_late`` (n,) receives how far the force was below
+    (negative) or beyond ``fs`` at each assimilated breakaway, percent, else 0.
+    """
+    n = p.size
+    s0, j0, asym, growth, creep = q[0], q[1], q[2], q[3] / n, q[4] * dt
+    share = 1.0 - np.exp(-dt / q[5]) if q[5] > 1e-3 else 1.0
+    # The speed below which the stem sticks, as a gap; a negative one lets only a turn stop it.
+    least = max(q[6], _STANDS_BELOW if share < 1.0 else 0.0) * dt / share
+    least = max(least, _ROUNDING) if q[6] >= 0.0 else -_ROUNDING
+    low, high, half = q[7], q[8], 0.5 * q[9]
+    gain, zero, drift = q[10], q[11], q[12] / n
+    by_place, by_rest, by_time = q[13] != 0.0, q[14] != 0.0, q[15] != 0.0
+    inverse = 1.0 / gain
+    x = z = p[0]
+    moving, d, rest = False, 1.0, 0
+    before = 0.0  # the force of the sample before
+    patience = int(_PATIENCE_S / dt)
+    for k in range(n):
+        mark = marks[k]
+        early_late[k] = 0.0
+        offset = 50.0 + zero + drift * (k - 0.5 * n)
+        if by_time:
+            offset += wander[k]
+        if mark == _START or (mark == _RESYNC and not moving):
+            seen = mv[k] if mark == _START else mv[k - 1]
+            z = (seen - offset) * inverse + 50.0
+            band = 0.5 * abs(s0 + j0) * (1.0 + abs(growth) * k) + half
+            if by_place:
+                band += abs(_at(friction, z)) + abs(_at(force, z))
+            z = _clip(z, p[k] - band, p[k] + band)
+            if mark == _START:
+                x, moving, d, rest = z, False, 1.0, 0
+            else:
+                # The stem rests within the play of its reading.
+                x = _clip(x, z - half, z + half)
+        if mark != _START:
+            extra = push = 0.0
+            if by_place:
+                extra = _at(friction, x)
+                push = _at(force, x)
+            grown = 1.0 + growth * k
+            level = 0.5 * s0 * grown + extra
+            f = p[k] - x - push
+            if moving:
+                fd = level - 0.5 * j0 * grown * (1.0 + d * asym)
+                if d * f - fd <= least:
+                    moving, rest = False, 0
+            if not moving:
+                side = 1.0 if f > 0.0 else -1.0
+                fs = level + 0.5 * j0 * grown * (1.0 + side * asym)
+                if by_rest:
+                    fs += breakaway[rest]
+                size = abs(f)
+                goes = size > fs
+                if window > 0.0 and size > (1.0 - window) * fs:
+                    seen_at = next_up[k] if side > 0.0 else next_down[k]
+                    if seen_at == k:
+                        goes = True
+                        # It let go between two samples: neither early nor late if fs lies between.
+                        if size < fs:
+                            early_late[k] = size - fs
+                        elif side * before > fs:
+                            early_late[k] = min(side * before, size) - fs
+                    elif goes and size <= (1.0 + window) * fs and seen_at - k <= patience:
+                        goes = False
+                if goes:
+                    moving, d = True, side
+                else:
+                    rest += 1
+                    x += creep
+            if moving:
+                fd = level - 0.5 * j0 * grown * (1.0 + d * asym)
+                gap = d * f - fd
+                if gap > 0.0:
+                    x += share * d * gap
+            before = p[k] - x - push
+            x = _clip(x, low, high)
+            z = _clip(z, x - half, x + half)
+        out[k] = gain * (z - 50.0) + offset
+
+
+@njit(cache=True)
+def block_loss(
+    simulated: Floats,
+    mv: Floats,
+    block: NDArray[np.int64],
+    delta: float,
+    early_late: Floats,
+    scatter: float,
+    losses: Floats,
+) -> None:
+    """Sums of the Cauchy loss ``delta^2 log(1 + (r/delta)^2)`` per block into ``losses`` (b,).
+
+    ``block`` (n,) is the block number of a sample, negative where it is not scored; neighbours
+    must be grouped. One logarithm serves many samples. An assimilated breakaway ``early_late``
+    percent from its level costs ``EVENT`` times ``delta^2 log(1 + (early_late/scatter)^2)``.
+    """
+    losses[:] = 0.0
+    scale = 1.0 / (delta * delta)
+    product, current = 1.0, -1
+    for k in range(simulated.size):
+        b = block[k]
+        if b < 0:
+            continue
+        if b != current or product > 1e200:
+            if current >= 0:
+                losses[current] += np.log(product) / scale
+            product, current = 1.0, b
+        r = mv[k] - simulated[k]
+        product *= 1.0 + r * r * scale
+        if early_late[k] != 0.0:
+            e = early_late[k] / scatter
+            losses[current] += EVENT * np.log(1.0 + e * e) / scale
+    if current >= 0:
+        losses[current] += np.log(product) / scale

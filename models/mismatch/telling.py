@@ -1,0 +1,109 @@
+"""Accepted terms in words: sentence, where it shows, what to check, which test would tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch.findings import Effect, Evidence
+from stemwatch.models.mismatch.locate import locate
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.uncertainty import estimate
+from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.stickslip.fit import Advantage
+
+FLOW_UNITS = ("/h", "/s", "/min", "gpm", "scfm", "lpm")
+GOES_WITH = 0.5  # correlation of flow and position from which it tells the direction
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Words for the two directions of the position."""
+
+    rising: str = "rising"
+    falling: str = "falling"
+
+
+def directions(recording: Recording) -> Directions:
+    """ "opening" and "closing" where a flow goes with the position, else "rising" and "falling"."""
+    pv, mv = recording.get(Role.PV), recording.mv
+    if pv is None or mv is None or not pv.unit.lower().endswith(FLOW_UNITS):
+        return Directions()
+    both = recording.usable & pv.usable
+    if np.count_nonzero(both) < 100:
+        return Directions()
+    a, b = mv.values[both], pv.values[both]
+    if np.std(a) == 0.0 or np.std(b) == 0.0:
+        return Directions()
+    together = float(np.corrcoef(a, b)[0, 1])
+    if together > GOES_WITH:
+        return Directions("opening", "closing")
+    return Directions("closing", "opening") if together < -GOES_WITH else Directions()
+
+
+def estimates(term: Term, values: Floats, drawn: Floats) -> dict[str, Estimate]:
+    """The term's parameters in field units from its best coordinates (k,) and draws (m, k)."""
+    best = term.parameters(values)
+    spread = [term.parameters(one) for one in drawn]
+    found = {}
+    for name, (value, unit) in best.items():
+        found[name] = estimate(np.array([one[name][0] for one in spread]), value, unit)
+    return found
+
+
+def effect(
+    bench: Bench,
+    term: Term,
+    members: tuple[str, ...],
+    values: Floats,
+    drawn: Floats,
+    advantage: Advantage,
+    share: float,
+    without: tuple[Layout, Floats],
+    way: Directions,
+) -> Effect:
+    """One accepted term, told. ``without`` is the best model that lacks it."""
+    parameters = estimates(term, values, drawn)
+    return Effect(
+        slug=term.slug,
+        members=members,
+        sentence=term.sentence(parameters, way.rising, way.falling),
+        where=_where(bench, *without),
+        check=term.words.check,
+        decide=term.words.decide,
+        parameters=parameters,
+        evidence=Evidence(
+            mean=advantage.mean, t=advantage.t, share=share, note=_note(advantage, members)
+        ),
+    )
+
+
+def _where(bench: Bench, layout: Layout, candidate: Floats) -> str:
+    """The hottest place of the residual that is left without the effect."""
+    problem = bench.problem
+    simulated, _ = bench.assimilated(layout, candidate)
+    found = locate(
+        problem.op,
+        problem.mv,
+        simulated,
+        problem.scored,
+        problem.block,
+        problem.interval_s,
+        problem.sigma,
+    )
+    return found.hot[0].sentence if found.hot else "Spread over the record, no single place."
+
+
+def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
+    lower = 100.0 * (1.0 - float(np.exp(-advantage.mean)))
+    note = (
+        f"It lowers the error on unseen blocks of time by {lower:.0f} % "
+        f"({advantage.t:.1f} standard errors)"
+    )
+    if len(members) > 1:
+        others = ", ".join(one.replace("_", " ") for one in members[1:])
+        return f"{note}; this recording cannot tell it from {others}."
+    return f"{note}; no other effect of the catalogue does as well."

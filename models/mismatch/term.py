@@ -1,0 +1,108 @@
+"""The seam of the catalogue: one effect that the stiction model leaves out, one file in ``terms/``.
+
+A term is neutral where all its coordinates are 0, so that every hypothesis contains S and J alone.
+It acts in one of three ways:
+
+- ``Way.COMMAND``: it shapes the command on its way to the force on the stem (``shape``),
+- ``Way.STEM``: it fills what the stem's kernel knows of friction, force, stops and play (``fill``),
+- ``Way.READING``: it is one of the reading's own numbers (zero, gain), free in every hypothesis
+  and a finding only where it is materially off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+
+class Way(StrEnum):
+    """Where in the chain a term acts."""
+
+    COMMAND = "command"
+    STEM = "stem"
+    READING = "reading"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coordinate:
+    """One search coordinate of a term, neutral at 0, with its plausible range."""
+
+    name: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """What a term may know of a recording to choose its ranges and to judge what matters."""
+
+    interval_s: float
+    duration_s: float
+    op_low: float  # percent, 1st percentile
+    op_high: float
+    mv_low: float
+    mv_high: float
+    sigma: float  # noise of MV, percent
+    S: float  # of the base fit, percent
+    J: float
+
+    @property
+    def swing(self) -> float:
+        return self.op_high - self.op_low
+
+
+@dataclass(frozen=True, kw_only=True)
+class Words:
+    """What a maintenance engineer reads; no jargon, no slug."""
+
+    plain: str  # "The actuator or the I/P converter takes seconds to fill or vent"
+    check: str  # what to look at in the field
+    decide: str  # the test that tells it from its neighbours
+
+
+class Term(Protocol):
+    """One effect of the catalogue; a module-level ``TERM`` in ``terms/SLUG.py``."""
+
+    slug: str
+    way: Way
+    order: int  # among the terms of its way: the order in the chain
+    contains: tuple[str, ...]  # slugs of simpler terms that are special cases of this one
+    words: Words
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The coordinates (k,) with ranges that suit the recording."""
+        ...
+
+    def starts(self, look: Look) -> Floats:
+        """(m, k) values from which a search begins; a grid over the plausible sizes."""
+        ...
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """COMMAND: write the shaped ``command`` (n,) to ``out`` (n,); restarts at START."""
+        ...
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """STEM: write the term into the stem's numbers and tables."""
+        ...
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """True where an effect of this size is worth a work order."""
+        ...
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The coordinates in the terms of the field: name to (value, unit)."""
+        ...
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """One sentence with numbers; ``rising`` and ``falling`` are words for the directions
+        ("opening" and "closing" where the flow tells them)."""
+        ...

@@ -1,0 +1,73 @@
+"""What the terms of one way have in common: what they need not do, and words for their numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Way
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+
+class CommandTerm:
+    """A term that shapes the command and leaves the stem alone."""
+
+    way = Way.COMMAND
+    contains: tuple[str, ...] = ()
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """Nothing: it acts on the command."""
+
+
+class StemTerm:
+    """A term that changes the stem and leaves the command as it is."""
+
+    way = Way.STEM
+    contains: tuple[str, ...] = ()
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """The command as it is: it acts on the stem."""
+        out[:] = command
+
+
+class ReadingTerm(StemTerm):
+    """A term that is one of the reading's own numbers."""
+
+    way = Way.READING
+
+
+def either_sign(*sizes: float) -> Floats:
+    """(2 m, 1) starts: every size rising and falling."""
+    column = np.array(sizes)[:, None]
+    return np.concatenate([-column, column])
+
+
+def grid(*axes: tuple[float, ...] | Floats) -> Floats:
+    """(m, k) starts: every combination of the values on k axes."""
+    mesh = np.meshgrid(*axes, indexing="ij")
+    return np.stack([axis.ravel() for axis in mesh], axis=1).astype(np.float64)
+
+
+def number(estimate: Estimate) -> float:
+    """The value, or NaN where there is none, so that no comparison holds."""
+    return nan if estimate.value is None else estimate.value
+
+
+def size(estimate: Estimate) -> Estimate:
+    """The estimate without its sign; the direction is said in words.
+
+    An interval that reaches across 0 begins at 0 then: the direction itself is in doubt.
+    """
+    if estimate.value is None or estimate.value >= 0.0:
+        low = None if estimate.low is None else max(estimate.low, 0.0)
+        return replace(estimate, low=low)
+    low = None if estimate.high is None else max(-estimate.high, 0.0)
+    high = None if estimate.low is None else -estimate.low
+    return replace(estimate, value=-estimate.value, low=low, high=high)

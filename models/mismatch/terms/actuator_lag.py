@@ -1,0 +1,86 @@
+"""Actuator lag: ``p += (1 - exp(-dt/tau)) (u - p)``, before the stem. Neutral: ``tau = 0``.
+
+Signature: the stem breaks away late and arrives late after every move, by an amount that grows
+with the command's speed and dies out once the command rests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import CommandTerm
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+MATERIAL_S = 0.7  # a slip that takes less is how good valves are
+
+
+@njit(cache=True)
+def lagged(command: Floats, marks: Marks, dt: float, tau_s: float, out: Floats) -> None:
+    """First-order lag of ``command`` (n,) into ``out`` (n,), percent; at rest where marked START.
+
+    ``dt`` and ``tau_s`` in seconds.
+    """
+    share = 1.0 - np.exp(-dt / tau_s) if tau_s > 1e-3 else 1.0
+    p = command[0]
+    for k in range(command.size):
+        p = command[k] if marks[k] == 1 else p + share * (command[k] - p)
+        out[k] = p
+
+
+class ActuatorLag(CommandTerm):
+    """See the module."""
+
+    slug = "actuator_lag"
+    order = 20
+    words = Words(
+        plain="the actuator or its I/P converter takes seconds to fill or vent",
+        check=(
+            "Check the air supply pressure at the valve, the tubing (length, bore, leaks), the "
+            "I/P converter's nozzle and filter, and the diaphragm or piston seals. Where all is "
+            "well, a volume booster or a positioner with more air capacity shortens it."
+        ),
+        decide=(
+            "Step OP by 2 % and by 10 %, then ramp it at two speeds: a lag delays the start of "
+            "the motion the more, the faster the ramp; grease on the stem (drag) does not delay "
+            "it; a dead time delays it by the same time always."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The time constant, up to 15 s or ten samples."""
+        return (Coordinate(name="tau_s", low=0.0, high=max(15.0, 10.0 * look.interval_s)),)
+
+    def starts(self, look: Look) -> Floats:
+        """From half a second or half a sample upwards."""
+        unit = max(look.interval_s, 1.0)
+        return np.array([[0.5], [1.0], [2.0], [4.0], [6.0]]) * unit
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """The lagged command."""
+        lagged(command, marks, interval_s, float(values[0]), out)
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """A slip that takes 0.2 s is not worth a work order."""
+        return bool(values[0] >= max(MATERIAL_S, 0.7 * look.interval_s))
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The time constant."""
+        return {"tau": (float(values[0]), "s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            f"The actuator follows its command with a lag of {parameters['tau']} both ways: "
+            f"{self.words.plain}."
+        )
+
+
+TERM: Term = ActuatorLag()

@@ -1,0 +1,108 @@
+"""Asymmetric lag: as ``actuator_lag``, with ``tau_up`` where ``u > p`` and ``tau_down`` where
+``u < p``. Neutral: both 0; equal values are the actuator lag.
+
+Signature: late breakaways and late arrivals in one direction only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import CommandTerm, number
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+MATERIAL_S = 0.7  # as for the lag
+# Springs, seals and relays never fill and vent quite alike; below this ratio it is one lag.
+MATERIAL_RATIO = 1.5
+AT_ONCE_S = 0.1  # seconds; quicker than any recording shows
+
+
+@njit(cache=True)
+def lagged_by_direction(
+    command: Floats, marks: Marks, dt: float, up_s: float, down_s: float, out: Floats
+) -> None:
+    """Lag of ``command`` (n,) into ``out`` (n,), percent; at rest where marked START.
+
+    ``up_s`` and ``down_s`` are the time constants towards a higher and a lower command, seconds.
+    """
+    up = 1.0 - np.exp(-dt / up_s) if up_s > 1e-3 else 1.0
+    down = 1.0 - np.exp(-dt / down_s) if down_s > 1e-3 else 1.0
+    p = command[0]
+    for k in range(command.size):
+        if marks[k] == 1:
+            p = command[k]
+        else:
+            error = command[k] - p
+            p += (up if error > 0.0 else down) * error
+        out[k] = p
+
+
+class AsymmetricLag(CommandTerm):
+    """See the module."""
+
+    slug = "asymmetric_lag"
+    order = 20
+    contains: tuple[str, ...] = ("actuator_lag",)
+    words = Words(
+        plain="the actuator fills faster than it vents, or the other way round",
+        check=(
+            "Check the side that is slow: for venting, the exhaust port, its silencer and a quick "
+            "exhaust valve; for filling, the supply pressure, filter regulator and tubing. Then "
+            "the positioner's relay, a one-way restrictor in the line, and the diaphragm for "
+            "leaks."
+        ),
+        decide=(
+            "Step OP by 5 % and by 20 % in the slow direction: with a lag the speed grows with "
+            "the step, with a speed limit it stays the same."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The two time constants, up to 15 s or ten samples."""
+        high = max(15.0, 10.0 * look.interval_s)
+        return (
+            Coordinate(name="tau_up_s", low=0.0, high=high),
+            Coordinate(name="tau_down_s", low=0.0, high=high),
+        )
+
+    def starts(self, look: Look) -> Floats:
+        """Four sizes, each way, with the other way at a third of it or at 0."""
+        slow = max(look.interval_s, 1.0) * np.array([1.5, 3.0, 5.0, 8.0])
+        ways = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.3)]
+        return np.concatenate([*ways, *(pair[:, ::-1] for pair in ways)])
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """The lagged command."""
+        lagged_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """The slower side counts, and only where it is clearly the slower one."""
+        fast, slow = sorted((float(values[0]), float(values[1])))
+        return slow >= max(MATERIAL_S, 0.7 * look.interval_s) and slow >= MATERIAL_RATIO * fast
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The time constants of the position."""
+        return {"tau_rising": (float(values[0]), "s"), "tau_falling": (float(values[1]), "s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        up, down = parameters["tau_rising"], parameters["tau_falling"]
+        if number(up) > number(down):
+            slow, fast, slowly, quickly = up, down, rising, falling
+        else:
+            slow, fast, slowly, quickly = down, up, falling, rising
+        other = f"by only {fast} when {quickly}"
+        if number(fast) < AT_ONCE_S:
+            other = f"follows at once when {quickly}"
+        return f"The actuator lags by {slow} when {slowly} but {other}: {self.words.plain}."
+
+
+TERM: Term = AsymmetricLag()

@@ -1,0 +1,119 @@
+"""Asymmetric rate limit: ``dp = clip(u - p, -R_down dt, R_up dt)``. Neutral: both ``inf``.
+
+The coordinates are slownesses ``1/R`` in seconds per percent; equal values are the rate limit.
+
+Signature: long straight returns after fast moves in one direction only; the other is followed.
+S and J alone read the slow direction as a wide dead band.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import CommandTerm, number
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+SLOWEST = 8.0  # s per %, as for the rate limit
+FREE = 100.0  # %/s, as for the rate limit
+MATERIAL = 10.0  # %/s, as for the rate limit
+MATERIAL_RATIO = 1.5  # below, it is one limit
+
+
+@njit(cache=True)
+def limited_by_direction(
+    command: Floats, marks: Marks, dt: float, up: float, down: float, out: Floats
+) -> None:
+    """``command`` (n,) at no more than its top speeds into ``out`` (n,), percent.
+
+    ``up`` and ``down`` are slownesses in seconds per percent, 0 is no limit; at rest where marked
+    START.
+    """
+    most_up = dt / up if up > 0.0 else np.inf
+    most_down = dt / down if down > 0.0 else np.inf
+    p = command[0]
+    for k in range(command.size):
+        error = command[k] - p
+        if marks[k] == 1 or -most_down <= error <= most_up:
+            p = command[k]
+        else:
+            p += most_up if error > 0.0 else -most_down
+        out[k] = p
+
+
+class AsymmetricRateLimit(CommandTerm):
+    """See the module."""
+
+    slug = "asymmetric_rate_limit"
+    order = 30
+    contains: tuple[str, ...] = ("rate_limit",)
+    words = Words(
+        plain="the valve has a top speed in one direction and is faster in the other",
+        check=(
+            "Check what the slow direction alone uses: venting, the exhaust port, its silencer, a "
+            "quick exhaust valve, the booster's bypass needle; filling, the supply pressure, "
+            "filter regulator, volume tank and tubing. Then a one-way speed controller, and the "
+            "bench set where the spring alone drives the slow stroke."
+        ),
+        decide=(
+            "Step OP by 5 % and by 20 % in the slow direction: with a limit the speed stays the "
+            "same, with a lag it grows with the step. On a record, plot that speed against the "
+            "size of the error."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The two slownesses."""
+        high = SLOWEST * max(look.interval_s, 1.0)
+        return (
+            Coordinate(name="slowness_up_s_per_percent", low=0.0, high=high),
+            Coordinate(name="slowness_down_s_per_percent", low=0.0, high=high),
+        )
+
+    def starts(self, look: Look) -> Floats:
+        """Four limits, each way, with the other way free or four times as fast."""
+        unit = max(look.interval_s, 1.0)
+        fastest = min(max(look.swing / (2.0 * look.interval_s), 1.0 / unit), 6.0)
+        slow = 1.0 / np.geomspace(0.4 / unit, fastest, 4)
+        ways = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.25)]
+        return np.concatenate([*ways, *(pair[:, ::-1] for pair in ways)])
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """The limited command."""
+        limited_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """The slower side counts as for the rate limit, where it is clearly the slower one."""
+        fast, slow = sorted((float(values[0]), float(values[1])))
+        matters = slow * MATERIAL >= 1.0 and slow * look.swing >= 0.7 * look.interval_s
+        return matters and slow >= MATERIAL_RATIO * fast
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The top speeds of the position; 100 %/s stands for no limit."""
+        up, down = (1.0 / max(float(value), 1.0 / FREE) for value in values)
+        return {"rate_rising": (up, "%/s"), "rate_falling": (down, "%/s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        up, down = parameters["rate_rising"], parameters["rate_falling"]
+        slow, slowly, fast, quickly = down, falling, up, rising
+        if number(up) < number(down):
+            slow, slowly, fast, quickly = up, rising, down, falling
+        if number(fast) >= 0.99 * FREE:
+            other = f"is free when {quickly}"
+        else:
+            other = f"reaches {fast} when {quickly}"
+        return (
+            f"The valve moves at no more than {slow} when {slowly} but {other}: check the "
+            "exhaust restriction, the booster or the supply."
+        )
+
+
+TERM: Term = AsymmetricRateLimit()

@@ -1,0 +1,82 @@
+"""Asymmetric slip: the jump is ``J (1 + a)`` rising and ``J (1 - a)`` falling. Neutral: ``a = 0``.
+
+S is the same both ways: an asymmetry of S is exactly a bias of the force and cannot be told from
+a zero shift. The friction levels are ``(S +- J (1 +- a))/2``.
+
+Signature: slips of one direction are larger than those of the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number
+from stemwatch.models.recording import Floats
+
+# Jumps that differ by less than 1.5 to 1 lie within the scatter of a few dozen slips.
+MATERIAL = 0.2
+MOST = 0.95
+
+
+class AsymmetricSlip(StemTerm):
+    """See the module."""
+
+    slug = "asymmetric_slip"
+    order = 20
+    contains: tuple[str, ...] = ("zero_shift",)
+    words = Words(
+        plain="the stem jumps further in one direction than in the other",
+        check=(
+            "Check the packing for one-sided wear (chevron rings fitted upside down, a bent stem "
+            "that leans on its guide), piston seals of lip type, and an actuator that is weak in "
+            "the direction of the larger jump: bench set, spring, balance of the plug."
+        ),
+        decide=(
+            "Ramp OP slowly up and down over the same 10 % and compare the sizes of ten slips "
+            "each way: unequal jumps are this, equal jumps about a shifted middle are a zero "
+            "shift."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The asymmetry, positive where rising jumps are the larger ones."""
+        return (Coordinate(name="asymmetry", low=-MOST, high=MOST),)
+
+    def starts(self, look: Look) -> Floats:
+        """Ratios of the jumps of 1.7, 3.4 and 9, either way."""
+        return either_sign(0.25, 0.55, 0.8)
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The asymmetry of the jump."""
+        stem.numbers[at.ASYMMETRY] = values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """The larger jump is at least one and a half times the smaller."""
+        return bool(abs(values[0]) >= MATERIAL)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """Jump rising over jump falling."""
+        a = min(max(float(values[0]), -MOST), MOST)
+        return {"ratio": ((1.0 + a) / (1.0 - a), "")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads; the ratio is said as a number above 1."""
+        ratio, larger, smaller = parameters["ratio"], rising, falling
+        if number(ratio) < 1.0:
+            ratio, larger, smaller = _inverse(ratio), falling, rising
+        return f"The jumps when {larger} are {ratio} times those when {smaller}."
+
+
+def _inverse(ratio: Estimate) -> Estimate:
+    """The ratio seen from the other side; an end at or below 0 has no other side."""
+    value, low, high = (
+        None if v is None or v <= 0.0 else 1.0 / v for v in (ratio.value, ratio.high, ratio.low)
+    )
+    return Estimate(value=value, low=low, high=high)
+
+
+TERM: Term = AsymmetricSlip()

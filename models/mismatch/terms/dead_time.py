@@ -1,0 +1,92 @@
+"""Dead time: the command arrives ``theta`` late. Neutral: ``theta = 0``.
+
+``u_d[k] = (1 - f) u[k-n] + f u[k-n-1]`` with ``theta/dt = n + f``. It counts from the recorded OP
+to the recorded MV, so that a skew between their clocks is part of it and cannot be told from it.
+
+Signature: a pulse of the same length after every edge of the command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import CommandTerm
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+# Less lies within a scan of controller and recorder, where it cannot be told from sampling.
+MATERIAL = 0.8  # seconds, and samples
+
+
+@njit(cache=True)
+def late(command: Floats, marks: Marks, dt: float, theta_s: float, out: Floats) -> None:
+    """``command`` (n,) later by ``theta_s`` seconds into ``out`` (n,), another array, percent.
+
+    Linear between samples. What was before a START is not known: the command is held there.
+    """
+    whole = int(theta_s / dt)
+    part = theta_s / dt - whole
+    first = 0
+    for k in range(command.size):
+        if marks[k] == 1:
+            first = k
+        i = max(k - whole, first)
+        out[k] = command[i] + part * (command[max(i - 1, first)] - command[i])
+
+
+class DeadTime(CommandTerm):
+    """See the module."""
+
+    slug = "dead_time"
+    order = 10
+    words = Words(
+        plain="the command reaches the valve late, or the clocks of OP and MV differ",
+        check=(
+            "Compare how and when OP and MV are scanned and time-stamped. Then look for a filter "
+            "or a slow scan in the output card, the length and bore of the signal tubing, and a "
+            "positioner with a dead band or a delay in its settings."
+        ),
+        decide=(
+            "Look whether other valves from the same source show the same delay: then it is the "
+            "clock. Else step OP and watch the stem or the actuator's pressure gauge at the valve "
+            "itself: a real dead time is seen there, a clock skew is not."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The delay, up to 12 s or ten samples."""
+        return (Coordinate(name="theta_s", low=0.0, high=max(12.0, 10.0 * look.interval_s)),)
+
+    def starts(self, look: Look) -> Floats:
+        """Close enough together that an edge of a few seconds finds its place."""
+        unit = max(look.interval_s, 1.0)
+        return np.array([[0.5], [1.0], [1.75], [2.5], [3.5], [4.5], [6.0]]) * unit
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """The delayed command."""
+        late(command, marks, interval_s, float(values[0]), out)
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """More than what scanning alone makes."""
+        return bool(values[0] >= MATERIAL * max(1.0, look.interval_s))
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The delay."""
+        return {"theta": (float(values[0]), "s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            f"The valve answers {parameters['theta']} after its command, by the same delay every "
+            "time: a delay on the way of the command, or clocks of OP and MV that differ."
+        )
+
+
+TERM: Term = DeadTime()

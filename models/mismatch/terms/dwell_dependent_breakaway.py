@@ -1,0 +1,94 @@
+"""Breakaway that depends on dwell: ``fs += b ln(1 + rest/t0)``, t0 = 5 s. Neutral: ``b = 0``.
+
+``b`` in percent of span per e-fold of the rest.
+
+Signature: slips after long holds come late, the later the longer the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.recording import Floats
+
+T0_S = 5.0  # seconds; a convention of the formula, which b is stated with
+# After ten minutes at rest the breakaway is higher by 4.8 b: by half a percent of span.
+MATERIAL_PERCENT = 0.1
+
+
+@njit(cache=True)
+def add_scaled(shape: Floats, factor: float, table: Floats) -> None:
+    """Add ``factor`` times ``shape`` (n,) to ``table`` (n,) without a temporary."""
+    for i in range(table.size):
+        table[i] += factor * shape[i]
+
+
+@lru_cache(maxsize=8)
+def _growth(samples: int, interval_s: float) -> Floats:
+    """(samples,) ``ln(1 + rest/t0)`` over the samples rested; read only."""
+    rest_s = np.arange(samples, dtype=np.float64) * interval_s
+    table: Floats = np.log1p(rest_s / T0_S)
+    table.flags.writeable = False
+    return table
+
+
+class DwellDependentBreakaway(StemTerm):
+    """See the module."""
+
+    slug = "dwell_dependent_breakaway"
+    order = 20
+    words = Words(
+        plain="the longer the stem has rested, the harder it is to start",
+        check=(
+            "Check the packing (adhesion of soft rings to the stem, dried lubricant, gland "
+            "torque), elastomer seals and soft seats that stick, and a product that sets or "
+            "crystallises on the stem. A small dither or a regular partial stroke helps."
+        ),
+        decide=(
+            "Hold OP for 10 s, 1 min and 10 min, three times each, then ramp it slowly: a "
+            "breakaway that rises with the hold is dwell, one that varies as much within each "
+            "hold is scatter."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """Rise of the breakaway per e-fold of rest."""
+        return (Coordinate(name="b_percent", low=0.0, high=2.0),)
+
+    def starts(self, look: Look) -> Floats:
+        """From what scatter hides upwards."""
+        return np.array([[0.1], [0.2], [0.35], [0.6], [1.0]])
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The rise onto the table of breakaway."""
+        if values[0] != 0.0:
+            table = stem.breakaway
+            add_scaled(_growth(table.size, stem.interval_s), float(values[0]), table)
+            stem.numbers[at.BY_REST] = 1.0
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """Half a percent of span after ten minutes of rest."""
+        return bool(values[0] >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """Percent of span per e-fold of rest (each 2.7 times longer)."""
+        return {"b": (float(values[0]), "%")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            "The longer the stem has rested, the harder it is to start: the breakaway rises by "
+            f"{parameters['b']} of span each time the rest is 2.7 times longer."
+        )
+
+
+TERM: Term = DwellDependentBreakaway()

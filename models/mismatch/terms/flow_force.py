@@ -1,0 +1,85 @@
+"""Flow force: the fluid pushes on the plug, ``F -= U (4 x/100 (1 - x/100) - 1)``. Neutral: U = 0.
+
+``U`` in percent of span is the rise of the force from either end of travel to its middle; the
+shape is 0 in the middle, so that it is separate from a zero shift there.
+
+Signature: an error that is curved over travel, the same in both directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
+from stemwatch.models.recording import Floats
+
+MATERIAL_PERCENT = 0.5  # change of the force over the travel seen
+
+
+def _shape(x: Floats) -> Floats:
+    """(n,) the force over travel, in units of U."""
+    return 4.0 * x / 100.0 * (1.0 - x / 100.0) - 1.0
+
+
+_TABLE = _shape(at.places())
+
+
+class FlowForce(StemTerm):
+    """See the module."""
+
+    slug = "flow_force"
+    order = 10
+    words = Words(
+        plain="the process fluid pushes on the plug, differently at different openings",
+        check=(
+            "Compare the pressure drop with the one the actuator was sized for. Check the flow "
+            "direction (to open or to close), the balance seal of a balanced plug, the bench set, "
+            "and whether a positioner or a stiffer spring is needed."
+        ),
+        decide=(
+            "Stroke the valve without flow, or at a second pressure drop: a flow force goes or "
+            "changes, an error of the reading stays. Over a small travel the two look alike."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The force in the middle of travel against the ends."""
+        return (Coordinate(name="U_percent", low=-12.0, high=12.0),)
+
+    def starts(self, look: Look) -> Floats:
+        """From 1 to 6 % of span, either way."""
+        return either_sign(1.0, 3.0, 6.0)
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The shape onto the table of force."""
+        if values[0] != 0.0:
+            table = stem.force
+            table += values[0] * _TABLE
+            stem.numbers[at.BY_PLACE] = 1.0
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """The force changes by half a percent of span over the travel that was seen."""
+        seen = _shape(np.linspace(look.mv_low, look.mv_high, 21))
+        return bool(abs(values[0]) * (seen.max() - seen.min()) >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The force, positive where the middle of travel is pushed down."""
+        return {"U": (float(values[0]), "%")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        towards = rising if number(parameters["U"]) < 0.0 else falling
+        return (
+            "The process fluid pushes on the plug, differently at different openings: by "
+            f"{size(parameters['U'])} of span more towards {towards} at mid-travel than at the "
+            "ends."
+        )
+
+
+TERM: Term = FlowForce()

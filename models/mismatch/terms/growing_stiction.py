@@ -1,0 +1,74 @@
+"""Growing stiction: ``fs`` and ``fd`` times ``1 + g t/T``. Neutral: ``g = 0``.
+
+``T`` is the length of the record, so that S and J are those at its beginning.
+
+Signature: the loop of MV over OP gets wider with time, and its middle stays where it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, number, size
+from stemwatch.models.recording import Floats
+
+MATERIAL_SHARE = 0.2  # over the record; less is what warm packing does in a shift
+MATERIAL_PERCENT = 0.2  # of span: growth of a stick band that nobody sees is no finding
+
+
+class GrowingStiction(StemTerm):
+    """See the module."""
+
+    slug = "growing_stiction"
+    order = 20
+    words = Words(
+        plain="the friction changed while it was recorded",
+        check=(
+            "Look for what changed during the record: packing tightened, temperature of the "
+            "process or the bonnet, solids or polymer settling, steam tracing lost. Then packing, "
+            "stem and guides for deposits."
+        ),
+        decide=(
+            "Fit S in windows of an hour or a day, and repeat a slow ramp at one place: growth "
+            "shows at the same travel, friction of a place only there, a temperature effect "
+            "goes back with the temperature."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """Growth over the record as a share; -0.5 is halved, 2 is tripled."""
+        return (Coordinate(name="growth", low=-0.5, high=2.0),)
+
+    def starts(self, look: Look) -> Floats:
+        """Shrinking and growing."""
+        return np.array([[-0.3], [0.3], [0.6], [1.0], [1.5]])
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The growth of both friction levels."""
+        stem.numbers[at.GROWTH] = values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """A fifth of S, and a fifth of a percent of span."""
+        growth = abs(float(values[0]))
+        return growth >= MATERIAL_SHARE and growth * look.S >= MATERIAL_PERCENT
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """Percent of growth over the record."""
+        return {"growth": (100.0 * float(values[0]), "%")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        verb = "shrank" if number(parameters["growth"]) < 0.0 else "grew"
+        return (
+            f"The friction {verb} by {size(parameters['growth'])} over the record; S and J are "
+            "those at its beginning."
+        )
+
+
+TERM: Term = GrowingStiction()

@@ -1,0 +1,72 @@
+"""Lost motion: play ``b`` between stem and position sensor. Neutral: ``b = 0``.
+
+``z = min(max(z, x - b/2), x + b/2)``, after the stick-slip.
+
+Signature: after a restart in the same direction the reading jumps by J, after a reversal by
+``J - b``. Over full reversals alone it is exactly a smaller J, and where ``b >= J`` a wider S.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.recording import Floats
+
+MATERIAL_PERCENT = 0.3  # of travel; good linkages have a tenth
+
+
+class LostMotion(StemTerm):
+    """See the module."""
+
+    slug = "lost_motion"
+    order = 60
+    words = Words(
+        plain="there is play between the stem and its position sensor",
+        check=(
+            "Move the feedback arm by hand and feel for play: pin and slot of the linkage, "
+            "take-off arm, coupling clamp, cam and follower, the spring that takes up backlash, "
+            "and the transmitter's own shaft or magnet bracket."
+        ),
+        decide=(
+            "Step OP upwards in a staircase with holds, then downwards, with a dial gauge on the "
+            "stem: with play the reading loses some motion after each reversal only, with a "
+            "smaller J it loses none on the gauge."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The play."""
+        return (Coordinate(name="b_percent", low=0.0, high=8.0),)
+
+    def starts(self, look: Look) -> Floats:
+        """From 0.4 to 4 % of travel."""
+        return np.array([[0.4], [0.8], [1.3], [1.8], [2.4], [3.2], [4.5]])
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The play before the reading."""
+        stem.numbers[at.PLAY] = values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """More than a good linkage has."""
+        return bool(values[0] >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The play."""
+        return {"b": (float(values[0]), "%")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            f"Between the stem and its position reading there is a play of {parameters['b']} of "
+            "travel, in the linkage or the feedback arm."
+        )
+
+
+TERM: Term = LostMotion()

@@ -1,0 +1,74 @@
+"""Low-speed re-stick: a stem slower than ``v_c`` sticks again. Neutral: ``v_c = 0``.
+
+``v_c`` in %/s is the speed below which friction climbs back to its static level (Stribeck);
+infinity is He's model (2007), in which the stem sticks at every sample.
+
+Signature: a staircase on slow ramps, where the canonical element slides smoothly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import ReadingTerm
+from stemwatch.models.recording import Floats
+
+# Every stem sticks again on ramps slower than its packing's Stribeck speed, up to 0.1 %/s or so.
+MATERIAL_PERCENT_PER_S = 0.15
+
+
+class LowSpeedRestick(ReadingTerm):
+    """See the module."""
+
+    slug = "low_speed_restick"
+    order = 30
+    words = Words(
+        plain="on a slow command the stem does not slide, it moves in small steps",
+        check=(
+            "Check the packing (material, gland torque, lubrication): graphite packing steps where "
+            "PTFE slides. Then the stem's finish, the guide bushings, piston seals that grip, and "
+            "whether the actuator is small for the friction."
+        ),
+        decide=(
+            "Ramp OP at 0.02 %/s and at 0.5 %/s in manual: steps on the slow ramp and a smooth "
+            "slide on the fast one are re-sticking; steps of one size on both are coarse "
+            "commands or recording."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The speed, up to 2 %/s."""
+        return (Coordinate(name="v_c_percent_per_s", low=0.0, high=2.0),)
+
+    def starts(self, look: Look) -> Floats:
+        """From the slowest ramps of a loop to fast ones; the loss is rough, so they are many."""
+        return np.geomspace(0.015, 1.0, 8)[:, None]
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The speed of re-sticking; at 0 what the recording's resolution asks for stays."""
+        if values[0] > 0.0:
+            stem.numbers[at.RESTICK] = values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """It stops on ramps that loops really make."""
+        return bool(values[0] >= MATERIAL_PERCENT_PER_S)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The speed."""
+        return {"v_c": (float(values[0]), "%/s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            f"Below {parameters['v_c']} the stem does not slide but sticks again and again: it "
+            "follows a slow command in small steps."
+        )
+
+
+TERM: Term = LowSpeedRestick()

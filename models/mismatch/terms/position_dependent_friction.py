@@ -1,0 +1,100 @@
+"""Friction that depends on place: a bump of friction in one band of travel. Neutral: ``A = 0``.
+
+``fs`` and ``fd`` both gain ``A exp(-((x - c)/w)^2)``; ``A`` in percent of span, place ``c`` and
+width ``w`` in percent of travel.
+
+Signature: residual in one band of travel, in both directions, with opposite signs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, number
+from stemwatch.models.recording import Floats
+
+MATERIAL_PERCENT = 0.4  # of S/2; the tight spots that fitters find are half a percent and more
+_PLACES = at.places()
+
+
+@njit(cache=True)
+def add_bump(places: Floats, height: float, place: float, width: float, table: Floats) -> None:
+    """Add ``height exp(-((x - place)/width)^2)`` over ``places`` (m,) to ``table`` (m,)."""
+    for i in range(places.size):
+        away = (places[i] - place) / width
+        if abs(away) < 6.0:
+            table[i] += height * np.exp(-away * away)
+
+
+class PositionDependentFriction(StemTerm):
+    """See the module."""
+
+    slug = "position_dependent_friction"
+    order = 20
+    words = Words(
+        plain="the stem drags in one part of its stroke",
+        check=(
+            "Stroke the valve by hand through that place and feel for it. Look for a scored or "
+            "bent stem, deposits on the plug or cage, a tight spot in the packing, a galled guide "
+            "bushing, and a rubbing coupling or feedback arm."
+        ),
+        decide=(
+            "Ramp OP slowly through the place twice, an hour apart: friction that returns at the "
+            "same travel belongs to the place, friction that is higher everywhere the second time "
+            "grows with time."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """Height, place within the travel seen, and width."""
+        return (
+            Coordinate(name="height_percent", low=0.0, high=10.0),
+            Coordinate(name="place_percent", low=look.mv_low, high=look.mv_high),
+            Coordinate(name="width_percent", low=2.0, high=12.0),
+        )
+
+    def starts(self, look: Look) -> Floats:
+        """Six places, a narrow and a wide bump each."""
+        part = (np.arange(6) + 0.5) / 6.0
+        places = look.mv_low + part * (look.mv_high - look.mv_low)
+        low, wide = np.full(6, 1.5), np.full(6, 3.0)
+        return np.concatenate(
+            [np.stack([low, places, wide], axis=1), np.stack([low, places, 2.3 * wide], axis=1)]
+        )
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The bump onto the table of friction."""
+        height, place, width = float(values[0]), float(values[1]), float(values[2])
+        if height != 0.0:
+            add_bump(_PLACES, height, place, width, stem.friction)
+            stem.numbers[at.BY_PLACE] = 1.0
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """A bump that one feels."""
+        return bool(values[0] >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """Height, place and width of the bump."""
+        return {
+            "A": (float(values[0]), "%"),
+            "place": (float(values[1]), "%"),
+            "width": (float(values[2]), "%"),
+        }
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads; the band is where the bump is over a third."""
+        place, width = number(parameters["place"]), number(parameters["width"])
+        return (
+            f"Between {place - width:.0f} and {place + width:.0f} % of travel the stem drags: "
+            f"friction is higher by {parameters['A']} of span at {parameters['place']} of travel."
+        )
+
+
+TERM: Term = PositionDependentFriction()

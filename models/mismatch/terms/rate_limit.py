@@ -1,0 +1,96 @@
+"""Rate limit: ``dp = clip(u - p, -R dt, R dt)``, before the stem. Neutral: ``R = inf``.
+
+The coordinate is the slowness ``1/R`` in seconds per percent, so that 0 is "no limit".
+
+Signature: large fast commands are followed along a straight line; small slow ones are followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import CommandTerm
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+SLOWEST = 8.0  # s per %: a full stroke in 13 minutes; more where samples are further apart
+FREE = 100.0  # %/s: a full stroke in a second is as good as no limit
+MATERIAL = 10.0  # %/s: a full stroke in 10 s is what valves of usual size do
+
+
+@njit(cache=True)
+def limited(command: Floats, marks: Marks, dt: float, slowness: float, out: Floats) -> None:
+    """``command`` (n,) at no more than ``1/slowness`` %/s into ``out`` (n,), percent.
+
+    ``slowness`` in seconds per percent, 0 is no limit; at rest where marked START.
+    """
+    most = dt / slowness if slowness > 0.0 else np.inf
+    p = command[0]
+    for k in range(command.size):
+        if marks[k] == 1:
+            p = command[k]
+        else:
+            error = command[k] - p
+            p = command[k] if abs(error) <= most else p + (most if error > 0.0 else -most)
+        out[k] = p
+
+
+class RateLimit(CommandTerm):
+    """See the module."""
+
+    slug = "rate_limit"
+    order = 30
+    words = Words(
+        plain="the valve has a top speed and follows large fast commands no faster",
+        check=(
+            "Check the supply pressure and the filter regulator while the valve moves, tubing and "
+            "fittings (bore, kinks), a speed controller or restrictor left throttled, the air "
+            "capacity of positioner and booster, and, with an electric actuator, its set speed."
+        ),
+        decide=(
+            "Step OP by 5 % and by 20 %: a limit takes four times as long for the large step, a "
+            "lag equally long. Repeat with the supply gauge in view: where the pressure falls, it "
+            "is the supply."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The slowness."""
+        high = SLOWEST * max(look.interval_s, 1.0)
+        return (Coordinate(name="slowness_s_per_percent", low=0.0, high=high),)
+
+    def starts(self, look: Look) -> Floats:
+        """Limits from 0.3 % in a second or sample to half the swing in one; none shows above."""
+        unit = max(look.interval_s, 1.0)
+        fastest = min(max(look.swing / (2.0 * look.interval_s), 1.0 / unit), 8.0)
+        return 1.0 / np.geomspace(0.3 / unit, fastest, 6)[:, None]
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """The limited command."""
+        limited(command, marks, interval_s, float(values[0]), out)
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """Slow for a valve, and slow enough to take most of a sample over the swing of OP."""
+        slowness = float(values[0])
+        return slowness * MATERIAL >= 1.0 and slowness * look.swing >= 0.7 * look.interval_s
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The top speed; 100 %/s stands for no limit."""
+        return {"rate": (1.0 / max(float(values[0]), 1.0 / FREE), "%/s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            f"The valve moves at no more than {parameters['rate']}, {rising} and {falling} alike: "
+            "large fast commands are followed at that speed and no faster."
+        )
+
+
+TERM: Term = RateLimit()

@@ -1,0 +1,100 @@
+"""Sensor drift: ``MV += D (t/T - 1/2) + sum a_j sin(j pi t/T)``, j = 1 to 3. Neutral: all 0.
+
+``D`` and the ``a_j`` in percent of travel over the record of length ``T``: a reading that wanders
+does not do so along a straight line, and a few slow waves follow it.
+
+Signature: the residual climbs or falls with time, at rest and in motion, at every travel alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
+from stemwatch.models.recording import Floats
+
+WAVES = (1, 2, 3)
+STRAIGHT = 0.5  # of the range that lies between beginning and end; less is a wander
+MATERIAL_PERCENT = 0.5  # over the record; what a calibration would find and correct
+
+
+class SensorDrift(StemTerm):
+    """See the module."""
+
+    slug = "sensor_drift"
+    order = 70
+    words = Words(
+        plain="the position reading wanders slowly over the record",
+        check=(
+            "Check the position transmitter: loose clamp, arm or magnet bracket, its temperature "
+            "(hot bonnet, sun), supply voltage, moisture in the terminals, worn potentiometer. "
+            "Then calibrate it at both ends of travel."
+        ),
+        decide=(
+            "Read MV with the valve on its seat or against a stop at the beginning and at the end "
+            "of a shift: a drift shows there, a creeping stem or growing friction does not."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The drift over the record, and the slow waves on it."""
+        waves = (Coordinate(name=f"wave_{j}_percent", low=-5.0, high=5.0) for j in WAVES)
+        return (Coordinate(name="D_percent", low=-10.0, high=10.0), *waves)
+
+    def starts(self, look: Look) -> Floats:
+        """From 0.6 to 4 % over the record, either way, and a bend to either side."""
+        straight = either_sign(0.6, 1.5, 4.0)
+        starts = np.zeros((straight.shape[0] + 2, 1 + len(WAVES)))
+        starts[: straight.shape[0], 0] = straight[:, 0]
+        starts[-2:, 1] = (-0.7, 0.7)
+        return starts
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The drift of the reading."""
+        stem.numbers[at.DRIFT] = values[0]
+        if np.any(values[1:]):
+            stem.wander += values[1:] @ _waves(stem.wander.size)
+            stem.numbers[at.BY_TIME] = 1.0
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """The reading wanders by half a percent over the record."""
+        return bool(np.ptp(_course(values)) >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """From the first to the last reading, positive upwards, and from lowest to highest."""
+        return {"D": (float(values[0]), "%"), "range": (float(np.ptp(_course(values))), "%")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        if abs(number(parameters["D"])) < STRAIGHT * number(parameters["range"]):
+            return (
+                f"The position reading wanders over {parameters['range']} of travel during the "
+                "record, up and down."
+            )
+        way = "downwards" if number(parameters["D"]) < 0.0 else "upwards"
+        return (
+            f"The position reading drifts {way} by {size(parameters['D'])} of travel over the "
+            "record."
+        )
+
+
+@cache
+def _waves(samples: int) -> Floats:
+    """(3, samples) the slow waves over a record."""
+    time = np.linspace(0.0, 1.0, samples)
+    return np.asarray(np.sin(np.pi * np.outer(WAVES, time)))
+
+
+def _course(values: Floats) -> Floats:
+    """(101,) how the reading goes over the record, percent."""
+    return np.asarray(values[0] * np.linspace(-0.5, 0.5, 101) + values[1:] @ _waves(101))
+
+
+TERM: Term = SensorDrift()

@@ -1,0 +1,72 @@
+"""Span error: ``MV = gain (z - 50) + 50 + zero``, free in every hypothesis. Neutral: gain 1.
+
+The coordinate is ``gain - 1``. For the element a gain is exactly the same as a flow force that is
+linear in travel, or a wrong spring rate.
+
+Signature: an error that is linear in travel, the same in both directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import ReadingTerm, either_sign, number
+from stemwatch.models.recording import Floats
+
+MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its middle
+
+
+class SpanError(ReadingTerm):
+    """See the module."""
+
+    slug = "span_error"
+    order = 80
+    contains: tuple[str, ...] = ("zero_shift",)
+    words = Words(
+        plain="the position reading is stretched or compressed over the stroke",
+        check=(
+            "Calibrate zero and span of the position transmitter and the positioner at both ends "
+            "of travel. Check the feedback arm's length and pin hole, the cam, split-range "
+            "settings, and the spring rate (range of the bench set)."
+        ),
+        decide=(
+            "Stroke the valve without flow from stop to stop and compare MV with the travel "
+            "scale: an error of the span shows there; a flow force goes without flow, and differs "
+            "at a second pressure; a wrong spring shows on the pressure gauge."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The gain less 1."""
+        return (Coordinate(name="gain_error", low=-0.4, high=0.4),)
+
+    def starts(self, look: Look) -> Floats:
+        """From 3 to 20 %, either way."""
+        return either_sign(0.03, 0.08, 0.2)
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The error onto the reading's gain."""
+        stem.numbers[at.GAIN] += values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """It moves the reading over half the travel seen."""
+        return bool(abs(values[0]) * 0.5 * (look.mv_high - look.mv_low) >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """Percent of reading per percent of travel."""
+        return {"gain": (1.0 + float(values[0]), "")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        way = "compressed" if number(parameters["gain"]) < 1.0 else "stretched"
+        return (
+            f"The position reading is {way} over the stroke: it moves by {parameters['gain']} % "
+            "for each percent of travel."
+        )
+
+
+TERM: Term = SpanError()

@@ -1,0 +1,69 @@
+"""Stem creep: a resting stem moves on, ``x += creep dt``. Neutral: ``creep = 0``.
+
+``creep`` in %/s, positive upwards.
+
+Signature: MV has a slope while the stem should rest, whichever way it moved before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
+from stemwatch.models.recording import Floats
+
+MATERIAL_PERCENT_PER_S = 0.004  # 1 % of travel in four minutes: a loop has to work against it
+
+
+class StemCreep(StemTerm):
+    """See the module."""
+
+    slug = "stem_creep"
+    order = 40
+    words = Words(
+        plain="the stem creeps while it should rest",
+        check=(
+            "Look for an air leak between positioner and actuator: soap the tubing, fittings and "
+            "diaphragm case, test the piston seals. Then packing that gives, a leaking lock-up or "
+            "solenoid valve, and a handwheel or clamp that slips."
+        ),
+        decide=(
+            "Hold OP in manual for ten minutes and watch the stem itself with a dial gauge: a stem "
+            "that moves creeps, one that stands while MV moves has a drifting transmitter."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The speed at rest."""
+        return (Coordinate(name="creep_percent_per_s", low=-0.3, high=0.3),)
+
+    def starts(self, look: Look) -> Floats:
+        """From 0.5 to 6 % a minute, either way."""
+        return either_sign(0.008, 0.025, 0.1)
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The speed of a resting stem."""
+        stem.numbers[at.CREEP] = values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """A percent of travel in four minutes."""
+        return bool(abs(values[0]) >= MATERIAL_PERCENT_PER_S)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The speed, positive upwards."""
+        return {"creep": (float(values[0]), "%/s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        direction = falling if number(parameters["creep"]) < 0.0 else rising
+        return (
+            f"The stem creeps at {size(parameters['creep'])}, {direction}, while it should rest: "
+            "an air leak, or packing that gives."
+        )
+
+
+TERM: Term = StemCreep()

@@ -1,0 +1,98 @@
+"""Travel stop: ``x = min(max(x, low), high)``. Neutral: no stops.
+
+The coordinates are how far each stop lies inside the stroke of 0 to 100 %, 0 being no stop: the
+low stop stands at ``inside_low``, the high one at ``100 - inside_high`` percent.
+
+Signature: at one end of the range MV is flat while OP goes on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, number
+from stemwatch.models.recording import Floats
+
+MATERIAL_BEYOND = 0.5  # percent of travel by which OP asks for more than the stop gives
+MATERIAL_INSIDE = 1.0  # percent; a stop at the very end of the stroke is the seat
+SOME = 0.1  # percent; the nearest to an end at which a start puts a stop
+
+
+class TravelStop(StemTerm):
+    """See the module."""
+
+    slug = "travel_stop"
+    order = 50
+    words = Words(
+        plain="the stem stands on a stop while the command goes on",
+        check=(
+            "Look for a handwheel or a limit stop left engaged, travel limits in the positioner, "
+            "a foreign body or deposits on the seat, wrong stem coupling or bench set, and supply "
+            "pressure too low for the full stroke."
+        ),
+        decide=(
+            "Drive the valve in manual slowly beyond the place and back: a stop stands at the "
+            "same travel and ends when OP comes back, a tight spot is overcome with more OP; and "
+            "look at the stem: if it goes on while MV stands, the transmitter is saturated."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """How far the stops lie inside the stroke, up to the far end of what OP asks for."""
+        return (
+            Coordinate(name="inside_low_percent", low=0.0, high=max(look.op_high, 1.0)),
+            Coordinate(name="inside_high_percent", low=0.0, high=max(100.0 - look.op_low, 1.0)),
+        )
+
+    def starts(self, look: Look) -> Floats:
+        """Where MV ended, and further inside the range of OP; one stop at a time."""
+        inward = np.array([0.05, 0.15, 0.3]) * look.swing
+        most_low, most_high = (coordinate.high for coordinate in self.coordinates(look))
+        low = np.clip([look.mv_low, *(look.op_low + inward)], SOME, most_low)
+        high = np.clip([100.0 - look.mv_high, *(100.0 - look.op_high + inward)], SOME, most_high)
+        none = np.zeros(low.size)
+        return np.concatenate([np.stack([low, none], axis=1), np.stack([none, high], axis=1)])
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The stops."""
+        if values[0] > 0.0:
+            stem.numbers[at.STOP_LOW] = values[0]
+        if values[1] > 0.0:
+            stem.numbers[at.STOP_HIGH] = 100.0 - values[1]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """OP asks for more than a stop gives, friction counted; and it is not the end of stroke."""
+        held = 0.5 * (look.S - look.J)  # what friction alone keeps the stem short by
+        low = values[0] - (look.op_low + held)
+        high = (look.op_high - held) - (100.0 - values[1])
+        return any(
+            bool(beyond >= MATERIAL_BEYOND and inside >= MATERIAL_INSIDE)
+            for beyond, inside in zip((low, high), values, strict=True)
+        )
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The places of the stops; 0 and 100 % are none."""
+        return {
+            "stop_low": (max(float(values[0]), 0.0), "%"),
+            "stop_high": (100.0 - max(float(values[1]), 0.0), "%"),
+        }
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        low, high = parameters["stop_low"], parameters["stop_high"]
+        said = []
+        if number(low) > SOME:
+            said.append(f"does not fall below {low} of travel")
+        if number(high) < 100.0 - SOME:
+            said.append(f"does not rise above {high} of travel")
+        places = " and ".join(said) if said else f"stays between {low} and {high} of travel"
+        return f"The stem {places} while the command goes on."
+
+
+TERM: Term = TravelStop()

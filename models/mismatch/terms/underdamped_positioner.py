@@ -1,0 +1,126 @@
+"""Underdamped positioner: a second order before the stem. Neutral: ``wn = 0``, switched off.
+
+``vel += h (wn^2 (u - p) - 2 zeta wn vel)``, ``p += h vel`` in sub-steps ``h`` of at most 0.1 s and
+at least ten per sample.
+
+Signature: ringing of constant period after each move, with alternating sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import exp, pi, sqrt
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import CommandTerm, grid, number
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+MATERIAL_ZETA = 0.65  # more damping overshoots by less than 7 % of a move: a lag, not ringing
+MATERIAL_OVERSHOOT = 0.3  # percent of travel on the largest moves
+
+
+@njit(cache=True)
+def rung(command: Floats, marks: Marks, dt: float, wn: float, zeta: float, out: Floats) -> None:
+    """Second order over ``command`` (n,) into ``out`` (n,), percent; at rest where marked START.
+
+    ``wn`` in rad/s, 0 switches it off; ``dt`` in seconds. The command rests within a sample, so
+    that the sub-steps are one linear map of the error ``p - u`` and the velocity.
+    """
+    if wn <= 0.0:
+        out[:] = command
+        return
+    steps = max(10, int(np.ceil(dt / 0.1 - 1e-9)))
+    h = dt / steps
+    pull, kept = h * wn * wn, 1.0 - 2.0 * h * zeta * wn
+    # Columns of the map: where a unit of error and a unit of velocity go in one sample.
+    ee, ve, ev, vv = 1.0, 0.0, 0.0, 1.0
+    for _ in range(steps):
+        ve = kept * ve - pull * ee
+        ee += h * ve
+        vv = kept * vv - pull * ev
+        ev += h * vv
+    p, velocity = command[0], 0.0
+    for k in range(command.size):
+        if marks[k] == 1:
+            p, velocity = command[k], 0.0
+        else:
+            error = p - command[k]
+            p = command[k] + ee * error + ev * velocity
+            velocity = ve * error + vv * velocity
+        out[k] = p
+
+
+def overshoot(zeta: float) -> float:
+    """Share of a step by which a second order of damping ``zeta`` goes too far, 0 to 1."""
+    return exp(-pi * zeta / sqrt(1.0 - zeta * zeta)) if zeta < 1.0 else 0.0
+
+
+class UnderdampedPositioner(CommandTerm):
+    """See the module."""
+
+    slug = "underdamped_positioner"
+    order = 25
+    contains: tuple[str, ...] = ("actuator_lag",)
+    words = Words(
+        plain="the positioner overshoots and rings after each move",
+        check=(
+            "Check the positioner's gain and damping (or run its self-tuning), the feedback "
+            "linkage, arm and cam for wear, a booster without its bypass opened, and whether the "
+            "actuator is small for this positioner."
+        ),
+        decide=(
+            "Put the loop in manual and step OP by 5 %: ringing while OP rests is the positioner, "
+            "ringing that ends in manual is the control loop, and a lag does not overshoot."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """Natural frequency and damping; ringing faster than four samples is aliased."""
+        unit = max(look.interval_s, 1.0)
+        return (
+            Coordinate(name="wn_rad_per_s", low=0.15 / unit, high=2.0 / unit),
+            Coordinate(name="zeta", low=0.03, high=1.0),
+        )
+
+    def starts(self, look: Look) -> Floats:
+        """Periods from 5 to 30 s (or samples), little and much damping."""
+        unit = max(look.interval_s, 1.0)
+        frequencies = np.array([0.2, 0.35, 0.55, 0.85, 1.3]) / unit
+        return grid(frequencies, (0.12, 0.3, 0.6))
+
+    def shape(
+        self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
+    ) -> None:
+        """The ringing command."""
+        rung(command, marks, interval_s, float(values[0]), float(values[1]), out)
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """It overshoots by a share of each move and by an amount that disturbs a loop."""
+        wn, zeta = float(values[0]), float(values[1])
+        seen = overshoot(zeta) * look.swing >= MATERIAL_OVERSHOOT
+        return wn > 0.0 and zeta <= MATERIAL_ZETA and seen
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """Natural frequency and damping ratio."""
+        return {"wn": (float(values[0]), "rad/s"), "zeta": (float(values[1]), "")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads; the period is that of the damped ringing."""
+        wn, zeta = parameters["wn"], parameters["zeta"]
+        rings = "The positioner rings after each move"
+        damping = number(zeta)
+        if number(wn) > 0.0 and damping < 1.0:
+            period = 2.0 * pi / (number(wn) * sqrt(1.0 - damping * damping))
+            rings += (
+                f", with a period of {period:.3g} s and an overshoot of "
+                f"{100.0 * overshoot(damping):.0f} % of the move"
+            )
+        return f"{rings} (natural frequency {wn}, damping ratio {zeta})."
+
+
+TERM: Term = UnderdampedPositioner()

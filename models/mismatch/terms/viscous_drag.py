@@ -1,0 +1,73 @@
+"""Viscous drag: a moving stem covers ``1 - exp(-dt/tau_v)`` of its way. Neutral: ``tau_v = 0``.
+
+``x += (1 - exp(-dt/tau_v)) (F - d fd)`` while it moves; physically ``tau_v`` is the viscous
+coefficient over the spring rate. The stem goes on after the command has turned, until it stands.
+
+Signature: it starts on time, whatever the ramp, and slides slowly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.recording import Floats
+
+MATERIAL_S = 0.7  # a slip that takes less is how good valves are
+
+
+class ViscousDrag(StemTerm):
+    """See the module."""
+
+    slug = "viscous_drag"
+    order = 30
+    words = Words(
+        plain="the stem starts on time but slides slowly, as through thick grease",
+        check=(
+            "Check grease and deposits on the stem and in the guides, cold or hardened packing "
+            "lubricant, a product that crystallises or thickens in the bonnet, a hydraulic damper "
+            "or snubber, and a blocked vent of the spring chamber."
+        ),
+        decide=(
+            "Ramp OP at two speeds: drag starts the motion at the same OP on both, a lag the later "
+            "the faster the ramp. A gauge at the actuator shows it too: pressure that arrives at "
+            "once while the stem is slow is drag."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The time constant, up to 15 s or ten samples."""
+        return (Coordinate(name="tau_v_s", low=0.0, high=max(15.0, 10.0 * look.interval_s)),)
+
+    def starts(self, look: Look) -> Floats:
+        """From half a second or half a sample upwards."""
+        unit = max(look.interval_s, 1.0)
+        return np.array([[0.5], [1.0], [2.0], [3.5], [6.0]]) * unit
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The time constant of sliding."""
+        stem.numbers[at.DRAG_S] = values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """A slip that takes 0.2 s is not worth a work order."""
+        return bool(values[0] >= max(MATERIAL_S, 0.7 * look.interval_s))
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The time constant."""
+        return {"tau_v": (float(values[0]), "s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            "The stem starts on time but slides to its place with a time constant of "
+            f"{parameters['tau_v']}, as through thick grease."
+        )
+
+
+TERM: Term = ViscousDrag()

@@ -1,0 +1,71 @@
+"""Zero shift: ``MV += zero``, free in every hypothesis. Neutral: ``zero = 0``.
+
+For the element it is exactly the same as a bias of the force: an asymmetric S, a preload of the
+spring, a mean flow force.
+
+Signature: the same error in all phases and in both directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import ReadingTerm, either_sign, number, size
+from stemwatch.models.recording import Floats
+
+MATERIAL_PERCENT = 0.4  # of travel; positioners are set to within a quarter of a percent or so
+
+
+class ZeroShift(ReadingTerm):
+    """See the module."""
+
+    slug = "zero_shift"
+    order = 80
+    words = Words(
+        plain="the position reading is off by a constant, or the bench set of the spring is",
+        check=(
+            "Calibrate the zero of the position transmitter and the positioner with the valve on "
+            "its seat. Where both are right, check the bench set of the spring, the stem coupling, "
+            "and the flow direction."
+        ),
+        decide=(
+            "Read MV with the valve on its seat or a mechanical stop: an error of the reading "
+            "shows there, a bias of the force (spring, preload, flow, unequal friction) does not. "
+            "A second process pressure shows a flow force."
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The shift."""
+        return (Coordinate(name="zero_percent", low=-25.0, high=25.0),)
+
+    def starts(self, look: Look) -> Floats:
+        """From 0.5 to 5 % of travel, either way."""
+        return either_sign(0.5, 1.5, 5.0)
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The shift onto the reading's zero."""
+        stem.numbers[at.ZERO] += values[0]
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """More than a careful calibration leaves."""
+        return bool(abs(values[0]) >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The shift at mid-travel, positive where the reading is high."""
+        return {"zero": (float(values[0]), "%")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        way = "low" if number(parameters["zero"]) < 0.0 else "high"
+        return (
+            f"The position reads {way} by {size(parameters['zero'])} of travel at mid-travel: "
+            "its zero is off, or the bench set of the spring is."
+        )
+
+
+TERM: Term = ZeroShift()

@@ -1,0 +1,178 @@
+"""A layered network sample by sample, in numba: its free runs, and what its weights do to them.
+
+A network is told by ``sizes`` (inputs, units of each layer), ``codes`` (each layer's transfer, see
+``layers``), ``inputs`` (places in ``step.LAGS``) and ``scale`` = (reach, centre, share): inputs are
+divided by reach, the answer is ``reach (s - centre) / share``. Weights (P,) are each layer's rows
+``[W, b]``, one after the other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from stemwatch.models.recording import Floats
+
+LINEAR, TANGENT_SIGMOID, LOG_SIGMOID = 0, 1, 2
+
+Indices = NDArray[np.int64]
+
+
+@njit(cache=True)
+def free_runs(
+    weights: Floats,
+    sizes: Indices,
+    codes: Indices,
+    inputs: Indices,
+    scale: tuple[float, float, float],
+    u: Floats,
+    y: Floats,
+    limit: float,
+    out: Floats,
+) -> None:
+    """Fill ``out`` (T, R) with free runs over ``u`` (T, R), from the first two samples of ``y``.
+
+    What leaves ``-limit`` to ``limit``, or is no number, is held there.
+    """
+    reach, centre, share = scale
+    units, lags = np.zeros((len(sizes), sizes.max())), np.zeros(5)
+    for run in range(u.shape[1]):
+        out[:2, run] = y[:2, run]
+        for t in range(2, u.shape[0]):
+            _look_back(u, out, t, run, lags)
+            for at in range(len(inputs)):
+                units[0, at] = lags[inputs[at]] / reach
+            answer = reach * (_forward(weights, sizes, codes, units) - centre) / share
+            out[t, run] = _held(answer, limit)
+
+
+@njit(cache=True)
+def jacobian(
+    weights: Floats,
+    sizes: Indices,
+    codes: Indices,
+    inputs: Indices,
+    scale: tuple[float, float, float],
+    u: Floats,
+    y: Floats,
+    limit: float,
+    steepest: float,
+    out: Floats,
+) -> None:
+    """Fill ``out`` (R (T - 2), P + 1): ``d y(t) / d w`` of each free run, and last its residual.
+
+    ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``, held within ``steepest``; ``y`` (T, R) is the target.
+    With T = 3 nothing is fed back.
+    """
+    reach, centre, share = scale
+    units, slopes = np.zeros((len(sizes), sizes.max())), np.zeros((len(sizes), sizes.max()))
+    size, samples, lags = weights.shape[0], u.shape[0] - 2, np.zeros(5)
+    made = np.empty((u.shape[0], 1))
+    for run in range(u.shape[1]):
+        made[:2, 0] = y[:2, run]
+        for t in range(2, u.shape[0]):
+            row = out[run * samples + t - 2]
+            _look_back(u[:, run : run + 1], made, t, 0, lags)
+            for at in range(len(inputs)):
+                units[0, at] = lags[inputs[at]] / reach
+            answer = reach * (_forward(weights, sizes, codes, units) - centre) / share
+            _backward(weights, sizes, codes, units, slopes, reach / share, row)
+            made[t, 0] = _held(answer, limit)
+            row[size] = made[t, 0] - y[t, run]
+            for at in range(len(inputs)):
+                back = inputs[at] - 2  # 1 and 2 are y(t-1) and y(t-2)
+                if back > 0 and t - back >= 2:
+                    _carry(row, slopes[0, at] / reach, out[run * samples + t - 2 - back])
+            for at in range(size):
+                row[at] = min(max(row[at], -steepest), steepest)
+
+
+@njit(cache=True)
+def _look_back(u: Floats, y: Floats, t: int, run: int, lags: Floats) -> None:
+    """``lags`` (5,) in the order of ``step.LAGS``."""
+    lags[0], lags[1], lags[2] = u[t, run], u[t - 1, run], u[t - 2, run]
+    lags[3], lags[4] = y[t - 1, run], y[t - 2, run]
+
+
+@njit(cache=True)
+def _held(answer: float, limit: float) -> float:
+    """Within ``-limit`` to ``limit``; what is no number is at ``limit``."""
+    if math.isnan(answer):
+        return limit
+    return min(max(answer, -limit), limit)
+
+
+@njit(cache=True)
+def _squash(code: int, total: float) -> float:
+    """A transfer function."""
+    if code == LINEAR:
+        return total
+    if code == TANGENT_SIGMOID:
+        return math.tanh(total)
+    return 0.5 * (1.0 + math.tanh(0.5 * total))
+
+
+@njit(cache=True)
+def _slope(code: int, answer: float) -> float:
+    """Its derivative where it answers ``answer``."""
+    if code == LINEAR:
+        return 1.0
+    if code == TANGENT_SIGMOID:
+        return 1.0 - answer * answer
+    return answer * (1.0 - answer)
+
+
+@njit(cache=True)
+def _forward(weights: Floats, sizes: Indices, codes: Indices, units: Floats) -> float:
+    """The last layer's answer; ``units`` (layers + 1, widest) holds the inputs in its first row."""
+    place = 0
+    for layer in range(len(codes)):
+        wide = sizes[layer]
+        for unit in range(sizes[layer + 1]):
+            total = weights[place + wide]
+            for at in range(wide):
+                total += weights[place + at] * units[layer, at]
+            units[layer + 1, unit] = _squash(codes[layer], total)
+            place += wide + 1
+    answer: float = units[len(codes), 0]
+    return answer
+
+
+@njit(cache=True)
+def _backward(
+    weights: Floats,
+    sizes: Indices,
+    codes: Indices,
+    units: Floats,
+    slopes: Floats,
+    factor: float,
+    row: Floats,
+) -> None:
+    """What each weight does to ``factor`` times the answer, in ``row``, and what each unit does, in
+    ``slopes``; its first row is of the inputs."""
+    last, place = len(codes), weights.shape[0]
+    slopes[last, 0] = factor * _slope(codes[last - 1], units[last, 0])
+    for back in range(last):
+        layer = last - 1 - back
+        wide = sizes[layer]
+        place -= sizes[layer + 1] * (wide + 1)
+        slopes[layer, :wide] = 0.0
+        for unit in range(sizes[layer + 1]):
+            at_unit, first = slopes[layer + 1, unit], place + unit * (wide + 1)
+            for at in range(wide):
+                row[first + at] = at_unit * units[layer, at]
+                slopes[layer, at] += at_unit * weights[first + at]
+            row[first + wide] = at_unit
+        if layer > 0:
+            for at in range(wide):
+                slopes[layer, at] *= _slope(codes[layer - 1], units[layer, at])
+
+
+@njit(cache=True)
+def _carry(row: Floats, by_lag: float, earlier: Floats) -> None:
+    """Add what an earlier position carries on; not to the residual in the last column."""
+    for at in range(row.shape[0] - 1):
+        row[at] += by_lag * earlier[at]

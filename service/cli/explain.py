@@ -1,0 +1,159 @@
+"""``stemwatch explain``: where simulation and recording differ, and what physics was left out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stemwatch.models.limits import Limits
+    from stemwatch.service.explain.asked import Asked
+    from stemwatch.service.explain.explained import Explained
+    from stemwatch.service.gather import Request
+
+TAGS = "Which tag is what (one valve per file)"
+MOST_REASONS = 5  # of a run in which nothing could be read
+TITLE = "Where simulation and recording differ"
+
+
+def explain(
+    recording: Annotated[
+        list[str] | None, typer.Argument(help="Files, folders or patterns such as exports/*.csv.")
+    ] = None,
+    plant: Annotated[
+        Path | None, typer.Option(help="plant.toml with the valves; alone, its own sources.")
+    ] = None,
+    op: Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)] = "",
+    mv: Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)] = "",
+    pv: Annotated[str, typer.Option(help="Process variable.", rich_help_panel=TAGS)] = "",
+    sp: Annotated[str, typer.Option(help="Set point.", rich_help_panel=TAGS)] = "",
+    mode: Annotated[str, typer.Option(help="Controller mode.", rich_help_panel=TAGS)] = "",
+    valve: Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)] = "",
+    from_: Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")] = "",
+    to: Annotated[str, typer.Option("--to", help="End of the window, ISO time.")] = "",
+    narx: Annotated[
+        bool, typer.Option("--narx/--no-narx", help="Train the network that gives the ceiling.")
+    ] = True,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for a page with traces and maps.")
+    ] = None,
+    json_file: o.JsonFile = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; by default one per core.")
+    ] = None,
+    zone: o.Zone = "",
+    encoding: o.Encoding = "",
+    separator: o.Separator = "",
+    decimal: o.Decimal = "",
+    day_first: o.DayFirst = None,
+    time_column: o.TimeColumn = "",
+    time_format: o.TimeFormat = "",
+    interval_s: o.Interval = None,
+) -> None:
+    """Say where S and J alone fail a recording, which physics they leave out, and by how much.
+
+    The residual is located, the effect named from a catalogue or left as candidates, the extended
+    model fitted, and S and J restated with it. What the recording could not have shown is said.
+    """
+    from stemwatch.service.cli.reading import read_options
+    from stemwatch.service.cli.screen import _load, _tags, _window
+    from stemwatch.service.gather import Request
+
+    loaded = _load(plant, recording)
+    chosen = read_options(
+        zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
+    )
+    request = Request(
+        sources=tuple(recording or ()),
+        plant=loaded,
+        tags=_tags(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
+        valve=valve,
+        window=_window(from_, to, zone or (loaded.zone if loaded else None) or ""),
+        read_options=chosen,
+    )
+    _report(_explained(request, narx, workers), request, out, json_file)
+
+
+def _explained(request: Request, narx: bool, workers: int | None) -> list[Explained]:
+    """An explanation of everything that was asked for, in that order."""
+    from stemwatch.models.limits import Limits
+    from stemwatch.service.cli import views
+    from stemwatch.service.explain.asked import asked
+
+    plant = request.plant
+    for problem in plant.problems if plant else ():
+        views.say_error(str(problem))
+    everything = asked(request)
+    for place, reason in everything.left_out:
+        views.say(f"left out: {place}: {reason}")
+    limits = plant.limits if plant else Limits()
+    return _worked(everything.valves, narx, limits, workers)
+
+
+def _worked(
+    wanted: Sequence[Asked], narx: bool, limits: Limits, workers: int | None
+) -> list[Explained]:
+    from rich.progress import Progress
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.executors import choose_executor
+    from stemwatch.service.explain.explained import Job, explain_one
+
+    jobs = [Job(asked=one, narx=narx, limits=limits) for one in wanted]
+    done: dict[int, Explained] = {}
+    with Progress(console=views.err, transient=True) as progress:
+        bar = progress.add_task("explaining", total=len(jobs))
+        for place, found in choose_executor(workers).map(explain_one, jobs):
+            done[place] = found
+            progress.update(bar, advance=1)
+    return [done[place] for place in sorted(done)]
+
+
+def _report(
+    found: Sequence[Explained], request: Request, out: Path | None, json_file: Path | None
+) -> None:
+    from stemwatch.service.cli import views
+    from stemwatch.service.cli.explanation import explanation, tally
+
+    for one in found:
+        views.out.print(explanation(one), highlight=False)
+    if len(found) > 1:
+        views.out.print(tally(found), highlight=False)
+    if json_file is not None:
+        from stemwatch.service.explain.contract import to_json
+
+        json_file.write_text(to_json(found), encoding="utf-8")
+    if out is not None:
+        where = str(_write(found, request, out).resolve())
+        views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
+    if not any(one.recording is not None for one in found):
+        for one in found[:MOST_REASONS]:
+            views.say_error(one.mismatch.sentence)
+        views.say_error("nothing could be explained: no source could be read as it was asked for")
+        raise typer.Exit(2)
+
+
+def _write(found: Sequence[Explained], request: Request, out: Path) -> Path:
+    """The page's folder; times in the plant's zone, else in the zone that was given, else UTC."""
+    from datetime import UTC, datetime
+
+    from stemwatch.service.explain.write import write_pages
+    from stemwatch.service.report import ReportContext
+    from stemwatch.service.store.address import masked_command
+
+    plant = request.plant
+    context = ReportContext(
+        started=datetime.now(UTC),
+        title=TITLE,
+        plant=plant.name if plant else "",
+        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
+        command=masked_command(("stemwatch", *sys.argv[1:])),
+    )
+    return write_pages(found, context, out).html

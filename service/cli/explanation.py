@@ -1,0 +1,128 @@
+"""What the terminal shows of an explanation: the verdict, the sentences, the numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Effect, Finding, HeldOut, Mismatch
+from stemwatch.service.cli import views
+from stemwatch.service.explain.explained import Explained
+from stemwatch.service.report.mismatch_words import (
+    FINDING_SYMBOL,
+    effect_name,
+    effect_names,
+    others,
+)
+from stemwatch.service.report.words import beyond, figure, finite, interval, share, span_percent
+
+STYLE = {
+    Finding.NAMED: "bold red",
+    Finding.CANDIDATES: "yellow",
+    Finding.UNKNOWN: "yellow",
+    Finding.NONE: "green",
+    Finding.NOT_TESTABLE: "cyan",
+}
+MOST_HOT = 3  # hot places; the page has all
+INDENT = 2
+
+
+def explanation(one: Explained) -> RenderableType:
+    """One valve: verdict and sentence, hot places, effects with what to check, numbers."""
+    found = one.mismatch
+    parts: list[RenderableType] = [Text.from_markup(_headline(one))]
+    parts += [_line(text) for text in _sentences(found)]
+    if found.finding is not Finding.NOT_TESTABLE:
+        parts.append(Padding(_numbers(found), (0, 0, 0, INDENT)))
+    parts.append(Text(""))
+    return Group(*parts)
+
+
+def tally(found: Sequence[Explained]) -> str:
+    """How many of each verdict, in one line."""
+    counted = Counter(one.mismatch.finding for one in found)
+    words = [f"{counted[one]} {effect_name(one.value)}" for one in Finding if counted[one]]
+    return f"[bold]{len(found)} recordings:[/] {', '.join(words)}"
+
+
+def _headline(one: Explained) -> str:
+    finding = one.mismatch.finding
+    word = f"[{STYLE[finding]}]{FINDING_SYMBOL[finding]} {effect_name(finding.value)}[/]"
+    where = f"[dim]{views.escape(one.source)}[/]"
+    return f"{word}  [bold]{views.escape(one.valve)}[/]  {where}"
+
+
+def _line(markup: str) -> Padding:
+    return Padding(Text.from_markup(markup), (0, 0, 0, INDENT))
+
+
+def _sentences(found: Mismatch) -> Iterator[str]:
+    yield views.escape(found.sentence)
+    for record in found.record_effects:
+        name = effect_name(record.slug)
+        yield f"[bold]In the record: {views.escape(name)}.[/] {views.escape(record.sentence)}"
+    if found.finding is not Finding.NONE:
+        for place in found.before.hot[:MOST_HOT]:
+            yield f"[dim]Where[/]  {views.escape(place.sentence)}"
+    for effect in found.effects:
+        yield from _effect(effect, found.sentence)
+    if found.not_testable:
+        names = views.escape(effect_names(one.slug for one in found.not_testable))
+        yield f"[dim]Not testable here: {names}[/]"
+
+
+def _effect(effect: Effect, said: str) -> Iterator[str]:
+    name = views.escape(effect_name(effect.slug).capitalize())
+    sentence = " ".join(beyond([effect.sentence], said))
+    yield f"[bold magenta]{name}[/]  {views.escape(sentence)}".rstrip()
+    if effect.check:
+        yield f"[dim]Check[/]  {views.escape(effect.check)}"
+    if others(effect):
+        names = views.escape(effect_names(others(effect)))
+        yield f"[dim]Not told from[/]  {names}. {views.escape(effect.decide)}"
+    removed = f"removes {share(effect.evidence.share)} of the squared residual held out"
+    yield f"[dim]Evidence[/]  {removed}. {views.escape(effect.evidence.note)}".rstrip()
+
+
+def _numbers(found: Mismatch) -> Table:
+    """S, J and the fit on samples that were not fitted, before and after."""
+    table = Table(box=None, pad_edge=False)
+    for name in ("", "S, %", "J, %", "fit, %", "rmse, %"):
+        table.add_column(name, justify="right" if name else "left", no_wrap=bool(name))
+    held = found.heldout
+    rows = (
+        ("S and J alone", found.naive, held.fit_naive, held.rmse_naive),
+        ("restated", found.restated, held.fit_extended, held.rmse_extended),
+    )
+    for name, stiction, fit, rmse in rows:
+        table.add_row(name, _number(stiction.S), _number(stiction.J), figure(fit), figure(rmse, 2))
+    table.caption = _caption(held) or None
+    table.caption_justify = "left"
+    return table
+
+
+def _number(estimate: Estimate) -> str:
+    if finite(estimate.value) is None:
+        return "-"
+    around = interval(estimate)
+    return span_percent(estimate.value) + (f" ({around})" if around else "")
+
+
+def _caption(held: HeldOut) -> str:
+    """The interval of the gain, and what is systematic at all."""
+    said = []
+    if finite(held.gain_low) is not None and finite(held.gain_high) is not None:
+        said.append(
+            f"fit grows by {figure(held.gain_low, 2)} to {figure(held.gain_high, 2)} points"
+        )
+    if finite(held.rmse_ceiling) is not None:
+        said.append(f"NARX ceiling {figure(held.rmse_ceiling, 2)} %")
+    if finite(held.noise_floor) is not None:
+        said.append(f"noise {figure(held.noise_floor, 2)} %")
+    return ", ".join(said)

@@ -1,0 +1,134 @@
+"""The tables that ``stemwatch prove`` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from stemwatch.service.cli.views import escape
+from stemwatch.service.proof import figures
+from stemwatch.service.proof.rates import (
+    Rate,
+    Tally,
+    by_concealment,
+    by_effect,
+    confusions,
+    headline,
+    record_rates,
+    without_verdict,
+)
+from stemwatch.service.proof.truth import Kind
+
+if TYPE_CHECKING:
+    from stemwatch.service.proof.marks import Mark
+
+MOST_REASONS = 5
+_STATE = {True: "[green]reached[/]", False: "[red]short[/]", None: ""}
+
+
+def tables(marks: Sequence[Mark]) -> Iterator[Table]:
+    """Rates against targets, by effect, by concealment, record effects, confusions."""
+    yield _rates("What was right and what was wrong", headline(marks))
+    yield _tallies("One effect, excited, by effect (right by class)", by_effect(marks))
+    yield _tallies("One effect, excited, by concealment (right by class)", by_concealment(marks))
+    yield _rates("Effects of the record", record_rates(marks))
+    yield _confusions(marks)
+
+
+def figures_lines(marks: Sequence[Mark]) -> Iterator[str]:
+    """Held-out improvement, errors of S and J, time, and why there was no verdict: a line each."""
+    fit = figures.heldout(marks)
+    if fit is not None:
+        yield (
+            f"On data that no fit saw ({fit.of} hidden and excited, medians): fit "
+            f"{fit.fit_naive:.1f} % -> {fit.fit_extended:.1f} %, error {fit.rmse_naive:.2f} -> "
+            f"{fit.rmse_extended:.2f} % of span"
+        )
+    for bias in figures.stiction_errors(marks):
+        yield (
+            f"{bias.name} where the effect biases it ({bias.of}): median error {bias.naive:.2f} "
+            f"naive, {bias.restated:.2f} restated, {bias.ratio:.0%} of it "
+            f"({bias.low:.0%} to {bias.high:.0%}; at most {figures.QUARTER:.0%}: "
+            f"{_STATE[bias.reached]})"
+        )
+    time = figures.seconds(marks)
+    if time is not None:
+        yield (
+            f"{time.median:.2f} s a valve of an hour (median of {time.of}; 95 % within "
+            f"{time.p95:.2f} s; at most {figures.MOST_SECONDS:.1f} s: {_STATE[time.reached]})"
+        )
+    for reason, count in without_verdict(marks)[:MOST_REASONS]:
+        yield f"[yellow]no verdict[/] on {count}: {escape(reason)}"
+
+
+def plain_table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
+    """A table without frames: a figure that is cut is no figure, and eighty columns are few."""
+    table = Table(
+        title=title,
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        padding=0,
+        pad_edge=False,
+        show_edge=False,
+    )
+    for name in left:
+        table.add_column(name, overflow="fold")
+    for name in right:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _rates(title: str, rates: Sequence[Rate]) -> Table:
+    """Each group's name on a line of its own above its rates; empty groups are left out."""
+    table = plain_table(title, ("rate",), ("count", "share", "95 %", "to reach", ""))
+    group = ""
+    for one in rates:
+        if not one.of:
+            continue
+        if one.group != group:
+            group = one.group
+            table.add_row(f"[bold]{escape(group)}[/]")
+        low, high = one.interval
+        table.add_row(
+            f"  {one.name}",
+            f"{one.hits} of {one.of}",
+            f"{one.hits / one.of:.1%}",
+            f"{low:.1%} to {high:.1%}",
+            _target(one),
+            _STATE[one.reached],
+        )
+    return table
+
+
+def _target(one: Rate) -> str:
+    if one.target is None:
+        return ""
+    return f"{'<=' if one.at_most else '>='} {one.target:.0%}"
+
+
+def _tallies(title: str, tallies: Sequence[Tally]) -> Table:
+    names = ("cases", "exact", "class", "95 %", "wrong", "missed", "not\nexcited")
+    table = plain_table(title, ("hidden",), names)
+    for one in tallies:
+        low, high = one.interval
+        table.add_row(
+            escape(one.group),
+            *(str(number) for number in (one.of, one.exact, one.by_class)),
+            f"{low:.0%} to {high:.0%}" if one.of else "",
+            *(str(number or "") for number in (one.wrong, one.missed, one.unexcited)),
+        )
+    return table
+
+
+def _confusions(marks: Sequence[Mark]) -> Table:
+    """What was said of each single truth, where it was something else."""
+    table = plain_table("What else was said", ("hidden", "said"), ("cases",))
+    last = ""
+    for truth, said, count in confusions([m for m in marks if m.truth.kind is not Kind.PAIR]):
+        if truth != said:
+            table.add_row("" if truth == last else escape(truth), escape(said), str(count))
+            last = truth
+    return table

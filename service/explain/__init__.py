@@ -1,0 +1,1 @@
+"""Where simulation and recording differ, for several recordings: search, JSON and page."""

@@ -1,0 +1,29 @@
+"""The JSON of ``stemwatch explain``, version 1, described by ``explain.schema.json``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from stemwatch.service.explain.explained import Explained
+from stemwatch.service.report.mismatch_contract import mismatch_object
+from stemwatch.service.report.words import printable
+
+VERSION = 1
+
+
+def to_object(explained: Explained) -> dict[str, Any]:
+    """One explanation as plain JSON types; its fields stand in docs/json.md."""
+    return {
+        "version": VERSION,
+        "recording": printable(explained.source),
+        "valve": printable(explained.valve),
+        **mismatch_object(explained.mismatch),
+    }
+
+
+def to_json(found: Sequence[Explained]) -> str:
+    """All of them as a list, in the order in which they were asked for."""
+    objects = [to_object(one) for one in found]
+    return json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1) + "\n"

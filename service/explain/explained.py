@@ -1,0 +1,108 @@
+"""``explain_one``: read a recording, fit it, train its ceiling, and ask what S and J leave out.
+
+Nothing raises for what a recording holds: one that cannot be read or fitted is a mismatch that
+was not testable, with the reason.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.limits import Limits
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
+from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.service.explain.asked import Asked
+from stemwatch.service.tasks import Task, open_file
+
+if TYPE_CHECKING:
+    from stemwatch.models.stickslip.fit import StickSlipFit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explained:
+    """One valve's recording and what was found; ``recording`` is ``None`` where none was read."""
+
+    source: str  # the path as it was given
+    valve: str
+    mismatch: Mismatch
+    recording: Recording | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What travels to a worker."""
+
+    asked: Asked
+    narx: bool = True  # train the network that says how much is systematic at all
+    limits: Limits = field(default_factory=Limits)
+
+
+def explain_one(job: Job) -> Explained:
+    """The explanation of one valve in one source; never raises for what the source holds."""
+    asked = job.asked
+    if asked.task is None or asked.reason:
+        return _without(asked, asked.reason)
+    try:
+        recording = _read(asked.task)
+    except ConnectorError as error:
+        return _without(asked, str(error))
+    except (OSError, ValueError, MemoryError) as error:
+        return _without(asked, f"{asked.source}: {type(error).__name__}: {error}")
+    try:
+        mismatch = _mismatch(recording, job)
+    except Exception as error:  # one valve must not end the others
+        reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
+        return replace(_without(asked, reason), recording=recording)
+    return Explained(
+        source=asked.source, valve=recording.valve, mismatch=mismatch, recording=recording
+    )
+
+
+def not_testable(reason: str) -> Mismatch:
+    """The mismatch of a recording that could not be looked at."""
+    unknown = Estimate.unknown(reason, unit=PERCENT)
+    nothing = Stiction(S=unknown, J=unknown)
+    return Mismatch(finding=Finding.NOT_TESTABLE, sentence=reason, naive=nothing, restated=nothing)
+
+
+def _without(asked: Asked, reason: str) -> Explained:
+    mismatch = not_testable(reason or "there is nothing to explain")
+    return Explained(source=asked.source, valve=asked.valve, mismatch=mismatch)
+
+
+def _read(task: Task) -> Recording:
+    return open_file(task.path, task.read_options).read(task.tags, task.window)
+
+
+def _mismatch(recording: Recording, job: Job) -> Mismatch:
+    from stemwatch.models.mismatch.explain import explain
+    from stemwatch.models.quality import assess
+    from stemwatch.models.stickslip.fit import fit_stickslip
+
+    if job.narx:
+        import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
+    began = time.perf_counter()
+    assessment = assess(recording, job.limits)
+    fit = None if assessment.obstacles else fit_stickslip(assessment.recording)
+    ceiling = _ceiling(assessment.recording, fit) if fit is not None and job.narx else None
+    found = explain(recording, ceiling=ceiling)  # as it was read: record effects come first
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def _ceiling(recording: Recording, fit: StickSlipFit) -> Floats | None:
+    """(n,) free run of the valve's network, ``None`` where it could not be trained."""
+    from stemwatch.models.narx.example import NarxExample
+    from stemwatch.models.narx.training import train  # torch takes two seconds to import
+    from stemwatch.models.screening import start_of
+
+    example = NarxExample.of(recording, fit.first_heldout, start_of(fit))
+    try:
+        (network,) = train([example])
+    except Exception:  # without its ceiling the explanation is as good
+        return None
+    return network.simulated

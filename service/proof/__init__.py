@@ -1,0 +1,1 @@
+"""The blind proof: hidden physics is drawn, sealed, judged from CSV files alone, and counted."""

@@ -1,0 +1,136 @@
+"""Cases to files: simulated, written under names that mean nothing, and their truth sealed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stemwatch.models.plant.hidden import (
+    CONCEALMENTS,
+    EFFECTS,
+    UNKNOWN,
+    HiddenCase,
+    draw_effect,
+    draw_hidden,
+    draw_nulls,
+    draw_unknown,
+    simulate_hidden,
+)
+from stemwatch.service.executors import Executor
+from stemwatch.service.proof.files import write_case
+from stemwatch.service.proof.truth import OUTSIDE, RECORD_EFFECTS, CaseTruth, Seal, seal
+
+BATCH = 6
+NOTHING = "none"
+POSITIONER = "positioner"  # is not among the mixed ones; drawn where it is asked for
+
+Tell = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class _Order:
+    """Cases that one worker simulates, each with the file it becomes."""
+
+    cases: tuple[tuple[HiddenCase, str], ...]
+
+
+def draw_cases(count: int, seed: int, effect: str = "", concealment: str = "") -> list[HiddenCase]:
+    """``count`` cases of the mixed population, or a part of it.
+
+    ``effect`` is a slug of the catalogue, the name of an effect outside it, "unknown" for all of
+    those, or "none"; alone, its cases are concealed by routine. ``concealment`` alone takes a fifth
+    of nulls, a tenth outside the catalogue, and for the rest all effects in turn. Raises
+    ``ValueError`` with the words there are.
+    """
+    _check("effect", effect, (NOTHING, OUTSIDE, *EFFECTS, *UNKNOWN))
+    _check("concealment", concealment, (*CONCEALMENTS, POSITIONER))
+    under = concealment or CONCEALMENTS[0]
+    if effect == NOTHING:
+        return draw_nulls(count, seed, concealment or None)
+    if effect == OUTSIDE:
+        return draw_unknown(count, seed, under)
+    if effect:
+        return draw_effect(effect, count, seed, under)
+    return _concealed(count, seed, under) if concealment else draw_hidden(count, seed)
+
+
+def _check(what: str, word: str, known: Sequence[str]) -> None:
+    if word and word not in known:
+        raise ValueError(f"no {what} {word!r} is ever drawn; there are {', '.join(known)}")
+
+
+def _concealed(count: int, seed: int, under: str) -> list[HiddenCase]:
+    nulls, outside = count // 5, count // 10
+    slugs = tuple(EFFECTS)
+    rounds = -(-(count - nulls - outside) // len(slugs))
+    drawn = [draw_effect(slug, rounds, seed, under) for slug in slugs]
+    singles = [case for turn in zip(*drawn, strict=True) for case in turn]
+    return [
+        *draw_nulls(nulls, seed, under),
+        *draw_unknown(outside, seed, under),
+        *singles[: count - nulls - outside],
+    ]
+
+
+def file_names(count: int, seed: int) -> list[str]:
+    """A name for each of ``count`` cases, numbered in an order shuffled with ``seed``.
+
+    Neither a name nor its place in the folder says what was drawn.
+    """
+    numbers = np.random.default_rng([seed, count]).permutation(count) + 1
+    return [f"FIC-{number:04d}.csv" for number in numbers.tolist()]
+
+
+def write_cases(
+    cases: Sequence[HiddenCase], seed: int, folder: Path, executor: Executor, tell: Tell
+) -> Seal:
+    """Simulate ``cases`` into CSV files in ``folder`` and seal what they hold.
+
+    ``tell`` hears how many are done.
+    """
+    names = file_names(len(cases), seed)
+    seeded = [(case, str(folder / name)) for case, name in zip(cases, names, strict=True)]
+    orders = [
+        _Order(tuple(seeded[first : first + BATCH])) for first in range(0, len(seeded), BATCH)
+    ]
+    truths: list[CaseTruth] = []
+    for _, batch in executor.map(_fill, orders):
+        truths += batch
+        tell(len(truths))
+    return seal(truths)
+
+
+def _fill(order: _Order) -> list[CaseTruth]:
+    return [_write(case, Path(file)) for case, file in order.cases]
+
+
+def _write(drawn: HiddenCase, file: Path) -> CaseTruth:
+    case, simulated = simulate_hidden(drawn)
+    write_case(file, simulated.recording)
+    truth = simulated.truth
+    return CaseTruth(
+        file=file.name,
+        hidden=case.hidden,
+        effects=case.effects,
+        record_effects=_of_record(*case.effects, *truth.effects),
+        concealment=case.concealment,
+        excited=case.excited,
+        excitation=_plain(case.excitation),
+        S=truth.S,
+        J=truth.J,
+        scatter=case.loop.valve.scatter,
+        samples=len(simulated.recording),
+        sizes=_plain(case.sizes),
+    )
+
+
+def _plain(numbers: Mapping[str, float]) -> dict[str, float]:
+    return {name: float(number) for name, number in numbers.items()}
+
+
+def _of_record(*slugs: str) -> tuple[str, ...]:
+    """The effects of the record among ``slugs``: hidden on purpose, or concealing another."""
+    return tuple(slug for slug in RECORD_EFFECTS if slug in slugs)

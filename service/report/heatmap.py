@@ -1,0 +1,121 @@
+"""A residual map as a picture: travel (rows) against phase of the motion (columns), as SVG.
+
+The colour of a cell is the rms of the residual there on a scale that maps of one valve share; the
+number in it is the same, in percent of span, so that no meaning hangs on colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from markupsafe import Markup, escape
+
+from stemwatch.models.mismatch.findings import ResidualMap
+from stemwatch.service.report.words import figure, finite, printable
+
+LEFT, TOP, CELL_WIDTH, CELL_HEIGHT, LINE = 78, 34, 60, 28, 13
+BOTTOM = 6
+# Ink on a cell of this opacity keeps a contrast of 4.5 in both themes.
+DARKEST = 0.5
+LONGEST_LABEL = 24
+
+# A file that stands alone brings its colours; in a page the page's own styles do.
+ALONE = Markup(
+    "<style>text{font:11px system-ui,sans-serif;fill:#17202c}.axis{fill:#566273}"
+    ".heat{fill:#c2500a}.none{fill:none;stroke:#d9dde4}"
+    "@media (prefers-color-scheme:dark){text{fill:#e4e9f0}.axis{fill:#9fabba}"
+    ".heat{fill:#f2914d}.none{stroke:#333e4c}}</style>"
+)
+
+
+def largest(*maps: ResidualMap) -> float:
+    """The largest rms of several maps in percent of span: the end of their common scale."""
+    known = [number for one in maps for row in one.grid for number in _finite(row)]
+    return max(known, default=0.0)
+
+
+def heat_map(found: ResidualMap, top: float, name: str, *, alone: bool = False) -> Markup | None:
+    """``found`` as SVG, ``None`` where it has no cells.
+
+    ``top`` is the rms in percent of span that has the full colour, ``name`` what a screen reader
+    says first. ``alone``: a file of its own, with its name space and colours.
+    """
+    if not found.grid or not found.columns:
+        return None
+    width = LEFT + CELL_WIDTH * len(found.columns)
+    height = TOP + CELL_HEIGHT * len(found.grid) + BOTTOM
+    size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
+    space = ' xmlns="http://www.w3.org/2000/svg"' if alone else ""
+    parts = [
+        Markup(f'<svg class="map"{space} {size} role="img" aria-label="')
+        + escape(printable(_spoken(found, name)))
+        + Markup('">'),
+        ALONE if alone else Markup(""),
+        *[_column(at, label) for at, label in enumerate(found.columns)],
+        *[_row(found, row, top) for row in range(len(found.grid))],
+        Markup("</svg>"),
+    ]
+    return Markup("\n").join(part for part in parts if part)
+
+
+def _finite(row: Sequence[float | None]) -> list[float]:
+    return [number for one in row if (number := finite(one)) is not None]
+
+
+def _spoken(found: ResidualMap, name: str) -> str:
+    known = [
+        (number, column, row)
+        for row, cells in enumerate(found.grid)
+        for column, cell in zip(found.columns, cells, strict=False)
+        if (number := finite(cell)) is not None
+    ]
+    if not known:
+        return f"{name}: no samples."
+    worst, column, row = max(known)
+    where = f"{column}, {_travel(found.travel_edges, row)}".rstrip(", ")
+    return f"{name}: the largest rms, {figure(worst, 2)} % of span, is at {where}."
+
+
+def _travel(edges: Sequence[float], row: int) -> str:
+    if row + 1 >= len(edges):
+        return ""
+    narrowest = min(high - low for low, high in pairwise(edges))
+    digits = 0 if narrowest >= 2.0 else 1 if narrowest >= 0.2 else 2
+    return f"{edges[row]:.{digits}f}–{edges[row + 1]:.{digits}f} %"
+
+
+def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:
+    return Markup('<text x="{}" y="{}" class="{}" text-anchor="{}">{}</text>').format(
+        x, y, kind, anchor, printable(text)
+    )
+
+
+def _column(at: int, label: str) -> Markup:
+    """The heading of a column, on two lines where it has two words."""
+    middle = LEFT + CELL_WIDTH * (at + 0.5)
+    short = label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 1] + "…"
+    first, _, second = short.partition(" ")
+    lines = [first, second] if second else ["", first]
+    return Markup("").join(
+        _text(middle, TOP - 6 - LINE * (1 - place), line, "axis", "middle")
+        for place, line in enumerate(lines)
+        if line
+    )
+
+
+def _row(found: ResidualMap, row: int, top: float) -> Markup:
+    """One row of cells; the highest travel is drawn uppermost."""
+    y = TOP + CELL_HEIGHT * (len(found.grid) - 1 - row)
+    middle = y + CELL_HEIGHT / 2 + 4
+    parts = [_text(LEFT - 6, middle, _travel(found.travel_edges, row), "axis", "end")]
+    for at, cell in enumerate(found.grid[row][: len(found.columns)]):
+        x, number = LEFT + CELL_WIDTH * at, finite(cell)
+        box = f'x="{x + 1}" y="{y + 1}" width="{CELL_WIDTH - 2}" height="{CELL_HEIGHT - 2}" rx="3"'
+        if number is None:
+            parts.append(Markup(f'<rect {box} class="none"/>'))
+            continue
+        share = min(max(number / top, 0.0), 1.0) if top > 0 else 0.0
+        parts.append(Markup(f'<rect {box} class="heat" fill-opacity="{DARKEST * share:.3f}"/>'))
+        parts.append(_text(x + CELL_WIDTH / 2, middle, figure(number, 2), "cell", "middle"))
+    return Markup("").join(parts)

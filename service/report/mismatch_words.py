@@ -1,0 +1,63 @@
+"""How a mismatch is said to a reader: its verdict, its effects, its facets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+
+# A symbol beside each word, so that no meaning hangs on colour alone.
+FINDING_SYMBOL = {
+    Finding.NAMED: "◆",
+    Finding.CANDIDATES: "◇",
+    Finding.UNKNOWN: "?",
+    Finding.NONE: "✓",
+    Finding.NOT_TESTABLE: "–",
+}
+FINDING_TITLE = {
+    Finding.NAMED: "hidden physics named",
+    Finding.CANDIDATES: "candidates that this recording cannot tell apart",
+    Finding.UNKNOWN: "a difference that nothing in the catalogue explains",
+    Finding.NONE: "nothing left out",
+    Finding.NOT_TESTABLE: "cannot be tested",
+}
+FINDING_MEANING = {
+    Finding.NAMED: "one effect explains what S and J leave over, and nothing else does as well",
+    Finding.CANDIDATES: "effects that this recording cannot tell apart; a test would",
+    Finding.UNKNOWN: "systematic, and nothing in the catalogue explains it",
+    Finding.NONE: "S and J explain the recording, scatter of the breakaways included",
+    Finding.NOT_TESTABLE: "the recording could not have shown anything",
+}
+FACETS = {
+    "phase": "By phase of the motion",
+    "direction": "By direction",
+    "rest": "By rest before the move",
+    "travel": "By travel, % of MV",
+    "speed": "By speed of the command",
+    "time": "By time in the record",
+}
+
+
+def effect_name(slug: str) -> str:
+    """A slug as people say it: ``actuator_lag`` is an actuator lag."""
+    return slug.replace("_", " ")
+
+
+def effect_names(slugs: Iterable[str]) -> str:
+    """Several slugs in one line."""
+    return ", ".join(effect_name(slug) for slug in slugs)
+
+
+def others(effect: Effect) -> tuple[str, ...]:
+    """The members of its class beside the effect itself."""
+    return tuple(slug for slug in effect.members if slug != effect.slug)
+
+
+def left_out(mismatch: Mismatch) -> str:
+    """What a spreadsheet says: slugs strongest first, members of a class joined by ``|``."""
+    return ", ".join("|".join((one.slug, *others(one))) for one in mismatch.effects)
+
+
+def facet_title(facet: str) -> str:
+    """The heading of a facet; one that is not known is its own heading."""
+    return FACETS.get(facet, f"By {facet}")

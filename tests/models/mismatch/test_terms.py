@@ -1,0 +1,263 @@
+"""The catalogue keeps its promises: names, ranges, starts, what matters, and what people read."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.terms import catalogue
+
+CATALOGUE = catalogue()
+everywhere = pytest.mark.parametrize("slug", sorted(CATALOGUE))
+LOOK = Look(
+    interval_s=1.0,
+    duration_s=3600.0,
+    op_low=25.0,
+    op_high=75.0,
+    mv_low=26.0,
+    mv_high=74.0,
+    sigma=0.05,
+    S=4.0,
+    J=1.0,
+)
+LOOKS = {
+    "an hour at 1 s": LOOK,
+    "fast": replace(LOOK, interval_s=0.1),
+    "slow": replace(LOOK, interval_s=60.0, duration_s=86400.0),
+    "quiet": replace(LOOK, op_low=48.0, op_high=50.5, mv_low=48.5, mv_high=50.0),
+    "at the ends": replace(LOOK, op_low=-2.0, op_high=103.0, mv_low=0.0, mv_high=100.0),
+    "reading far off": replace(LOOK, op_low=10.0, op_high=20.0, mv_low=60.0, mv_high=70.0),
+}
+PARAMETERS = {
+    "actuator_lag": {"tau": "s"},
+    "asymmetric_lag": {"tau_rising": "s", "tau_falling": "s"},
+    "asymmetric_rate_limit": {"rate_rising": "%/s", "rate_falling": "%/s"},
+    "asymmetric_slip": {"ratio": ""},
+    "dead_time": {"theta": "s"},
+    "dwell_dependent_breakaway": {"b": "%"},
+    "flow_force": {"U": "%"},
+    "growing_stiction": {"growth": "%"},
+    "lost_motion": {"b": "%"},
+    "low_speed_restick": {"v_c": "%/s"},
+    "position_dependent_friction": {"A": "%", "place": "%", "width": "%"},
+    "rate_limit": {"rate": "%/s"},
+    "sensor_drift": {"D": "%"},
+    "span_error": {"gain": ""},
+    "stem_creep": {"creep": "%/s"},
+    "supply_sag": {"sag": "%", "recovery": "s"},
+    "travel_stop": {"stop_low": "%", "stop_high": "%"},
+    "underdamped_positioner": {"wn": "rad/s", "zeta": ""},
+    "viscous_drag": {"tau_v": "s"},
+    "zero_shift": {"zero": "%"},
+}
+# slug, coordinates too small for a work order, coordinates that are worth one
+MATTERS = [
+    ("actuator_lag", [0.3], [1.5]),
+    ("asymmetric_lag", [2.0, 2.5], [0.5, 2.5]),
+    ("asymmetric_rate_limit", [1 / 14.0, 1 / 12.0], [1 / 14.0, 1 / 2.8]),
+    ("asymmetric_rate_limit", [1 / 2.8, 1 / 3.0], [1 / 2.8, 0.0]),
+    ("asymmetric_slip", [0.1], [-0.35]),
+    ("dead_time", [0.5], [1.0]),
+    ("dwell_dependent_breakaway", [0.05], [0.15]),
+    ("flow_force", [1.0], [-2.5]),
+    ("growing_stiction", [0.1], [0.4]),
+    ("lost_motion", [0.1], [0.6]),
+    ("low_speed_restick", [0.005], [0.02]),
+    ("position_dependent_friction", [0.2, 50.0, 5.0], [1.0, 50.0, 5.0]),
+    ("rate_limit", [1 / 20.0], [1 / 1.5]),
+    ("sensor_drift", [0.3], [-0.7]),
+    ("span_error", [0.01], [-0.03]),
+    ("stem_creep", [0.002], [-0.01]),
+    ("supply_sag", [0.01, 30.0], [-0.2, 30.0]),
+    ("travel_stop", [25.0, 0.0], [36.0, 0.0]),
+    ("travel_stop", [0.0, 25.0], [0.0, 36.0]),
+    ("underdamped_positioner", [0.5, 0.8], [0.5, 0.4]),
+    ("viscous_drag", [0.3], [1.5]),
+    ("zero_shift", [0.2], [-0.5]),
+]
+
+
+def said(slug: str, values: list[float], spread: float = 0.05) -> str:
+    """The sentence of a term whose coordinates are ``values``, with intervals."""
+    term = CATALOGUE[slug]
+    estimates = {}
+    for name, (value, unit) in term.parameters(np.array(values)).items():
+        half = spread * abs(value)
+        estimates[name] = Estimate(value=value, low=value - half, high=value + half, unit=unit)
+    return term.sentence(estimates, "opening", "closing")
+
+
+def test_the_catalogue_holds_all_physics_of_the_valve():
+    """Twenty effects, and the file is named as the effect."""
+    assert set(CATALOGUE) == set(PARAMETERS)
+    assert all(term.slug == slug for slug, term in CATALOGUE.items())
+
+
+def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
+    """Dead time, lag, positioner, speed limit, air supply."""
+    order = {slug: term.order for slug, term in CATALOGUE.items() if term.way is Way.COMMAND}
+    assert order == {
+        "dead_time": 10,
+        "actuator_lag": 20,
+        "asymmetric_lag": 20,
+        "underdamped_positioner": 25,
+        "rate_limit": 30,
+        "asymmetric_rate_limit": 30,
+        "supply_sag": 40,
+    }
+
+
+def test_zero_gain_and_re_sticking_are_the_base_s_own_numbers():
+    """They are free in every hypothesis."""
+    reading = {slug for slug, term in CATALOGUE.items() if term.way is Way.READING}
+    assert reading == {"zero_shift", "span_error", "low_speed_restick"}
+
+
+def test_a_richer_term_names_the_simpler_ones_that_it_contains():
+    """Parsimony prefers these."""
+    assert {slug: term.contains for slug, term in CATALOGUE.items() if term.contains} == {
+        "asymmetric_lag": ("actuator_lag",),
+        "asymmetric_rate_limit": ("rate_limit",),
+        "asymmetric_slip": ("zero_shift",),
+        "span_error": ("zero_shift",),
+        "underdamped_positioner": ("actuator_lag",),
+    }
+
+
+@everywhere
+@pytest.mark.parametrize("name", LOOKS)
+def test_starts_are_few_and_lie_within_the_ranges(slug, name):
+    """Whatever the sampling and the swing."""
+    term, look = CATALOGUE[slug], LOOKS[name]
+    limits = term.coordinates(look)
+    starts = term.starts(look)
+    assert starts.shape[1] == len(limits)
+    assert 3 <= starts.shape[0] <= 16
+    assert np.unique(starts, axis=0).shape[0] >= 2
+    assert np.all(starts >= [c.low - 1e-12 for c in limits])
+    assert np.all(starts <= [c.high + 1e-12 for c in limits])
+    assert all(c.low < c.high for c in limits)
+
+
+@everywhere
+def test_some_starts_are_worth_a_work_order_and_nothing_at_all_is_not(slug):
+    """A search that begins among what does not matter would end there."""
+    term = CATALOGUE[slug]
+    assert any(term.material(start, LOOK) for start in term.starts(LOOK))
+    assert not term.material(np.zeros(len(term.coordinates(LOOK))), LOOK)
+
+
+@pytest.mark.parametrize(("slug", "small", "large"), MATTERS)
+def test_what_is_worth_a_work_order_is_told_from_what_is_not(slug, small, large):
+    """The sizes that a study concealed all matter; a good valve's own do not."""
+    term = CATALOGUE[slug]
+    assert not term.material(np.array(small), LOOK)
+    assert term.material(np.array(large), LOOK)
+
+
+def test_what_cannot_show_in_a_quiet_or_coarse_recording_does_not_matter_there():
+    """A limit over a small swing, a gain over a small travel, a lag within a sample."""
+    quiet, slow = LOOKS["quiet"], LOOKS["slow"]
+    assert not CATALOGUE["rate_limit"].material(np.array([1 / 8.0]), quiet)
+    assert not CATALOGUE["span_error"].material(np.array([0.05]), quiet)
+    assert not CATALOGUE["flow_force"].material(np.array([5.0]), quiet)
+    for slug in ("actuator_lag", "viscous_drag", "dead_time"):
+        assert not CATALOGUE[slug].material(np.array([20.0]), slow)
+
+
+@everywhere
+def test_the_names_and_units_of_parameters_are_a_contract(slug):
+    """They stand in the JSON."""
+    term = CATALOGUE[slug]
+    for start in term.starts(LOOK):
+        found = term.parameters(start)
+        assert {name: unit for name, (_, unit) in found.items()} == PARAMETERS[slug]
+        assert all(np.isfinite(value) for value, _ in found.values())
+
+
+@everywhere
+def test_a_sentence_is_one_sentence_with_a_number_and_its_interval(slug):
+    """For a maintenance engineer: no slug, no placeholder, no missing number."""
+    term = CATALOGUE[slug]
+    for start in term.starts(LOOK):
+        text = said(slug, list(start))
+        assert text.endswith(".")
+        assert text[0].isupper()
+        assert ". " not in text
+        assert re.search(r"\d \(-?[\d.]+ to -?[\d.]+\)", text)
+        assert "_" not in text
+        assert "nan" not in text
+        assert "inf" not in text.replace("inform", "")
+
+
+@everywhere
+def test_a_sentence_survives_parameters_that_are_not_known(slug):
+    """An interval that cannot be given is said, and stops nothing."""
+    parameters = {name: Estimate.unknown("too few moves") for name in PARAMETERS[slug]}
+    assert "not known: too few moves" in CATALOGUE[slug].sentence(parameters, "rising", "falling")
+
+
+@everywhere
+def test_advice_names_things_to_look_at_and_a_test(slug):
+    """Plain words fit into a sentence; check and decide are whole ones."""
+    words = CATALOGUE[slug].words
+    assert words.plain[0].islower()
+    assert not words.plain.endswith(".")
+    for text in (words.check, words.decide):
+        assert text[0].isupper()
+        assert text.endswith(".")
+        assert 80 <= len(text) <= 400
+    assert "_" not in words.plain + words.check + words.decide
+
+
+@pytest.mark.parametrize(
+    ("slug", "values", "words"),
+    [
+        ("actuator_lag", [3.1], "a lag of 3.1 (2.95 to 3.25) s both ways"),
+        ("asymmetric_lag", [4.0, 1.0], "by 4 (3.8 to 4.2) s when opening but by only 1"),
+        ("asymmetric_lag", [1.0, 4.0], "by 4 (3.8 to 4.2) s when closing but by only 1"),
+        ("asymmetric_lag", [0.0, 4.0], "when closing but follows at once when opening"),
+        ("asymmetric_rate_limit", [0.0, 1 / 3], "3 (2.85 to 3.15) %/s when closing but is free"),
+        ("asymmetric_rate_limit", [1 / 3, 1 / 12], "when opening but reaches 12 (11.4 to 12.6)"),
+        ("asymmetric_slip", [0.5], "jumps when opening are 3 (2.85 to 3.15) times those"),
+        ("asymmetric_slip", [-0.5], "jumps when closing are 3 (2.86 to 3.16) times those"),
+        ("flow_force", [-3.0], "by 3 (2.85 to 3.15) % of span more towards opening"),
+        ("growing_stiction", [0.8], "grew by 80 (76 to 84) % over the record"),
+        ("growing_stiction", [-0.3], "shrank by 30 (28.5 to 31.5) % over"),
+        ("position_dependent_friction", [1.5, 50.0, 5.0], "Between 45 and 55 % of travel"),
+        ("rate_limit", [0.5], "no more than 2 (1.9 to 2.1) %/s, opening and closing alike"),
+        ("sensor_drift", [-1.5], "drifts downwards by 1.5 (1.43 to 1.57) % of travel"),
+        ("span_error", [-0.1], "compressed over the stroke: it moves by 0.9 (0.855 to 0.945)"),
+        ("stem_creep", [-0.02], "creeps at 0.02 (0.019 to 0.021) %/s, closing,"),
+        ("supply_sag", [-0.2, 30.0], "short by 20 (19 to 21) % of the move when closing"),
+        ("travel_stop", [0.0, 39.0], "does not rise above 61"),
+        ("travel_stop", [38.0, 0.0], "does not fall below 38"),
+        ("underdamped_positioner", [0.5, 0.2], "period of 12.8 s and an overshoot of 53 %"),
+        ("zero_shift", [-1.0], "reads low by 1 (0.95 to 1.05) % of travel"),
+    ],
+)
+def test_numbers_are_said_with_their_direction(slug, values, words):
+    """Signs become words."""
+    assert words in said(slug, values)
+
+
+def test_an_effect_whose_direction_is_in_doubt_is_said_without_a_negative_size():
+    """An interval across zero begins at zero."""
+    estimate = Estimate(value=-0.4, low=-1.0, high=0.2, unit="%")
+    text = CATALOGUE["sensor_drift"].sentence({"D": estimate}, "rising", "falling")
+    assert "by 0.4 (0 to 1) %" in text
+    ratio = Estimate(value=0.5, low=-0.2, high=0.9)
+    text = CATALOGUE["asymmetric_slip"].sentence({"ratio": ratio}, "rising", "falling")
+    assert "jumps when falling are 2 times those when rising" in text
+
+
+def test_only_one_stop_is_spoken_of_where_there_is_one():
+    """The other end of the stroke is not a finding."""
+    assert "rise above" not in said("travel_stop", [38.0, 0.0])
+    assert "fall below" not in said("travel_stop", [0.0, 39.0])
+    assert " and does not rise above 61" in said("travel_stop", [38.0, 39.0])

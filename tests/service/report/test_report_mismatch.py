@@ -1,0 +1,244 @@
+"""What S and J leave out, in the report: page, JSON, CSV and workbook."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import replace
+from importlib.resources import files
+from xml.etree import ElementTree
+
+import jsonschema
+import numpy as np
+import openpyxl
+import pytest
+
+from stemwatch.models.mismatch.findings import HotPlace, ResidualMap, Runs
+from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.write import write_pages
+from stemwatch.service.report import write_report
+from stemwatch.service.report.heatmap import heat_map, largest
+from stemwatch.service.report.overlay import overlay_of
+from stemwatch.service.report.places import facets
+from tests.service.made_mismatch import effect, named, of_every_kind, residual_map
+
+SCHEMA = json.loads(
+    files("stemwatch.service.report").joinpath("contract.schema.json").read_text("utf-8")
+)
+HOSTILE = "</script><img src=x onerror=alert(1)>\x00=1+1"
+
+
+@pytest.fixture
+def explained_plant(make_screening):
+    """One valve of every verdict, and one of which nothing was asked."""
+    plain = make_screening("FV-9", samples=900)
+    found = [
+        replace(make_screening(f"FV-{k}", seed=k, samples=900), mismatch=one)
+        for k, one in enumerate(of_every_kind(plain.recording))
+    ]
+    return [*found, plain]
+
+
+@pytest.fixture
+def written(explained_plant, make_context, tmp_path):
+    return write_report(explained_plant, make_context(explained_plant), tmp_path)
+
+
+def rows_by_valve(path):
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        return {row["valve"]: row for row in csv.DictReader(file)}
+
+
+def test_the_contract_holds_it(written):
+    """The objects follow the schema; a valve without a fit has null."""
+    objects = {one["valve"]: one for one in json.loads(written.json.read_text("utf-8"))}
+    jsonschema.validate(list(objects.values()), SCHEMA)
+    assert objects["FV-9"]["mismatch"] is None
+    assert objects["FV-0"]["mismatch"]["effects"][0]["slug"] == "asymmetric_rate_limit"
+
+
+def test_csv_and_workbook_have_its_columns(written):
+    """Verdict, what was left out with its class, and the fit before and after."""
+    row = rows_by_valve(written.csv)["FV-0"]
+    assert row["mismatch"] == "named"
+    assert row["left out"] == "asymmetric_rate_limit, dead_time|actuator_lag"
+    assert float(row["fit of S and J (%)"]) == 24.2
+    assert float(row["fit with what was left out (%)"]) == 69.4
+    assert rows_by_valve(written.csv)["FV-9"]["mismatch"] == ""
+    head, *rows = openpyxl.load_workbook(written.xlsx)["Ranking"].iter_rows(values_only=True)
+    cells = {row[head.index("valve")]: row[head.index("left out")] for row in rows}
+    assert cells["FV-0"] == "asymmetric_rate_limit, dead_time|actuator_lag"
+    assert cells["FV-9"] is None
+
+
+def test_the_page_shows_it_where_there_is_one(written):
+    """Five sections, one for each valve that has a mismatch, each with its sentence."""
+    page = written.html.read_text("utf-8")
+    assert page.count('<section class="mismatch') == 5
+    section = page.split('id="valve-FV-0-mismatch"')[1].split("</section>")[0]
+    assert "The actuator closes at no more than" in section
+    assert "<h4>asymmetric rate limit</h4>" in section
+    assert "actuator lag" in section
+    assert section.count("<svg") == 2
+    assert "11.8 %" in section
+    assert "69.4 %" in section
+    assert 'id="valve-FV-9-mismatch"' not in page
+
+
+def test_a_valve_with_nothing_left_out_gets_one_sentence(written):
+    """No map, no overlay, no table."""
+    page = written.html.read_text("utf-8")
+    section = page.split('id="valve-FV-3-mismatch"')[1].split("</section>")[0]
+    assert "S and J explain the recording." in section
+    assert "<svg" not in section
+    assert "data-plots" not in section
+
+
+def test_hostile_words_are_text(make_screening, make_context, tmp_path):
+    """Whatever an effect, a place or a phase is called, it is no markup and no formula."""
+    place = HotPlace(facet=HOSTILE, label=HOSTILE, share=0.5, z=5.0, sentence=HOSTILE)
+    bad_map = replace(residual_map(1.0, hot=True), columns=(HOSTILE,) * 5, hot=(place,), cells=())
+    bad = replace(effect(), slug=HOSTILE, members=(HOSTILE,), sentence=HOSTILE, where=HOSTILE)
+    valve = make_screening("FV-1", samples=300)
+    found = replace(named(valve.recording), sentence=HOSTILE, effects=(bad,), before=bad_map)
+    valves = [replace(valve, mismatch=found)]
+    paths = write_report(valves, make_context(valves), tmp_path)
+    page = paths.html.read_text("utf-8")
+    assert "<img" not in page
+    assert "\x00" not in page
+    sheet = openpyxl.load_workbook(paths.xlsx)["Ranking"]
+    assert {cell.data_type for row in sheet.iter_rows() for cell in row} <= {"s", "n", "d"}
+
+
+def test_the_map_shows_every_cell_on_a_common_scale():
+    """Numbers in the cells, an empty one without, the highest travel on top, valid XML."""
+    before, after = residual_map(1.6, hot=True), residual_map(0.4, hot=False)
+    top = largest(before, after)
+    picture = heat_map(before, top, "before", alone=True)
+    root = ElementTree.fromstring(str(picture))
+    space = "{http://www.w3.org/2000/svg}"
+    kinds = [one.get("class") for one in root.iter(f"{space}rect")]
+    assert (kinds.count("heat"), kinds.count("none")) == (19, 1)
+    dark = [
+        float(one.get("fill-opacity")) for one in root.iter(f"{space}rect") if len(one.keys()) > 6
+    ]
+    assert max(dark) == 0.5
+    labels = [one.text for one in root.iter(f"{space}text") if one.get("text-anchor") == "end"]
+    assert labels[0] == "30–38 %"
+    heights = [
+        float(one.get("y")) for one in root.iter(f"{space}text") if one.get("text-anchor") == "end"
+    ]
+    assert heights == sorted(heights, reverse=True)
+    quiet = re.findall(r'fill-opacity="([\d.]+)"', str(heat_map(after, top, "after")))
+    assert max(float(one) for one in quiet) < 0.2
+
+
+def test_a_map_without_cells_is_no_picture():
+    """An engine that located nothing leaves no empty frame."""
+    assert heat_map(ResidualMap(), 1.0, "before") is None
+    assert largest(ResidualMap()) == 0.0
+
+
+def test_bars_pair_each_place_before_and_after():
+    """Lengths are of one scale, and a place that is hot is marked."""
+    phase, direction = facets(named())
+    assert phase.title == "By phase of the motion"
+    longest = max(place.before_length for one in (phase, direction) for place in one.places)
+    assert longest == 100.0
+    falling = direction.places[0]
+    assert falling.hot
+    assert falling.after == pytest.approx(falling.before / 4)
+    assert falling.after_length == pytest.approx(falling.before_length / 4, abs=0.1)
+
+
+def test_the_overlay_draws_recording_and_both_simulations(make_screening):
+    """Two panels: the traces over one another, and what each leaves unexplained."""
+    recording = make_screening("FV-1", samples=900).recording
+    chart = overlay_of(recording, named(recording).runs)
+    roles = [[one["role"] for one in panel["series"]] for panel in chart["panels"]]
+    assert roles == [["op", "mv", "naive", "extended"], ["naive", "extended"]]
+    assert chart["heldout"] == 540.0
+
+
+def test_a_run_that_changed_nothing_is_drawn_once(make_screening):
+    """Where nothing was named, the extended model is the naive one and no second line."""
+    recording = make_screening("FV-1", samples=900).recording
+    naive = named(recording).runs.naive
+    chart = overlay_of(recording, Runs(naive=naive, extended=naive.copy(), heldout_from=540))
+    assert [one["role"] for one in chart["panels"][1]["series"]] == ["naive"]
+
+
+def test_a_run_of_another_length_is_refused(make_screening):
+    """The message names the tag and both lengths."""
+    recording = make_screening("FV-1", samples=900).recording
+    short = Runs(naive=np.zeros(10), extended=np.ones(10), heldout_from=5)
+    with pytest.raises(ValueError, match=r"FV-1.MV: .*expected \(900,\), received \(10,\)"):
+        overlay_of(recording, short)
+
+
+@pytest.fixture
+def explained_page(make_screening, make_context, tmp_path):
+    """The page of ``stemwatch explain`` for one valve of every verdict."""
+    read = make_screening("FV-1", samples=900).recording
+    found = [
+        Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=one, recording=read)
+        for k, one in enumerate(of_every_kind(read))
+    ]
+    return write_pages(found, make_context([]), tmp_path / "explained").html
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("which", ["report", "explain"])
+def test_the_section_is_drawn_in_a_browser(browser, written, explained_page, theme, which):
+    """Overlay and maps stand, on a phone too, without an error and no wider than the screen."""
+    path = {"report": written.html, "explain": explained_page}[which]
+    context = browser.new_context(
+        viewport={"width": 390, "height": 800}, color_scheme=theme, offline=True
+    )
+    page = context.new_page()
+    errors = []
+    page.on("console", lambda message: errors.append(message.text))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(path.as_uri())
+    page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    overlay = page.locator(".overlay").first
+    overlay.scroll_into_view_if_needed()
+    overlay.locator(".plot-residual canvas").wait_for()
+    assert overlay.locator(".plot-travel .u-legend .u-series").count() == 5
+    assert page.locator("svg.map").first.is_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    context.close()
+    assert errors == []
+
+
+@pytest.mark.browser
+def test_the_explained_page_zooms_and_prints(browser, explained_page):
+    """The buttons change the view that is told, and printing draws every overlay."""
+    page = browser.new_page()
+    page.goto(explained_page.as_uri())
+    overlay = page.locator(".overlay").first
+    overlay.scroll_into_view_if_needed()
+    overlay.locator(".plot-residual canvas").wait_for()
+    overlay.get_by_role("button", name="Whole record").click()
+    whole = overlay.locator(".view b").inner_text()
+    overlay.get_by_role("button", name="Zoom in").click()
+    assert overlay.locator(".view b").inner_text() != whole
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    plotted = page.locator("[data-plots]").count()
+    assert page.locator("[data-plots] .plot-travel canvas").count() == plotted == 4
+    page.close()
+
+
+@pytest.mark.browser
+def test_without_scripts_the_findings_and_maps_are_there(browser, explained_page):
+    """Only the plots need scripts, and a sentence says so."""
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(explained_page.as_uri())
+    assert page.locator(".effect").first.is_visible()
+    assert page.locator("svg.map").first.is_visible()
+    assert page.locator("noscript p").is_visible()
+    assert not page.locator(".overlay").first.is_visible()
+    context.close()

@@ -1,0 +1,128 @@
+"""The JSON of ``stemwatch explain``: a documented contract, whatever was or was not found."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import HeldOut
+from stemwatch.service.explain.contract import to_json, to_object
+from stemwatch.service.explain.explained import Explained, not_testable
+from tests.service.made_mismatch import effect, named, of_every_kind
+
+SCHEMA = json.loads(
+    files("stemwatch.service.explain").joinpath("explain.schema.json").read_text("utf-8")
+)
+REPORT_SCHEMA = json.loads(
+    files("stemwatch.service.report").joinpath("contract.schema.json").read_text("utf-8")
+)
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def explained(mismatch, source="./exports/FV-1.csv", valve="FV-1") -> Explained:
+    return Explained(source=source, valve=valve, mismatch=mismatch)
+
+
+def test_every_verdict_follows_the_schema():
+    """A list with one object per recording, in the order given, valid in every verdict."""
+    objects = json.loads(to_json([explained(one) for one in of_every_kind()]))
+    jsonschema.validate(objects, SCHEMA)
+    words = [one["verdict"] for one in objects]
+    assert words == ["named", "candidates", "unknown", "none", "not_testable"]
+    assert {one["recording"] for one in objects} == {"./exports/FV-1.csv"}
+    assert {one["version"] for one in objects} == {1}
+
+
+def test_the_fields_are_the_ones_that_a_reader_may_rely_on():
+    """Every field of a named effect, with its class, parameters and evidence."""
+    one = to_object(explained(named()))
+    assert set(one) == set(SCHEMA["$defs"]["mismatch"]["required"])
+    first, second = one["effects"]
+    assert first["slug"] == "asymmetric_rate_limit"
+    assert second["class"] == ["dead_time", "actuator_lag"]
+    assert first["parameters"]["rate_falling"] == {
+        "value": 2.9,
+        "low": 2.7,
+        "high": 3.1,
+        "unit": "%/s",
+        "reason": None,
+    }
+    assert first["parameters"]["rate_rising"]["reason"] == "never reached"
+    assert first["evidence"]["share"] == 0.88
+    assert one["stiction"]["naive"]["S"]["value"] == 11.8
+    assert one["stiction"]["restated"]["S"]["value"] == 1.0
+    assert one["heldout"]["fit_extended"] == 69.4
+    assert one["record_effects"][0]["parameters"] == {"step_percent": 0.06}
+    assert [each["slug"] for each in one["not_testable"]] == ["travel_stop", "flow_force"]
+    assert one["hot_places"]["before"][0]["label"] == "falling"
+    assert one["hot_places"]["after"] == []
+
+
+def test_what_could_not_be_read_is_an_object_too():
+    """An unreadable recording is not testable, and its S and J say why."""
+    one = to_object(explained(not_testable("FV-1.csv: line 3: no number.")))
+    jsonschema.validate([one], SCHEMA)
+    assert (one["verdict"], one["sentence"]) == ("not_testable", "FV-1.csv: line 3: no number.")
+    assert one["stiction"]["restated"]["J"]["reason"] == "FV-1.csv: line 3: no number."
+    assert set(one["heldout"].values()) == {None}
+
+
+def test_nan_and_infinity_become_null():
+    """Numbers that JSON has not are null; an estimate then says why."""
+    nan, inf = math.nan, math.inf
+    odd = replace(
+        named(),
+        heldout=HeldOut(rmse_naive=nan, rmse_ceiling=inf),
+        effects=(replace(effect(), parameters={"x": Estimate(value=inf, low=0.0, high=inf)}),),
+    )
+    (one,) = json.loads(to_json([explained(odd)]))
+    jsonschema.validate([one], SCHEMA)
+    assert one["heldout"]["rmse_naive"] is None
+    assert one["effects"][0]["parameters"]["x"]["reason"] == "the fit gave no finite number"
+
+
+def test_the_schema_refuses_an_unknown_verdict():
+    """The schema is not so wide that anything passes."""
+    one = to_object(explained(named()))
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate([one | {"verdict": "perhaps"}], SCHEMA)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate([{key: one[key] for key in one if key != "heldout"}], SCHEMA)
+
+
+def test_the_report_and_the_command_agree_on_the_parts():
+    """Both schemas define the same effect, estimate, place and held-out fit."""
+    shared = set(SCHEMA["$defs"]) - {"mismatch"}
+    assert {name: SCHEMA["$defs"][name] for name in shared} == {
+        name: REPORT_SCHEMA["$defs"][name] for name in shared
+    }
+    own = {"version", "recording", "valve"}
+    both = (SCHEMA["$defs"]["mismatch"], REPORT_SCHEMA["$defs"]["mismatch"])
+    mine, reports = (set(one["properties"]) for one in both)
+    assert mine - own == reports
+
+
+def test_every_field_is_described():
+    """Each property of the schema stands in docs/json.md."""
+    page = (DOCS / "json.md").read_text("utf-8")
+    names = set(properties(SCHEMA))
+    assert len(names) > 40
+    assert {name for name in names if f"`{name}`" not in page} == set()
+
+
+def properties(schema) -> Iterator[str]:
+    """Every property name in a schema, at any depth."""
+    if isinstance(schema, dict):
+        yield from schema.get("properties", {})
+        schema = list(schema.values())
+    if isinstance(schema, list):
+        for inner in schema:
+            yield from properties(inner)
