@@ -23,12 +23,13 @@ RATIOS = (0.0, 0.15, 0.35, 0.6, 0.85, 1.15)
 WIDTHS = 16
 RESTICKS = (0.0, 0.05, 0.4)  # percent per second
 ZERO_REACH = 8.0  # percent either way
+HELD = 0.3  # percent
 GAIN_REACH = (-0.25, 0.3)
 RESTICK_REACH = 4.0  # percent per second; from there on a stem sticks at every sample
 CLEARLY = 0.97  # share of the canonical reading's loss that another one must reach
 LEAST_DELTA = 0.05  # percent
 LEAST_SCATTER = 0.03  # percent
-SCATTER_REACH = (0.03, 0.15)  # of the level
+SCATTER_REACH = (0.03, 0.09)  # of the level
 FEWEST_BREAKAWAYS = 8
 NAIVE = Effort(keep=2, rounds=4, population=32, width=0.02)
 
@@ -41,12 +42,18 @@ class Base:
     fitted: Fitted
 
 
-def base_bounds(problem: Problem, look: Look) -> Bounds:
-    """Limits of S, J/S, zero, gain - 1, the delay within a sample and the speed of sticking."""
+def base_bounds(problem: Problem, look: Look, *, own_reading: bool = True) -> Bounds:
+    """Limits of S, J/S, zero, gain - 1, the delay within a sample and the speed of sticking.
+
+    Without a reading of its own (a flow that was read through a characteristic) zero and gain are
+    part of that characteristic and held.
+    """
     reach = max(1.2 * look.swing, 2.0)
     late = at.WITHIN_SAMPLE * problem.interval_s
     low = [0.0, 0.0, -ZERO_REACH, GAIN_REACH[0], 0.0, 0.0]
     high = [reach, 1.5, ZERO_REACH, GAIN_REACH[1], late, RESTICK_REACH]
+    if not own_reading:
+        low[at.ZERO], high[at.ZERO], low[at.GAIN], high[at.GAIN] = -HELD, HELD, 0.0, 0.0
     return Bounds(np.array(low), np.array(high))
 
 
@@ -91,11 +98,11 @@ def breakaway_scatter(early_late: Floats, level: float, sigma: float) -> float:
     return max(min(max(spread, low * level), high * level), sigma, LEAST_SCATTER)
 
 
-def fit_base(problem: Problem, look: Look) -> Base:
+def fit_base(problem: Problem, look: Look, *, own_reading: bool = True) -> Base:
     """The base on both folds, its reading of when a stem sticks again, and the loss's scale."""
     spread = float(np.std(problem.mv[problem.scored]))
     first = max(3.0 * problem.sigma, 0.1 * spread, LEAST_DELTA)
-    bounds = base_bounds(problem, look)
+    bounds = base_bounds(problem, look, own_reading=own_reading)
     bench = make_bench(problem, look, bounds, first, CANONICAL, first_scatter(look))
     starts = bounds.clip(grid(look, suggested_zero(problem), RESTICKS))
     readings = [bench]

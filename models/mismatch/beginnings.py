@@ -30,8 +30,19 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
         ]
     if term.slug == "lost_motion":
         # The play has been read as part of S, and taken from J.
-        return [own, Beginning(S, J, S_less=1.0), Beginning(S, J, S_less=1.0, J_less=-0.5)]
+        return [
+            own,
+            Beginning(S, J, S_less=1.0),
+            Beginning(S, J, S_less=1.0, J_less=-0.5),
+            Beginning(S, J, S_less=0.0, J_less=-1.0),
+        ]
     if term.slug == "dwell_dependent_breakaway":
         # It raises the breakaway only, by b ln(1 + rest/t0): S and J alike.
         return [own, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
-    return [own, Beginning(0.8 * S, 0.32 * S)]
+    # A base that lacks it may have bent its reading, or lost J.
+    return [
+        own,
+        Beginning(S, J, plain=True),
+        Beginning(0.85 * S, 0.55 * S, plain=True),
+        Beginning(0.7 * S, 0.2 * S, plain=True),
+    ]

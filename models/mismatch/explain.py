@@ -30,7 +30,8 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     Untestable,
 )
-from stemwatch.models.mismatch.limits import MEAN_WHERE_MUCH_IS_LEFT, much_left
+from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.limits import MEAN_WHERE_MUCH_IS_LEFT, chance, much_left
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.naming import Named, Needed, Score, name
 from stemwatch.models.mismatch.reading import Off, findings, values_of
@@ -43,8 +44,14 @@ from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.problem import Problem, make_problem
 
-FEWEST_SAMPLES = 200
+FEWEST_SAMPLES = 60
+WORSE = 1.15
+STRAIGHT_LINE = ("zero_shift", "span_error")
+MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
+READING = ("zero_shift", "span_error", "sensor_drift")
 LEAST_SIGMA = 1e-3  # percent
+# Cross-fitting needs blocks; of a short record they are shorter.
+FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 MODEL_ERROR = 0.05  # of the level (S + J)/2, one sigma: no stem is exactly the element
 
 
@@ -57,6 +64,7 @@ class _Case:
     base: Base
     refused: Mapping[str, str]
     ceiling: Floats | None
+    own_reading: bool
 
 
 def explain(recording: Recording, *, ceiling: Floats | None = None) -> Mismatch:
@@ -66,13 +74,42 @@ def explain(recording: Recording, *, ceiling: Floats | None = None) -> Mismatch:
     residual that is systematic at all.
     """
     began = time.perf_counter()
+    if recording.mv is not None and recording.mv.unit != PERCENT:
+        found = _through_flow(recording)
+    else:
+        found = _explained(recording, ceiling)
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def _explained(
+    recording: Recording, ceiling: Floats | None, *, own_reading: bool = True
+) -> Mismatch:
     settled = settle(recording)
     reason = _cannot(recording, settled)
     if reason is not None:
-        found = _not_testable(settled, reason)
-    else:
-        found = _told(_fitted(recording, settled, ceiling))
-    return replace(found, seconds=time.perf_counter() - began)
+        return _not_testable(settled, reason)
+    return _told(_fitted(recording, settled, ceiling, own_reading=own_reading))
+
+
+def _through_flow(recording: Recording) -> Mismatch:
+    """A recording whose MV is no position but, at best, the flow that the stem makes."""
+    assert recording.mv is not None
+    read = as_position(recording)
+    if read is None:
+        unit = recording.mv.unit or "an unknown unit"
+        reason = (
+            f"{recording.mv.tag} is in {unit}, not in percent of travel, and is no rising curve of "
+            "where the stem would be: other things change it too. Record the position, or give "
+            "its values at 0 % and 100 %"
+        )
+        return _not_testable(settle(recording), reason)
+    position, curve = read
+    found = _explained(position, None, own_reading=False)
+    told = (
+        f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
+        f"{100.0 * curve.share:.1f} % of it."
+    )
+    return replace(found, sentence=f"{told} {found.sentence}")
 
 
 def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
@@ -92,9 +129,11 @@ def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
 def problem_of(recording: Recording, settled: RecordSettled) -> Problem:
     """The fitting problem, scored on samples that were really measured."""
     problem = make_problem(recording)
-    block = np.where(settled.real, problem.block, -1).astype(np.int64)
+    n = problem.op.size
+    n_blocks = max(problem.n_blocks, min(FEWEST_BLOCKS, n // LEAST_BLOCK_SAMPLES))
+    block = np.where(problem.scored & settled.real, np.arange(n) * n_blocks // n, -1)
     sigma = max(quiet_sigma(_measured(recording, settled)), settled.sigma_floor, LEAST_SIGMA)
-    return replace(problem, block=block, sigma=min(sigma, problem.sigma))
+    return replace(problem, block=block.astype(np.int64), n_blocks=n_blocks, sigma=sigma)
 
 
 def _measured(recording: Recording, settled: RecordSettled) -> Floats:
@@ -121,9 +160,15 @@ def look_of(problem: Problem) -> Look:
     )
 
 
-def _fitted(recording: Recording, settled: RecordSettled, ceiling: Floats | None) -> _Case:
+def _fitted(
+    recording: Recording,
+    settled: RecordSettled,
+    ceiling: Floats | None,
+    *,
+    own_reading: bool = True,
+) -> _Case:
     problem = problem_of(recording, settled)
-    base = fit_base(problem, look_of(problem))
+    base = fit_base(problem, look_of(problem), own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.bench.simulate(base.fitted.layout, candidate)
     look = base.bench.look
@@ -134,11 +179,13 @@ def _fitted(recording: Recording, settled: RecordSettled, ceiling: Floats | None
         problem.scored,
         problem.interval_s,
         problem.sigma,
-        look.S,
-        look.J,
+        min(look.S, MOST_S),
+        min(look.J, MOST_S),
         settled.spacing_s,
     )
-    return _Case(recording, settled, base, refused, ceiling)
+    if not own_reading:
+        refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
+    return _Case(recording, settled, base, refused, ceiling, own_reading)
 
 
 def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
@@ -154,8 +201,9 @@ def _told(case: _Case) -> Mismatch:
     layout, best = _whole(bench, fitted)
     drawn = draws(bench, layout, best)
     effects = _effects(case.recording, named, off, layout, best, drawn)
-    # An archive that drew lines leaves no noise to compare with.
-    open_end = not _compressed(case.settled) and much_left(bench, fitted)
+    # An archive that drew lines, or a flow, leaves no noise to compare with.
+    noise_known = case.own_reading and not _compressed(case.settled)
+    open_end = noise_known and much_left(bench, fitted)
     if open_end:
         effects = tuple(one for one in effects if one.evidence.mean >= MEAN_WHERE_MUCH_IS_LEFT)
     everything = np.ones(bench.problem.n_blocks, dtype=bool)
@@ -163,6 +211,11 @@ def _told(case: _Case) -> Mismatch:
     simple = naive_layout(plain)
     naive = fit_naive(plain, everything)
     shown = show(bench, layout, [one.term for one in named.needed], case.ceiling)
+    if _refuted(shown.heldout):
+        # A straight line through the reading is what many other things look like for a while.
+        kept = tuple(one for one in effects if one.slug not in STRAIGHT_LINE)
+        open_end = open_end or (bool(effects) and not kept)
+        effects = kept
     finding = _finding(effects, open_end)
     return Mismatch(
         finding=finding,
@@ -176,6 +229,7 @@ def _told(case: _Case) -> Mismatch:
         before=_map(bench, shown.runs.naive),
         after=_map(bench, shown.runs.extended),
         runs=shown.runs,
+        p_value=chance(max(one.evidence.strength for one in effects)) if effects else None,
     )
 
 
@@ -262,6 +316,13 @@ def _map(bench: Bench, simulated: Floats) -> ResidualMap:
         problem.interval_s,
         problem.sigma,
     )
+
+
+def _refuted(heldout: HeldOut) -> bool:
+    """True where the extended model, fitted to the first part, predicts the rest clearly worse."""
+    if heldout.rmse_naive is None or heldout.rmse_extended is None or heldout.gain_high is None:
+        return False
+    return heldout.rmse_extended > WORSE * heldout.rmse_naive and heldout.gain_high < 0.0
 
 
 def _compressed(settled: RecordSettled) -> bool:

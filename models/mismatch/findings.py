@@ -32,6 +32,7 @@ class Evidence:
     mean: float
     t: float
     share: float
+    strength: float = 1.0  # how far beyond the limits, 1 at the limits
     note: str = ""
 
 
@@ -162,4 +163,6 @@ class Mismatch:
     before: ResidualMap = field(default_factory=ResidualMap)
     after: ResidualMap = field(default_factory=ResidualMap)
     runs: Runs | None = None
+    # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
+    p_value: float | None = None
     seconds: float = 0.0

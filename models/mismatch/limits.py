@@ -10,30 +10,59 @@ import numpy as np
 
 from stemwatch.models.mismatch.bench import Bench
 from stemwatch.models.mismatch.crossfit import Fitted
+from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 
 # Least mean log ratio of the losses, least t, and least product of the two.
 MEAN, T, PRODUCT = 0.04, 1.4, 0.12
-# A record of few blocks shows a large t by chance more often: t must grow by 1 + FEW / blocks.
-FEW = 5.0
+# Play is nearly the same as another S and J, and dwell as a scatter of the breakaways: chance finds
+# them more often.
+HARDER = {"lost_motion": 2.0, "dwell_dependent_breakaway": 2.0}
+# A record of few blocks, or of few samples, shows a large t by chance more often: limits grow by
+# 1 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples.
+FEW_BLOCKS, FEW_SAMPLES = 5.0, 100.0
 # Later terms stand on what the first has cleared away, and the search is narrower.
 LATER = 0.8
+NULL_RATE = 0.025
 # What is left in the worst tenth of the blocks, in noise variances, from which a recording is not
 # explained; a short record has few blocks, and its worst tenth is one of them.
-MUCH_LEFT = 12.0
+MUCH_LEFT = 9.6
 # Where much is left, a term must explain a good part of it to be more than its accomplice.
 MEAN_WHERE_MUCH_IS_LEFT = 0.35
 
 
-def convincing(advantage: Advantage, blocks: int, stage: int = 0) -> bool:
-    """True where an advantage is beyond what recordings with nothing hidden show."""
-    short = 1.0 + FEW / max(blocks, 1)
-    ease = LATER if stage else 1.0
-    return (
-        advantage.mean >= MEAN * ease * short
-        and advantage.t >= T * short
-        and advantage.mean * advantage.t >= PRODUCT * ease * short * short
+def shortness(counts: Floats) -> float:
+    """How much the limits grow for a record with ``counts`` (n_blocks,) scored samples."""
+    blocks, samples = max(int(np.count_nonzero(counts)), 1), max(float(counts.sum()), 1.0)
+    return 1.0 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples
+
+
+def strength(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) -> float:
+    """How far an advantage lies beyond its limits: 1 at the limits, the least of the three ratios
+    (mean, t, and their product)."""
+    short = shortness(counts)
+    ease = (LATER if stage else 1.0) * HARDER.get(slug, 1.0)
+    if advantage.mean <= 0.0 or advantage.t <= 0.0:
+        return 0.0
+    return min(
+        advantage.mean / (MEAN * short),
+        advantage.t / (T * short),
+        advantage.mean * advantage.t / (PRODUCT * ease * short * short),
     )
+
+
+def chance(strongest: float) -> float:
+    """The probability that a valve with nothing hidden shows a term as strong, 0 to 1.
+
+    ``NULL_RATE`` of them pass the limits at all; of the strengths of those that come near, the tail
+    falls as one over the strength (`stemwatch calibrate-mismatch`).
+    """
+    return min(1.0, NULL_RATE / max(strongest, 1e-9))
+
+
+def convincing(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) -> bool:
+    """True where the advantage of a term is beyond what recordings with nothing hidden show."""
+    return strength(advantage, counts, slug, stage) >= 1.0
 
 
 def left(bench: Bench, fitted: Fitted) -> float:
@@ -47,5 +76,4 @@ def left(bench: Bench, fitted: Fitted) -> float:
 
 def much_left(bench: Bench, fitted: Fitted) -> bool:
     """True where what is left is systematic, and nothing in the hypothesis explains it."""
-    few = 1.0 + FEW / max(int(np.count_nonzero(bench.counts)), 1)
-    return left(bench, fitted) > MUCH_LEFT * few * few
+    return left(bench, fitted) > MUCH_LEFT * shortness(bench.counts) ** 2

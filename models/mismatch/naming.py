@@ -8,7 +8,7 @@ is looked for on top of it, three at most.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,8 +36,12 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 
 MOST_TERMS = 3
+PLAY = "lost_motion"
+LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3
 REFINED = 6  # candidates of a stage that are searched with care
 AS_GOOD = 1.5  # paired t below which two explanations cannot be told apart
+ATTEMPTS = 2
+MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
 NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
 
 
@@ -105,9 +109,8 @@ def screened(bench: Bench, simple: Fitted, terms: Iterable[Term], effort: Effort
     S, J = float(middle[at.S_PERCENT]), float(middle[at.S_PERCENT] * middle[at.RATIO])
     for term in terms:
         rich = simple.layout.hypothesis.plus(term)
-        layout = bench.layout(rich)
         starts = widened(bench, rich, simple, term, beginnings(term, S, J))
-        fitted = crossfit(bench, layout, starts, effort)
+        fitted = crossfit(bench, bench.layout(rich), starts, effort)
         fitted = better(bench, neutral(bench, simple, rich), fitted)
         found.append(Score(term, fitted, gain(bench, simple, fitted)))
     return _ordered(found)
@@ -137,30 +140,58 @@ def reduced(bench: Bench, rich: Fitted, simple: Hypothesis) -> Floats:
     return layout.bounds.clip(candidates)
 
 
-def refined(bench: Bench, simple: Fitted, scores: list[Score]) -> tuple[Fitted, list[Score]]:
-    """The best scores searched with care, and ``simple`` restarted from each of them.
+def refined(bench: Bench, simple: Fitted, terms: Sequence[Term]) -> tuple[Fitted, list[Score]]:
+    """All ``terms`` on top of ``simple``, the best of them searched with care, and ``simple``
+    restarted from each of these.
 
-    A local minimum of the simple hypothesis is the commonest false discovery.
+    A local minimum of the simple hypothesis is the commonest false discovery: where a restart
+    finds a better one, everything is done once more from there.
     """
-    careful = [
-        Score(one.term, again(bench, one.fitted, CAREFUL), one.advantage)
-        for one in scores[:REFINED]
-    ]
-    hypothesis = simple.layout.hypothesis
-    restarts = [reduced(bench, one.fitted, hypothesis) for one in careful]
-    if restarts:
-        simple = again(bench, simple, CAREFUL, *restarts)
-        simple = again(bench, simple, POLISH)
-    rest = [*careful, *scores[REFINED:]]
-    return simple, _ordered(
-        Score(one.term, one.fitted, gain(bench, simple, one.fitted)) for one in rest
-    )
+    for _ in range(ATTEMPTS):
+        careful = _careful(bench, simple, screened(bench, simple, terms, LOOK))
+        hypothesis = simple.layout.hypothesis
+        restarts = [reduced(bench, one.fitted, hypothesis) for one in careful[:REFINED]]
+        restarted = simple
+        if restarts:
+            restarted = again(bench, again(bench, simple, CAREFUL, *restarts), POLISH)
+        moved = gain(bench, simple, restarted).mean
+        simple = restarted
+        if moved < MOVED:
+            break
+    return simple, _ordered(_nested(bench, simple, one) for one in careful)
+
+
+def _careful(bench: Bench, simple: Fitted, scores: list[Score]) -> list[Score]:
+    """The best scores searched with care, then the others."""
+    careful = []
+    for one in scores[:REFINED]:
+        (wide,) = screened(bench, simple, (one.term,), CAREFUL)
+        fitted = better(bench, again(bench, one.fitted, CAREFUL), wide.fitted)
+        careful.append(Score(one.term, fitted, one.advantage))
+    return [*careful, *scores[REFINED:]]
+
+
+def _nested(bench: Bench, simple: Fitted, one: Score) -> Score:
+    """A score against what ``simple`` has become; a richer hypothesis contains it."""
+    plain = neutral(bench, simple, one.fitted.layout.hypothesis)
+    fitted = better(bench, plain, one.fitted)
+    return Score(one.term, fitted, gain(bench, simple, fitted))
 
 
 def passes(score: Score, bench: Bench, stage: int) -> bool:
     """True where the gain is beyond what nothing hidden shows, and the size matters."""
-    enough = convincing(score.advantage, int(np.count_nonzero(bench.counts)), stage)
-    return enough and score.term.material(score.values, bench.look)
+    enough = convincing(score.advantage, bench.counts, score.slug, stage)
+    return enough and _tells(score, bench) and score.term.material(score.values, bench.look)
+
+
+def _tells(score: Score, bench: Bench) -> bool:
+    """False for play behind a stem that does not jump: the two make one dead band, and which part
+    of it is friction cannot be told."""
+    if score.slug != PLAY:
+        return True
+    middle = score.fitted.candidates.mean(axis=0)
+    S, J = middle[at.S_PERCENT], middle[at.S_PERCENT] * middle[at.RATIO]
+    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * bench.look.sigma, LEAST_JUMP_PERCENT))
 
 
 def accepted(bench: Bench, scores: list[Score], stage: int) -> list[Score]:
@@ -194,8 +225,7 @@ def name(base: Base, terms: Iterable[Term]) -> Named:
     stages: list[Stage] = []
     first = simple
     for stage in range(MOST_TERMS):
-        scores = screened(bench, simple, left, LOOK)
-        simple, scores = refined(bench, simple, scores)
+        simple, scores = refined(bench, simple, left)
         if stage == 0:
             first = simple
         found = accepted(bench, scores, stage)
@@ -222,7 +252,7 @@ def pruned(bench: Bench, fitted: Fitted, stages: list[Stage]) -> tuple[Fitted, l
         begun = scored(bench, bench.layout(lacking), reduced(bench, fitted, lacking))
         without = again(bench, begun, CAREFUL)
         advantage = gain(bench, without, fitted)
-        if convincing(advantage, int(np.count_nonzero(bench.counts)), stage=1):
+        if convincing(advantage, bench.counts, stage.accepted[0].slug, 1):
             needed.append(Needed(stage, without, advantage))
         else:
             fitted = without

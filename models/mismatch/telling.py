@@ -9,6 +9,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.bench import Bench, Layout
 from stemwatch.models.mismatch.findings import Effect, Evidence
+from stemwatch.models.mismatch.limits import strength
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.uncertainty import estimate
@@ -16,6 +17,8 @@ from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.stickslip.fit import Advantage
 
 FLOW_UNITS = ("/h", "/s", "/min", "gpm", "scfm", "lpm")
+MODEL_ERROR = 0.03  # one sigma, share of a parameter
+WITHIN_SAMPLE = 0.1  # one sigma, samples
 GOES_WITH = 0.5  # correlation of flow and position from which it tells the direction
 
 
@@ -44,13 +47,18 @@ def directions(recording: Recording) -> Directions:
     return Directions("closing", "opening") if together < -GOES_WITH else Directions()
 
 
-def estimates(term: Term, values: Floats, drawn: Floats) -> dict[str, Estimate]:
-    """The term's parameters in field units from its best coordinates (k,) and draws (m, k)."""
+def estimates(term: Term, values: Floats, drawn: Floats, interval_s: float) -> dict[str, Estimate]:
+    """The term's parameters in field units from its best coordinates (k,) and draws (m, k).
+
+    Widened by what no bootstrap sees: the term is not exactly the valve, and OP and MV are read
+    somewhere within the sampling interval.
+    """
     best = term.parameters(values)
     spread = [term.parameters(one) for one in drawn]
     found = {}
     for name, (value, unit) in best.items():
-        found[name] = estimate(np.array([one[name][0] for one in spread]), value, unit)
+        error = MODEL_ERROR * abs(value) + (WITHIN_SAMPLE * interval_s if unit == "s" else 0.0)
+        found[name] = estimate(np.array([one[name][0] for one in spread]), value, unit, error)
     return found
 
 
@@ -66,7 +74,7 @@ def effect(
     way: Directions,
 ) -> Effect:
     """One accepted term, told. ``without`` is the best model that lacks it."""
-    parameters = estimates(term, values, drawn)
+    parameters = estimates(term, values, drawn, bench.problem.interval_s)
     return Effect(
         slug=term.slug,
         members=members,
@@ -76,7 +84,11 @@ def effect(
         decide=term.words.decide,
         parameters=parameters,
         evidence=Evidence(
-            mean=advantage.mean, t=advantage.t, share=share, note=_note(advantage, members)
+            mean=advantage.mean,
+            t=advantage.t,
+            share=share,
+            strength=strength(advantage, bench.counts, term.slug),
+            note=_note(advantage, members),
         ),
     )
 

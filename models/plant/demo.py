@@ -1,4 +1,4 @@
-"""``demo_plant``: fourteen valves of an invented refinery, one for each thing worth showing."""
+"""``demo_plant``: fifteen valves of an invented refinery, one for each thing worth showing."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stemwatch.models.plant.defects import AirLine
 from stemwatch.models.plant.loop import (
     Archive,
     Compression,
@@ -53,11 +54,12 @@ class _Entry:
 
 
 def demo_plant(seed: int) -> list[PlantLoop]:
-    """The fourteen loops, two hours at 1 s each; ``seed`` draws nameplates and settings.
+    """The fifteen loops, two hours at 1 s each; ``seed`` draws nameplates and settings.
 
     Healthy (three, one of them with bad data), the four shapes of stiction, badly tuned,
     oscillating disturbance, too few movements, frozen position transmitter, compressed archive,
-    manual mode, and a sticking valve without position transmitter.
+    manual mode, a sticking valve without position transmitter, and one whose hidden physics S and J
+    alone take for a sticking stem: it vents slowly and its command comes late.
     """
     return [
         _loop(entry, 101 + place, np.random.default_rng([seed, place, 2]))
@@ -122,6 +124,13 @@ def _compressed(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
         Compression(role=role, kind=door, deviation=0.5) for role in (Role.OP, Role.MV, Role.PV)
     )
     return replace(_set_points(loop, rng), archive=Archive(compression=columns))
+
+
+def _slow_venting(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
+    """A restricted exhaust and a command that comes late, in a loop that is moved."""
+    actuator = replace(loop.valve.actuator, air_lag_s=0.3, dead_time_s=1.8)
+    valve = replace(loop.valve, actuator=actuator, air_line=AirLine(vent_percent_per_s=0.9))
+    return _set_points(replace(loop, valve=valve), rng)
 
 
 def _manual(loop: PlantLoop, _: np.random.Generator) -> PlantLoop:
@@ -280,5 +289,16 @@ _PLANT = (
         story="healthy, bad data",
         positioner_gain=9.0,
         change=_bad_data,
+    ),
+    _Entry(
+        kind=_FLOW,
+        description="Reflux to the vacuum column",
+        area="Vacuum distillation",
+        criticality=3,
+        story="healthy, vents slowly",
+        S=0.6,
+        J=0.2,
+        load=(0.3, 0.8),
+        change=_slow_venting,
     ),
 )

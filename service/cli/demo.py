@@ -20,7 +20,7 @@ def demo(
 ) -> None:
     """Simulate a small plant, screen its export into SQLite, and leave a report.
 
-    Fourteen valves in closed loops: healthy ones, four shapes of stiction, a badly tuned loop, an
+    Fifteen valves in closed loops: healthy ones, four shapes of stiction, a badly tuned loop, an
     oscillating disturbance, a quiet loop, and data that is bad in the usual ways.
     """
     from stemwatch.service.cli import views
@@ -29,7 +29,7 @@ def demo(
     from stemwatch.service.export import write_export
 
     began = time.perf_counter()
-    views.say("1/3  Simulating two hours of a plant with 14 valves ...")
+    views.say("1/3  Simulating two hours of a plant with 15 valves ...")
     written = write_export(simulated(What.DEMO, 0, seed), out, start=START, zone=ZONE)
     views.say(f"     wrote {written.files[0]} and {written.plant_toml}")
     views.say("2/3  Screening the export ...")

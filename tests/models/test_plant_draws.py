@@ -62,9 +62,9 @@ def test_every_limit_cycle_loop_cycles() -> None:
 
 
 def test_the_demo_plant_is_complete() -> None:
-    """Fourteen valves with one tag each, two hours at 1 s, every sort of trouble among them."""
+    """Fifteen valves with one tag each, two hours at 1 s, every sort of trouble among them."""
     loops = demo_plant(seed=1)
-    assert 14 == len(loops) == len({loop.tag for loop in loops})
+    assert 15 == len(loops) == len({loop.tag for loop in loops})
     assert {7200.0} == {loop.duration_s for loop in loops}
     assert all(loop.description and loop.area for loop in loops)
     assert {1, 2, 3} == {loop.criticality for loop in loops}
