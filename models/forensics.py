@@ -39,6 +39,9 @@ def noise_sigma(values: Floats) -> float:
     return float(1.4826 * np.median(np.abs(bends - np.median(bends))) / np.sqrt(6.0))
 
 
+LEAST_WINDOWS = 5
+
+
 def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
     """``noise_sigma`` of the quieter windows: of a signal that hardly ever rests.
 
@@ -50,7 +53,12 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
     count = values.size // window
     if count < 5:
         return whole
-    parts = [noise_sigma(part) for part in np.array_split(values, count)]
+    bent = np.isfinite(np.convolve(values, (1.0, 1.0, 1.0), "valid"))
+    windows = zip(np.array_split(values[1:-1], count), np.array_split(bent, count), strict=True)
+    # A window in which little was measured tells nothing of the noise.
+    parts = [noise_sigma(part) for part, ok in windows if np.count_nonzero(ok) >= window // 2]
+    if len(parts) < LEAST_WINDOWS:
+        return whole
     return min(whole, 1.15 * float(np.percentile(parts, 100.0 * share)))
 
 

@@ -66,7 +66,7 @@ class LocalProcesses:
             return
         # A spawned worker inherits no threads; a forked one may inherit a lock that nobody holds.
         pool = ProcessPoolExecutor(
-            self.workers, mp_context=get_context("spawn"), initializer=_prepare_worker
+            self.workers, mp_context=get_context("spawn"), initializer=prepare_worker
         )
         try:
             places = {pool.submit(work, item): place for place, item in left.items()}
@@ -82,7 +82,7 @@ class LocalProcesses:
             yield place, work(item)
 
 
-def _prepare_worker() -> None:
+def prepare_worker() -> None:
     """One thread for the numbers, and Ctrl-C ends the worker instead of its present item only."""
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ[name] = "1"

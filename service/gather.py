@@ -17,7 +17,7 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
 from stemwatch.models.recording import Role
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.tasks import Task, open_file
+from stemwatch.service.tasks import InStore, Task, open_file
 
 MOST_NAMED = 12  # tags of a file that are listed
 NO_VALVE = (
@@ -62,18 +62,29 @@ def _of_plant(request: Request, plant: Plant) -> Gathered:
     """Every valve in every file of its source that has its OP tag."""
     tasks: list[Task] = []
     not_read: list[tuple[str, str]] = []
+    live = [valve for valve in plant.valves.values() if plant.is_live(valve)]
+    tasks += [live_task(plant, valve.id, request.window) for valve in live]
     for source in plant.sources.values():
+        if source.folder is not None:
+            continue
         files = plant.source_files(source)
         if not files:
             not_read.append((source.name, f"no file matches {source.path} beside {plant.file}"))
         options = ReadOptions(**plant.read_options(source))
         valves = [v for v in plant.valves.values() if v.source == source.name]
         tagged = [plant.valve_tags(valve) for valve in valves]
-        tasks += _of_files(tagged, [str(path) for path in files], options, request.window)
+        tasks += tasks_of_files(tagged, [str(path) for path in files], options, request.window)
     return Gathered(tasks=tuple(tasks), not_read=tuple(not_read))
 
 
-def _of_files(
+def live_task(plant: Plant, valve: str, window: Window) -> Task:
+    """The task of a valve whose samples are in the plant's store."""
+    source = plant.valves[valve].source
+    stored = InStore(address=plant.storage, source=source)
+    return Task(path=source, tags=plant.valve_tags(valve), stored=stored, window=window)
+
+
+def tasks_of_files(
     valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, window: Window
 ) -> list[Task]:
     """One task for each file that holds a valve's OP; a valve that no file holds says so."""
@@ -120,7 +131,7 @@ def _of_file(request: Request, path: str) -> list[Task]:
     if request.plant is not None:
         valves = [request.plant.valve_tags(v) for v in request.plant.valves.values()]
         options = _plant_options(request.plant, path, options)
-        tasks = [t for t in _of_files(valves, [path], options, window) if not t.reason]
+        tasks = [t for t in tasks_of_files(valves, [path], options, window) if not t.reason]
         return tasks or [_hopeless(path, stem, f"{path}: none of the plant's OP tags is in it")]
     if request.tags:
         tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
@@ -175,4 +186,4 @@ def _hopeless(path: str, valve: str, reason: str) -> Task:
     return Task(path=path, tags=tags, reason=reason)
 
 
-__all__ = ["Gathered", "Request", "UnreadableSource", "gather"]
+__all__ = ["Gathered", "Request", "UnreadableSource", "gather", "live_task", "tasks_of_files"]

@@ -66,16 +66,20 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
     )
     if request.plant is not None:
         how.store.save_valves(request.plant.valves.values())
+    tasks = with_baselines(gathered.tasks, how.store)
+    compared = baselines_of(tasks)
     previous: dict[str, PreviousFinding | None] = {}
     not_saved: list[tuple[str, str]] = []
 
     def keep(screenings: Sequence[Screening]) -> None:
         """Save what is done at once: a run that is cut short loses what was not begun, no more."""
-        previous.update({one.valve: _previous(how.store, one, started) for one in screenings})
-        saved = how.store.save_many(screenings, number)
+        previous.update(
+            {one.valve: previous_finding(how.store, one, started) for one in screenings}
+        )
+        saved = how.store.save_many(screenings, number, compared)
         not_saved.extend((failure.valve, failure.reason) for failure in saved.failures)
 
-    screenings = screen_all(_with_baselines(gathered.tasks, how.store), how, tell, keep)
+    screenings = screen_all(tasks, how, tell, keep)
     _keep_networks(screenings, how)
     how.store.finish_run(number)
     context = _context(request, how, gathered, previous, started, digest)
@@ -107,7 +111,7 @@ def screen_all(
     return [screening for place in sorted(done) for screening in done[place]]
 
 
-def _with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
+def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
     """Each task with its valve's baseline network, where the store has one."""
     found: dict[str, StoredBaseline | None] = {}
     for task in tasks:
@@ -117,9 +121,20 @@ def _with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
             found[valve] = (
                 None
                 if kept is None
-                else StoredBaseline(network=kept.network, note=kept.note, window=kept.window)
+                else StoredBaseline(
+                    network=kept.network, note=kept.note, window=kept.window, id=kept.id
+                )
             )
     return [replace(task, baseline=found[task.tags.valve]) for task in tasks]
+
+
+def baselines_of(tasks: Sequence[Task]) -> dict[str, int]:
+    """The number of the baseline that each valve is compared with, where it has one."""
+    return {
+        task.tags.valve: task.baseline.id
+        for task in tasks
+        if task.baseline is not None and task.baseline.id is not None
+    }
 
 
 def _keep_networks(screenings: Sequence[Screening], how: Run) -> None:
@@ -129,22 +144,27 @@ def _keep_networks(screenings: Sequence[Screening], how: Run) -> None:
     that was not, and maintenance or the user's word replaces any.
     """
     for screening in screenings:
-        if screening.network is None or screening.verdict not in JUDGED:
-            continue
-        blob = screening.network.to_bytes()
-        why = f"fitted to a window that was {screening.verdict.value}"
-        how.store.set_fitted(screening.valve, blob, window=screening.window, reason=why)
-        reason = _due(screening, how)
-        if reason:
-            how.store.set_baseline(screening.valve, blob, window=screening.window, reason=reason)
+        keep_network(screening, how.store, new_baseline=how.new_baseline)
 
 
-def _due(screening: Screening, how: Run) -> str:
+def keep_network(screening: Screening, store: Store, *, new_baseline: bool = False) -> None:
+    """What ``_keep_networks`` does, for one valve. A second time it changes nothing."""
+    if screening.network is None or screening.verdict not in JUDGED:
+        return
+    blob = screening.network.to_bytes()
+    why = f"fitted to a window that was {screening.verdict.value}"
+    store.set_fitted(screening.valve, blob, window=screening.window, reason=why)
+    reason = _due(screening, store, new_baseline)
+    if reason:
+        store.set_baseline(screening.valve, blob, window=screening.window, reason=reason)
+
+
+def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
     """Why this window becomes the valve's baseline, or nothing."""
     state = screening.verdict.value
-    if how.new_baseline:
+    if new_baseline:
         return f"window chosen by the user ({state})"
-    kept = how.store.baseline(screening.valve)
+    kept = store.baseline(screening.valve)
     if kept is None:
         return f"first window with a fit ({state})"
     if kept.maintenance is not None and _after(screening, kept.maintenance.at):
@@ -159,7 +179,7 @@ def _after(screening: Screening, instant: datetime) -> bool:
     return start is not None and start >= instant
 
 
-def _previous(store: Store, screening: Screening, now: datetime) -> PreviousFinding | None:
+def previous_finding(store: Store, screening: Screening, now: datetime) -> PreviousFinding | None:
     """What was found of the valve in an earlier window, for the trend."""
     _, end = screening.window
     kept = store.previous(screening.valve, end or now)
@@ -185,7 +205,7 @@ def _context(
     digest: str,
 ) -> ReportContext:
     plant = request.plant
-    facts = {valve: _facts(plant, valve, before) for valve, before in previous.items()}
+    facts = {valve: facts_of(plant, valve, before) for valve, before in previous.items()}
     not_read = [SourceNotRead(source=s, reason=why) for s, why in gathered.not_read]
     if plant is not None:
         not_read += [
@@ -203,7 +223,8 @@ def _context(
     )
 
 
-def _facts(plant: Plant | None, valve: str, previous: PreviousFinding | None) -> ValveFacts:
+def facts_of(plant: Plant | None, valve: str, previous: PreviousFinding | None) -> ValveFacts:
+    """What a report says of a valve beside its screening."""
     entry = plant.valves.get(valve) if plant else None
     if entry is None:
         return ValveFacts(previous=previous)

@@ -7,29 +7,56 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from stemwatch.connectors.connector import WHOLE, ConnectorError, ValveTags, Window
+from stemwatch.connectors.connector import (
+    WHOLE,
+    Connector,
+    ConnectorError,
+    ValveTags,
+    Window,
+)
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Provenance
+from stemwatch.service.store import Address, StoreError
+
+if TYPE_CHECKING:
+    from stemwatch.service.store.store import Store
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredBaseline:
-    """A valve's baseline network as bytes, with the sentence that says which one it is."""
+    """A valve's baseline network as bytes, with the sentence that says which one it is.
+
+    ``id`` is its number in the store.
+    """
 
     network: bytes
     note: str
     window: tuple[datetime | None, datetime | None] = (None, None)
+    id: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class InStore:
+    """A source whose samples are in a store, as a worker process opens it."""
+
+    address: Address
+    source: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """Screen ``tags`` as read from ``path``; ``reason`` is set where that is already hopeless."""
+    """Screen ``tags`` as read from ``path``; ``reason`` is set where that is already hopeless.
+
+    Where ``stored`` is given the samples come from there, and ``path`` only names the source.
+    """
 
     path: str  # as the user gave it
     tags: ValveTags
+    stored: InStore | None = None
     read_options: ReadOptions = field(default_factory=ReadOptions)
     window: Window = WHOLE
     baseline: StoredBaseline | None = None
@@ -60,6 +87,23 @@ def open_file(path: str, options: ReadOptions) -> HistorianFile:
     return _open(path, options, (state.st_mtime_ns, state.st_size))
 
 
+@lru_cache(maxsize=2)
+def _open_store(address: Address) -> Store:
+    """The store, opened once in each process."""
+    from stemwatch.service.store.store import open_store
+
+    return open_store(address)
+
+
+def _connector(task: Task) -> Connector:
+    if task.stored is None:
+        return open_file(task.path, task.read_options)
+    from stemwatch.service.store.stored_samples import StoredSamples
+
+    store = _open_store(task.stored.address)
+    return StoredSamples(store.samples, task.stored.source, str(task.stored.address))
+
+
 def screen_chunk(chunk: Chunk) -> list[Screening]:
     """A screening for each task, in order; what cannot be read is a screening with the reason."""
     from stemwatch.models.screening import Case, Options, screen
@@ -81,8 +125,8 @@ def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late,
     if task.reason:
         return replace(_unread(task, task.reason), still_seen=task.seen)
     try:
-        recording = open_file(task.path, task.read_options).read(task.tags, task.window)
-    except ConnectorError as error:
+        recording = _connector(task).read(task.tags, task.window)
+    except (ConnectorError, StoreError) as error:
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:
         return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
@@ -104,6 +148,8 @@ def _unread(task: Task, reason: str) -> Screening:
     from stemwatch.models.screening import failed
 
     advice = "Run `stemwatch inspect` on the file: it shows what was understood of it."
+    if task.stored is not None:
+        advice = "Look at the source's state: whether it is reached, and what it last delivered."
     return failed(task.tags.valve, reason, advice, Provenance(source=task.path))
 
 

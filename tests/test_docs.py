@@ -22,6 +22,12 @@ from stemwatch.models.plant import draw_sticky, simulate_loop
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.cli import app
+from stemwatch.service.plantfile.live import (
+    AlertRules,
+    NotifierTable,
+    ScheduleTable,
+    ServiceSection,
+)
 from stemwatch.service.plantfile.schema import Source, Tag, Valve
 from stemwatch.service.plantfile.top import LimitsSection, Top
 from stemwatch.service.plantfile.valve_list import COLUMNS
@@ -34,14 +40,30 @@ PAGES = [
 ]
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 COMMAND_LINE = re.compile(r"^(?:\$ |> )?stemwatch ([a-z-]+)(.*)$", re.MULTILINE)
-TABLES = (Top, LimitsSection, Source, Valve, Tag)
+TABLES = (
+    Top,
+    LimitsSection,
+    Source,
+    Valve,
+    Tag,
+    AlertRules,
+    NotifierTable,
+    ScheduleTable,
+    ServiceSection,
+)
 SCHEMA = REPOSITORY / "service/report/contract.schema.json"
 
 
 def _commands() -> dict[str, click.Command]:
     group = typer.main.get_command(app)
     assert hasattr(group, "commands")
-    return dict(group.commands)
+    found: dict[str, click.Command] = {}
+    for name, command in group.commands.items():
+        inner = getattr(command, "commands", None)  # a group, such as modbus
+        found |= (
+            {f"{name} {verb}": one for verb, one in inner.items()} if inner else {name: command}
+        )
+    return found
 
 
 def _options(command: click.Command) -> set[str]:
@@ -71,6 +93,9 @@ def test_every_command_line_that_is_shown_would_be_understood(page: Path) -> Non
     commands = _commands()
     for block in _code_blocks(page):
         for name, rest in COMMAND_LINE.findall(block):
+            if name not in commands:  # the first word after a group's name is its verb
+                verb, _, rest = rest.strip().partition(" ")
+                name = f"{name} {verb}"
             assert name in commands, f"{page.name}: stemwatch {name}"
             shown = set(re.findall(r"(?<!\S)--[a-z-]+", rest))
             assert shown - _options(commands[name]) - {"--help"} == set(), f"{page.name}: {rest}"

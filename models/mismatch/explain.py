@@ -46,6 +46,7 @@ from stemwatch.models.stickslip.problem import Problem, make_problem
 
 FEWEST_SAMPLES = 60
 WORSE = 1.15
+LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 STRAIGHT_LINE = ("zero_shift", "span_error")
 MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
 READING = ("zero_shift", "span_error", "sensor_drift")
@@ -200,7 +201,8 @@ def _told(case: _Case) -> Mismatch:
     off, fitted = findings(bench, named.fitted, terms)
     layout, best = _whole(bench, fitted)
     drawn = draws(bench, layout, best)
-    effects = _effects(case.recording, named, off, layout, best, drawn)
+    found = _effects(case.recording, named, off, layout, best, drawn)
+    effects = tuple(one for one in found if one.evidence.share >= LEAST_SHARE)
     # An archive that drew lines, or a flow, leaves no noise to compare with.
     noise_known = case.own_reading and not _compressed(case.settled)
     open_end = noise_known and much_left(bench, fitted)

@@ -17,7 +17,7 @@ from stemwatch.models.stickslip.fit import Advantage
 MEAN, T, PRODUCT = 0.04, 1.4, 0.12
 # Play is nearly the same as another S and J, and dwell as a scatter of the breakaways: chance finds
 # them more often.
-HARDER = {"lost_motion": 2.0, "dwell_dependent_breakaway": 2.0}
+HARDER = {"lost_motion": 1.6, "dwell_dependent_breakaway": 1.9}
 # A record of few blocks, or of few samples, shows a large t by chance more often: limits grow by
 # 1 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples.
 FEW_BLOCKS, FEW_SAMPLES = 5.0, 100.0

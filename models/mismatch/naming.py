@@ -127,6 +127,8 @@ def neutral(bench: Bench, simple: Fitted, rich: Hypothesis) -> Fitted:
     candidates[:, : at.N_BASE] = simple.candidates[:, : at.N_BASE]
     for slug, place in simple.layout.places.items():
         candidates[:, layout.places[slug]] = simple.candidates[:, place]
+    if at.DEAD_TIME in layout.places and at.DEAD_TIME not in simple.layout.places:
+        candidates[:, layout.places[at.DEAD_TIME]] = simple.candidates[:, [at.DELAY]]
     return scored(bench, layout, layout.bounds.clip(candidates))
 
 
@@ -137,6 +139,8 @@ def reduced(bench: Bench, rich: Fitted, simple: Hypothesis) -> Floats:
     candidates[:, : at.N_BASE] = rich.candidates[:, : at.N_BASE]
     for slug, place in layout.places.items():
         candidates[:, place] = rich.candidates[:, rich.layout.places[slug]]
+    if at.DEAD_TIME in rich.layout.places and at.DEAD_TIME not in layout.places:
+        candidates[:, [at.DELAY]] = rich.candidates[:, rich.layout.places[at.DEAD_TIME]]
     return layout.bounds.clip(candidates)
 
 

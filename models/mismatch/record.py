@@ -20,6 +20,7 @@ from stemwatch.models.words import share
 
 COARSE_PERCENT = 0.1  # a finer step of a recorder is not worth a word
 COARSE_REPEATS = 0.1  # share of repeats from which a step is seen
+MOST_REPEATS = 0.93
 MOST_JITTER = 0.1  # of the interval
 
 
@@ -88,8 +89,9 @@ def _automatic(recording: Recording) -> bool:
 
 def _coarse_step(values: Floats) -> float:
     """The recorder's step in percent where it is coarse enough to be seen, else 0."""
-    step = quantum(values)
-    seen = step >= COARSE_PERCENT and repeat_share(values) >= COARSE_REPEATS
+    step, repeats = quantum(values), repeat_share(values)
+    # Round numbers that an operator set by hand, seldom, are no property of the recorder.
+    seen = step >= COARSE_PERCENT and COARSE_REPEATS <= repeats <= MOST_REPEATS
     return step if seen and noise_sigma(values) <= 2.0 * step else 0.0
 
 

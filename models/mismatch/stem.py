@@ -125,7 +125,58 @@ def _clip(x: float, low: float, high: float) -> float:
 
 
 @njit(cache=True)
-def run(  # noqa: C901  # one loop without calls between samples is what makes it fast
+def _share(dt: float, q: Floats) -> float:
+    """The share of its way that a dragging stem makes in a sample."""
+    made: float = 1.0 - np.exp(-dt / q[DRAG_S]) if q[DRAG_S] > 1e-3 else 1.0
+    return made
+
+
+@njit(cache=True)
+def _least(dt: float, q: Floats) -> float:
+    """The speed below which the stem sticks, as a gap; a negative one lets only a turn stop it."""
+    share = _share(dt, q)
+    speed = max(q[RESTICK], _STANDS_BELOW if share < 1.0 else 0.0)
+    gap: float = max(speed * dt / share, _ROUNDING) if q[RESTICK] >= 0.0 else -_ROUNDING
+    return gap
+
+
+@njit(cache=True)
+def _sliding(level: float, half_jump: float, d: float, asymmetry: float) -> float:
+    """The level ``fd`` of a stem that slides in direction ``d``, percent."""
+    fd: float = level - half_jump * (1.0 + d * asymmetry)
+    return fd
+
+
+@njit(cache=True)
+def _lets_go(
+    size: float,
+    before: float,
+    fs: float,
+    window: float,
+    ahead: int,
+    left: bool,
+    patience: int,
+) -> tuple[bool, float]:
+    """Whether a stuck stem lets go under a force of ``size``, and how far that was from ``fs``.
+
+    ``ahead`` samples on, the recorded stem next lets go in this direction, if any is ``left``;
+    ``before`` is the force one sample ago, in the same direction.
+    """
+    goes = size > fs
+    if window <= 0.0 or size <= (1.0 - window) * fs:
+        return goes, 0.0
+    if left and ahead == 0:
+        # It let go between two samples: neither early nor late if fs lies between.
+        if size < fs:
+            return True, size - fs
+        return True, min(before, size) - fs if before > fs else 0.0
+    if goes and size <= (1.0 + window) * fs:
+        return not left or ahead > patience, 0.0
+    return goes, 0.0
+
+
+@njit(cache=True)
+def run(  # one loop; what it calls is inlined
     p: Floats,
     mv: Floats,
     marks: Marks,
@@ -149,79 +200,49 @@ def run(  # noqa: C901  # one loop without calls between samples is what makes i
     far from ``fs`` it may do so, and ``early_late`` (n,) receives how far the force was below
     (negative) or beyond ``fs`` at each assimilated breakaway, percent, else 0.
     """
-    n = p.size
-    s0, j0, asym, growth, creep = q[0], q[1], q[2], q[3] / n, q[4] * dt
-    share = 1.0 - np.exp(-dt / q[5]) if q[5] > 1e-3 else 1.0
-    # The speed below which the stem sticks, as a gap; a negative one lets only a turn stop it.
-    least = max(q[6], _STANDS_BELOW if share < 1.0 else 0.0) * dt / share
-    least = max(least, _ROUNDING) if q[6] >= 0.0 else -_ROUNDING
-    low, high, half = q[7], q[8], 0.5 * q[9]
-    gain, zero, drift = q[10], q[11], q[12] / n
-    by_place, by_rest, by_time = q[13] != 0.0, q[14] != 0.0, q[15] != 0.0
-    inverse = 1.0 / gain
+    n, share, least = p.size, _share(dt, q), _least(dt, q)
+    # Copies: the compiler cannot know that nothing here writes to ``q``.
+    s_half, j_half, asymmetry, growth = 0.5 * q[S], 0.5 * q[J], q[ASYMMETRY], q[GROWTH] / n
+    half, creep, low, high = 0.5 * q[PLAY], q[CREEP] * dt, q[STOP_LOW], q[STOP_HIGH]
+    gain, zero, drift, patience = q[GAIN], 50.0 + q[ZERO], q[DRIFT] / n, int(_PATIENCE_S / dt)
+    by_place, by_rest, by_time = q[BY_PLACE] != 0.0, q[BY_REST] != 0.0, q[BY_TIME] != 0.0
     x = z = p[0]
-    moving, d, rest = False, 1.0, 0
-    before = 0.0  # the force of the sample before
-    patience = int(_PATIENCE_S / dt)
+    moving, d, rest, before = False, 1.0, 0, 0.0
     for k in range(n):
-        mark = marks[k]
+        mark, grown = marks[k], 1.0 + growth * k
         early_late[k] = 0.0
-        offset = 50.0 + zero + drift * (k - 0.5 * n)
-        if by_time:
-            offset += wander[k]
+        offset = zero + drift * (k - 0.5 * n) + (wander[k] if by_time else 0.0)
         if mark == _START or (mark == _RESYNC and not moving):
-            seen = mv[k] if mark == _START else mv[k - 1]
-            z = (seen - offset) * inverse + 50.0
-            band = 0.5 * abs(s0 + j0) * (1.0 + abs(growth) * k) + half
+            z = ((mv[k] if mark == _START else mv[k - 1]) - offset) / gain + 50.0
+            band = abs(s_half + j_half) * (1.0 + abs(growth) * k) + half
             if by_place:
                 band += abs(_at(friction, z)) + abs(_at(force, z))
             z = _clip(z, p[k] - band, p[k] + band)
             if mark == _START:
                 x, moving, d, rest = z, False, 1.0, 0
             else:
-                # The stem rests within the play of its reading.
-                x = _clip(x, z - half, z + half)
+                x = _clip(x, z - half, z + half)  # it rests within the play of its reading
         if mark != _START:
-            extra = push = 0.0
-            if by_place:
-                extra = _at(friction, x)
-                push = _at(force, x)
-            grown = 1.0 + growth * k
-            level = 0.5 * s0 * grown + extra
-            f = p[k] - x - push
-            if moving:
-                fd = level - 0.5 * j0 * grown * (1.0 + d * asym)
-                if d * f - fd <= least:
-                    moving, rest = False, 0
+            level = s_half * grown + (_at(friction, x) if by_place else 0.0)
+            f = p[k] - x - (_at(force, x) if by_place else 0.0)
+            was = x
+            if moving and d * f - _sliding(level, j_half * grown, d, asymmetry) <= least:
+                moving, rest = False, 0
             if not moving:
                 side = 1.0 if f > 0.0 else -1.0
-                fs = level + 0.5 * j0 * grown * (1.0 + side * asym)
-                if by_rest:
-                    fs += breakaway[rest]
-                size = abs(f)
-                goes = size > fs
-                if window > 0.0 and size > (1.0 - window) * fs:
-                    seen_at = next_up[k] if side > 0.0 else next_down[k]
-                    if seen_at == k:
-                        goes = True
-                        # It let go between two samples: neither early nor late if fs lies between.
-                        if size < fs:
-                            early_late[k] = size - fs
-                        elif side * before > fs:
-                            early_late[k] = min(side * before, size) - fs
-                    elif goes and size <= (1.0 + window) * fs and seen_at - k <= patience:
-                        goes = False
-                if goes:
-                    moving, d = True, side
-                else:
-                    rest += 1
-                    x += creep
+                fs = level + j_half * grown * (1.0 + side * asymmetry)
+                fs += breakaway[rest] if by_rest else 0.0
+                seen_at = next_up[k] if side > 0.0 else next_down[k]
+                moving, early_late[k] = _lets_go(
+                    abs(f), side * before, fs, window, seen_at - k, seen_at < n, patience
+                )
+                d = side if moving else d
+                rest += 1
+                x += 0.0 if moving else creep
             if moving:
-                fd = level - 0.5 * j0 * grown * (1.0 + d * asym)
-                gap = d * f - fd
-                if gap > 0.0:
-                    x += share * d * gap
-            before = p[k] - x - push
+                gap = d * f - _sliding(level, j_half * grown, d, asymmetry)
+                x += share * d * max(gap, 0.0)  # friction never pushes the stem back
+            before = f + was - x
             x = _clip(x, low, high)
             z = _clip(z, x - half, x + half)
         out[k] = gain * (z - 50.0) + offset

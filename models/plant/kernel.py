@@ -338,8 +338,8 @@ def run_loop(
     """
     count = (steps.total - steps.record_phase + steps.record - 1) // steps.record
     records = np.empty((count, 5))
-    outputs = np.full(scans.shape[1], c.output, dtype=np.float64)
-    delay_line = np.full(steps.process_delay + 1, c.output, dtype=np.float64)
+    outputs = np.full(scans.shape[1], c.output)
+    delay_line = np.full(steps.process_delay + 1, c.output)
     stem, air, body = valve.stem, valve.air, valve.body
     x = min(max(c.output / 100.0 * stem.stroke_m, body.low_m), body.high_m)
     pressure = air.low_pa + c.output / 100.0 * (air.high_pa - air.low_pa)
@@ -353,13 +353,12 @@ def run_loop(
     rest_band = stem.rest_band_m_per_s if valve.packing.bristle_n_per_m > 0.0 else 0.0
     for i in range(steps.total):
         if i % steps.record == steps.record_phase:
-            sensed = 100.0 * linked / stem.stroke_m
-            records[record] = (100.0 * x / stem.stroke_m, op, read, pv, sensed)
-            record += 1
+            per = 100.0 / stem.stroke_m
+            records[record], record = (per * x, op, read, pv, per * linked), record + 1
         if i % steps.scan == 0:
             read, slope, filtered = controller_reading(pv + scans[2, scan], filtered, c)
-            automatic, manual = np.isnan(scans[1, scan]), scans[1, scan]
-            hold = op if np.isinf(manual) else manual
+            automatic, hold = np.isnan(scans[1, scan]), scans[1, scan]
+            hold = op if np.isinf(hold) else hold
             error = scans[0, scan] - read
             op, integral = controller_scan(error, slope, integral, automatic, hold, c)
             outputs[scan] = op
@@ -381,7 +380,7 @@ def run_loop(
         delayed = delay_line[slot]
         delay_line[slot] = 100.0 * x / stem.stroke_m
         slot = slot + 1 if slot < steps.process_delay else 0
-        inflow = delayed - process.balance_percent + load[i // steps.load]
-        first, second = process_step(inflow, first, second, dt, process)
+        entered = delayed - process.balance_percent + load[i // steps.load]
+        first, second = process_step(entered, first, second, dt, process)
         pv = process.pv_percent + second
     return records, standings

@@ -13,9 +13,11 @@ from stemwatch.service.cli.drift import drift
 from stemwatch.service.cli.explain import explain
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
+from stemwatch.service.cli.modbus import modbus_app
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.reproduce import reproduce
 from stemwatch.service.cli.screen import screen
+from stemwatch.service.cli.serve import run_now, serve
 from stemwatch.service.cli.simulate import simulate
 from stemwatch.service.cli.trial import trial
 from stemwatch.service.cli.views import say_error
@@ -67,8 +69,13 @@ for command in (
     drift,
     maintenance,
     reproduce,
+    serve,
+    run_now,
 ):
     app.command()(command)
+
+
+app.add_typer(modbus_app, name="modbus")
 
 
 def main() -> None:

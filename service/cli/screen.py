@@ -163,7 +163,7 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
     import json
 
     from stemwatch.service.cli import views
-    from stemwatch.service.report import to_contract
+    from stemwatch.service.report import to_contracts
 
     views.out.print(views.summary(result.screenings))
     for line in views.undetermined_lines(result.screenings):
@@ -171,7 +171,7 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
     for place, reason in (*result.not_read, *result.not_saved):
         views.say(f"left out: {place}: {reason}")
     if json_file is not None:
-        objects = [to_contract(one) for one in views.ranked(result.screenings)]
+        objects = to_contracts(views.ranked(result.screenings))
         text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")
     views.out.print(

@@ -6,15 +6,20 @@ import glob
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
+from stemwatch.service.plantfile.live import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.plantfile.problem import Problem
 from stemwatch.service.plantfile.schema import Source, Tag, Valve
 from stemwatch.service.store.address import Address
+from stemwatch.service.store.scheduled import Schedule
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.modbus.device import Device
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +28,7 @@ class Plant:
 
     ``sources`` and ``valves`` hold what is right; each entry that is wrong is left out and stands
     in ``problems``, one sentence each. ``zone`` is what reports show times in, and the zone of
-    every source that does not name its own.
+    every source that does not name its own. A valve's source is one of ``sources`` or ``devices``.
     """
 
     file: Path
@@ -34,6 +39,20 @@ class Plant:
     limits: Limits
     storage: Address
     problems: tuple[Problem, ...] = ()
+    devices: Mapping[str, Device] = field(default_factory=dict)
+    schedules: tuple[Schedule, ...] = ()
+    notifiers: Mapping[str, NotifierTable] = field(default_factory=dict)
+    alerts: AlertRules = field(default_factory=AlertRules)
+    service: ServiceSection = field(default_factory=ServiceSection)
+
+    def is_live(self, valve: str | Valve) -> bool:
+        """Whether a valve's samples come into the store, rather than being read from files."""
+        source = self._valve(valve).source
+        return source in self.devices or self.sources[source].folder is not None
+
+    def beside(self, name: str) -> Path:
+        """A path as the plant file means it: relative to the file itself."""
+        return self.file.parent / name
 
     def valve_tags(self, valve: str | Valve) -> ValveTags:
         """What a connector is asked for. Raises ``KeyError`` for a valve that is not here."""
@@ -42,12 +61,16 @@ class Plant:
         return ValveTags(valve=entry.id, tags=tags)
 
     def source_of(self, valve: str | Valve) -> Source:
-        """The source a valve is read from."""
+        """The source a valve is read from. Raises ``KeyError`` for one of a device."""
         return self.sources[self._valve(valve).source]
 
     def source_files(self, source: str | Source) -> tuple[Path, ...]:
-        """The files a source's path or pattern matches now, in the order of their names."""
-        pattern = self.file.parent / self._source(source).path
+        """The files a source's path or pattern matches now, in the order of their names; none for
+        a folder, whose files go into the store."""
+        path = self._source(source).path
+        if path is None:
+            return ()
+        pattern = self.beside(path)
         found = (Path(name) for name in glob.glob(str(pattern), recursive=True))
         return tuple(sorted(path for path in found if path.is_file()))
 
@@ -65,6 +88,11 @@ class Plant:
             "limits": asdict(self.limits),
             "sources": [source.model_dump() for _, source in sorted(self.sources.items())],
             "valves": {valve.id: _verdict_settings(valve) for valve in self.valves.values()},
+            **(
+                {"devices": {name: repr(one) for name, one in sorted(self.devices.items())}}
+                if self.devices
+                else {}
+            ),
         }
         text = json.dumps(settings, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()

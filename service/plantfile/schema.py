@@ -91,8 +91,13 @@ class Source(Table):
     """
 
     name: Name = Field(description="a name of its own for the source, as text of 1 to 200 letters")
-    path: Annotated[str, Field(min_length=1)] = Field(
-        description="a file or pattern such as exports/*.csv, relative to the plant file"
+    path: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="a file or pattern such as exports/*.csv, relative to the plant file",
+    )
+    folder: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="a folder that exports are dropped into, relative to the plant file",
     )
     zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
     encoding: Encoding | None = Field(
@@ -138,6 +143,17 @@ class Source(Table):
     )
 
     @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.path is None) == (self.folder is None):
+            found = "nothing" if self.path is None else "both path and folder"
+            expected = (
+                "a file or pattern such as exports/*.csv, relative to the plant file; or folder "
+                "instead, for exports that are dropped there"
+            )
+            raise contradiction(("path",), found, expected)
+        return self
+
+    @model_validator(mode="after")
     def _two_marks(self) -> Self:
         if self.separator is not None and self.separator == self.decimal:
             found = f"{self.decimal!r}, which is also the separator"
@@ -147,7 +163,7 @@ class Source(Table):
     def read_options(self) -> dict[str, Any]:
         """What the file says of reading, under the names of ``ReadOptions``; the rest is left to
         the reader."""
-        options = self.model_dump(exclude={"name", "path"}, exclude_none=True)
+        options = self.model_dump(exclude={"name", "path", "folder"}, exclude_none=True)
         if "good_quality" in options:
             options["good_quality"] = tuple(options["good_quality"])
         return options

@@ -9,6 +9,7 @@ from pydantic import Field, ValidationError, create_model
 
 from stemwatch.models.limits import Limits
 from stemwatch.service.plantfile.explain import Place, problems_of
+from stemwatch.service.plantfile.live import AlertRules, ServiceSection
 from stemwatch.service.plantfile.problem import Problem
 from stemwatch.service.plantfile.schema import PlantSection, StorageSection, Table
 
@@ -29,6 +30,17 @@ class Top(Table):
     limits: dict[str, Any] = Field(default={}, description="a table of limits, each a number")
     sources: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[sources]]")
     valves: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[valves]]")
+    devices: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[devices]]")
+    schedules: list[dict[str, Any]] = Field(
+        default=[], description="tables, each headed [[schedules]]"
+    )
+    notifiers: list[dict[str, Any]] = Field(
+        default=[], description="tables, each headed [[notifiers]]"
+    )
+    alerts: AlertRules = Field(default=AlertRules(), description="a table of rules for alerts")
+    service: ServiceSection = Field(
+        default=ServiceSection(), description="a table of settings of the service"
+    )
     valve_list: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, description='the name of a CSV file, such as "valves.csv"'
     )

@@ -6,7 +6,7 @@ from stemwatch.service.report.context import (
     SourceNotRead,
     ValveFacts,
 )
-from stemwatch.service.report.contract import to_contract
+from stemwatch.service.report.contract import to_contract, to_contracts
 from stemwatch.service.report.write import ReportFiles, ReportNotWritten, write_report
 
 __all__ = [
@@ -17,5 +17,6 @@ __all__ = [
     "SourceNotRead",
     "ValveFacts",
     "to_contract",
+    "to_contracts",
     "write_report",
 ]

@@ -8,11 +8,18 @@ from datetime import datetime
 
 from stemwatch.models.findings import Screening
 from stemwatch.service.report.context import ReportContext
+from stemwatch.service.report.discoveries import LEVEL_PERCENT
 from stemwatch.service.report.mismatch_words import left_out
 from stemwatch.service.report.ranking import RankedValve
 from stemwatch.service.report.words import finite, printable
 
 Cell = str | float | int | datetime | None
+
+STANDING = {True: "yes", False: "held back", None: None}
+BEYOND_CHANCE = (
+    f"yes: of the effects so marked, at most {LEVEL_PERCENT} are expected to be due to chance "
+    "(Benjamini-Hochberg over all valves); held back: chance alone may have named it"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +148,13 @@ def _mismatch() -> list[Column]:
     return [
         _text("mismatch", "what S and J leave out, see docs", _mismatch_word, 14),
         _text("left out", "effects, strongest first; | where not told apart", _left_out, 28),
+        _text("beyond chance", BEYOND_CHANCE, lambda v: STANDING[v.stands], 14),
+        Column(
+            header="p value",
+            meaning="how probable as strong an effect is on a valve with nothing hidden",
+            read=_p_value,
+            digits=4,
+        ),
         Column(header="fit of S and J (%)", meaning=heldout, read=fit("fit_naive")),
         Column(header="fit with what was left out (%)", meaning=heldout, read=fit("fit_extended")),
     ]
@@ -154,6 +168,11 @@ def _mismatch_word(valve: RankedValve) -> Cell:
 def _left_out(valve: RankedValve) -> Cell:
     found = valve.screening.mismatch
     return None if found is None else left_out(found)
+
+
+def _p_value(valve: RankedValve) -> Cell:
+    found = valve.screening.mismatch
+    return None if found is None else found.p_value
 
 
 def _recording(context: ReportContext) -> list[Column]:

@@ -53,8 +53,10 @@ _UNKNOWN_VALVE = ValveFacts()
 class ReportContext:
     """The run and the plant. ``zone`` is the IANA name in which times are shown.
 
-    ``valves`` is keyed by ``Screening.valve``. Raises ``ValueError`` on a naive ``started`` or a
-    zone that the time zone database does not have.
+    ``valves`` is keyed by ``Screening.valve``. A report of a part of a run has in ``p_elsewhere``
+    the ``Mismatch.p_value`` of every other valve that was tested (``None`` where nothing was
+    named), so that what stands is decided over the whole run. Raises ``ValueError`` on a naive
+    ``started`` or a zone that the time zone database does not have.
     """
 
     started: datetime
@@ -66,6 +68,7 @@ class ReportContext:
     settings_digest: str = ""
     valves: Mapping[str, ValveFacts] = field(default_factory=dict)
     sources_not_read: tuple[SourceNotRead, ...] = ()
+    p_elsewhere: tuple[float | None, ...] = ()
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:

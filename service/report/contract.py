@@ -5,11 +5,13 @@ Within a version fields are only ever added. NaN and infinities never appear: th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
 from stemwatch.models.findings import Indicator, Residual, Screening
 from stemwatch.service.report.context import software_name
+from stemwatch.service.report.discoveries import discoveries
 from stemwatch.service.report.mismatch_contract import estimate_object, mismatch_object
 from stemwatch.service.report.words import finite, printable
 
@@ -17,8 +19,23 @@ CONTRACT_VERSION = 1
 MODELS = ("stiction", "narx", "baseline")
 
 
-def to_contract(screening: Screening) -> dict[str, Any]:
-    """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC."""
+def to_contracts(screenings: Sequence[Screening]) -> list[dict[str, Any]]:
+    """All screenings of a run as plain JSON types, in their order.
+
+    Whether a valve's effects stand depends on all the others.
+    """
+    standing = discoveries([one.mismatch for one in screenings]).standing
+    return [
+        to_contract(one, stands=stands) for one, stands in zip(screenings, standing, strict=True)
+    ]
+
+
+def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str, Any]:
+    """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
+
+    ``stands`` says whether its effects stand among all valves of the run.
+    """
+    found = screening.mismatch
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,
@@ -41,7 +58,7 @@ def to_contract(screening: Screening) -> dict[str, Any]:
             printable(name): _indicator(indicator)
             for name, indicator in screening.indicators.items()
         },
-        "mismatch": None if screening.mismatch is None else mismatch_object(screening.mismatch),
+        "mismatch": None if found is None else mismatch_object(found, stands=stands),
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),

@@ -32,8 +32,11 @@ HELD_OUT = (
 NO_NUMBER = "the fit gave no finite number"
 
 
-def mismatch_object(mismatch: Mismatch) -> dict[str, Any]:
-    """``mismatch`` as in docs/json.md; the effects keep their order, strongest first."""
+def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[str, Any]:
+    """``mismatch`` as in docs/json.md; the effects keep their order, strongest first.
+
+    ``stands`` says whether they stand among all valves of the run; ``None`` where none was named.
+    """
     return {
         "verdict": mismatch.finding.value,
         "sentence": printable(mismatch.sentence),
@@ -52,6 +55,8 @@ def mismatch_object(mismatch: Mismatch) -> dict[str, Any]:
             "before": _hot(mismatch.before.hot),
             "after": _hot(mismatch.after.hot),
         },
+        "p_value": finite(mismatch.p_value),
+        "stands": stands,
         "seconds": finite(mismatch.seconds),
     }
 
@@ -86,6 +91,7 @@ def _effect(effect: Effect) -> dict[str, Any]:
             "mean": finite(evidence.mean),
             "t": finite(evidence.t),
             "share": finite(evidence.share),
+            "strength": finite(evidence.strength),
             "note": printable(evidence.note),
         },
     }

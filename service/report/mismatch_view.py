@@ -17,7 +17,10 @@ from stemwatch.service.report.words import finite
 
 @dataclass(frozen=True, kw_only=True)
 class MismatchView:
-    """``found`` with its pictures; ``anchor`` and ``tag`` name the valve in the page."""
+    """``found`` with its pictures; ``anchor`` and ``tag`` name the valve in the page.
+
+    ``held_back`` is why its effects do not stand among all valves of the run; empty where they do.
+    """
 
     found: Mismatch
     anchor: str
@@ -28,6 +31,7 @@ class MismatchView:
     facets: tuple[Facet, ...]
     overlay: Chart | None
     recording: Recording | None
+    held_back: str = ""
 
     @property
     def brief(self) -> bool:
@@ -47,7 +51,7 @@ class LeftOver:
 
 
 def mismatch_view(
-    found: Mismatch, recording: Recording | None, anchor: str, tag: str
+    found: Mismatch, recording: Recording | None, anchor: str, tag: str, held_back: str = ""
 ) -> MismatchView:
     """The view of ``found``; without ``recording`` it has no overlay."""
     top = largest(found.before, found.after)
@@ -61,6 +65,7 @@ def mismatch_view(
         facets=tuple(facets(found)),
         overlay=overlay_of(recording, found.runs),
         recording=recording,
+        held_back=held_back,
     )
 
 

@@ -26,7 +26,7 @@ from stemwatch.service.report.fits import MODEL_NAMES, fit_bars, spread_percent
 from stemwatch.service.report.gauge import gauge, gauge_top
 from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars, mismatch_view
 from stemwatch.service.report.panels import Chart
-from stemwatch.service.report.ranking import RankedValve, count_verdicts
+from stemwatch.service.report.ranking import RankedValve, count_verdicts, discovered
 
 # Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
 # a valve's plots are 60 to 90 KB, and the page must open on a phone.
@@ -61,12 +61,14 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
     """The page as UTF-8."""
     screenings = [valve.screening for valve in ranked]
     counts = count_verdicts(screenings)
+    found = discovered(ranked, context)
     page = environment(context, resource).get_template("report.html")
     text = page.render(
         context=context,
         counts=counts,
         ranked=ranked,
-        valves=_plotted(ranked, counts),
+        valves=_plotted(ranked, counts, found.remark),
+        discovered=found.sentence,
         areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
         gauge_top=gauge_top(screenings),
         models=MODEL_NAMES,
@@ -82,30 +84,34 @@ def plot_limit(counts: dict[Verdict, int]) -> int:
     return min(max(wanted, ALWAYS_PLOTTED), MOST_PLOTTED)
 
 
-def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> list[PlottedValve]:
+def _plotted(
+    ranked: Sequence[RankedValve], counts: dict[Verdict, int], remark: str
+) -> list[PlottedValve]:
     limit = plot_limit(counts)
-    return [_plot(valve, limit) for valve in ranked]
+    return [_plot(valve, limit, remark) for valve in ranked]
 
 
-def _plot(valve: RankedValve, limit: int) -> PlottedValve:
-    if valve.rank > limit:
+def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
+    plotted = valve.rank <= limit
+    chart = chart_of(valve.screening) if plotted else None
+    if not plotted:
         why = (
             f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
             "small; run a report of this valve alone to see its plots."
         )
-        return PlottedValve(valve=valve, chart=None, why_not=why, mismatch=_view(valve, False))
-    chart = chart_of(valve.screening)
-    why = "" if chart is not None else "There is nothing to plot: no samples could be read."
-    return PlottedValve(valve=valve, chart=chart, why_not=why, mismatch=_view(valve, True))
+    else:
+        why = "" if chart is not None else "There is nothing to plot: no samples could be read."
+    mismatch = _view(valve, plotted, remark if valve.stands is False else "")
+    return PlottedValve(valve=valve, chart=chart, why_not=why, mismatch=mismatch)
 
 
-def _view(valve: RankedValve, plotted: bool) -> MismatchView | None:
+def _view(valve: RankedValve, plotted: bool, held_back: str) -> MismatchView | None:
     """The overlay is drawn where something was left out; else the plots above say it all."""
     found = valve.screening.mismatch
     if found is None:
         return None
     recording = valve.screening.recording if plotted and found.effects else None
-    return mismatch_view(found, recording, valve.anchor, valve.screening.valve)
+    return mismatch_view(found, recording, valve.anchor, valve.screening.valve, held_back)
 
 
 def environment(context: ReportContext, load: Callable[[str], str]) -> Environment:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from stemwatch.models.findings import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.context import ReportContext, ValveFacts
+from stemwatch.service.report.discoveries import Discoveries, discoveries
 from stemwatch.service.report.trend import Trend, trend
 from stemwatch.service.report.words import WORST_FIRST, finite, printable
 
@@ -18,20 +19,27 @@ LONGEST_ANCHOR = 60
 
 @dataclass(frozen=True, kw_only=True)
 class RankedValve:
-    """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report."""
+    """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report.
+
+    ``stands`` is whether its effects stand among all valves of the run; ``None`` where nothing
+    was named.
+    """
 
     rank: int
     anchor: str
     screening: Screening
     facts: ValveFacts
     trend: Trend
+    stands: bool | None = None
 
 
 def rank_valves(screenings: Sequence[Screening], context: ReportContext) -> list[RankedValve]:
     """By verdict (sticky, watch, undetermined, healthy), then severity, then tag."""
     taken: Counter[str] = Counter()
     ranked = []
-    for place, screening in enumerate(sorted(screenings, key=_worst_first), start=1):
+    ordered = sorted(screenings, key=_worst_first)
+    standing = _discoveries(ordered, context).standing
+    for place, (screening, stands) in enumerate(zip(ordered, standing, strict=True), start=1):
         facts = context.facts(screening.valve)
         ranked.append(
             RankedValve(
@@ -40,9 +48,19 @@ def rank_valves(screenings: Sequence[Screening], context: ReportContext) -> list
                 screening=screening,
                 facts=facts,
                 trend=trend(screening, facts.previous),
+                stands=stands,
             )
         )
     return ranked
+
+
+def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discoveries:
+    """What stands of all that was named in the run of ``ranked``."""
+    return _discoveries([valve.screening for valve in ranked], context)
+
+
+def _discoveries(screenings: Sequence[Screening], context: ReportContext) -> Discoveries:
+    return discoveries([one.mismatch for one in screenings], context.p_elsewhere)
 
 
 def count_verdicts(screenings: Sequence[Screening]) -> dict[Verdict, int]:

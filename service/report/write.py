@@ -73,7 +73,7 @@ def put_all(contents: Mapping[Path, bytes]) -> None:
 
 def json_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
     """The contract objects, worst valve first, as UTF-8 JSON without NaN."""
-    objects = [to_contract(valve.screening) for valve in ranked]
+    objects = [to_contract(valve.screening, stands=valve.stands) for valve in ranked]
     return json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1).encode()
 
 

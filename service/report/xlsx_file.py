@@ -12,7 +12,7 @@ from xlsxwriter import Workbook
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.columns import Cell, Column, header_and_rows
 from stemwatch.service.report.context import ReportContext
-from stemwatch.service.report.ranking import RankedValve
+from stemwatch.service.report.ranking import RankedValve, discovered
 from stemwatch.service.report.words import VERDICT_MEANING, finite, printable
 
 LONGEST_TEXT = 32_767  # Excel's limit for one cell
@@ -38,7 +38,7 @@ def xlsx_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
         )
         shown = _ranking(book, ranked, context)
         _indicators(book, ranked)
-        _read_me(book, shown, context)
+        _read_me(book, shown, context, discovered(ranked, context).sentence)
     return memory.getvalue()
 
 
@@ -134,14 +134,14 @@ def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
             _write(sheet, line, index, cell, styles)
 
 
-def _read_me(book: Any, shown: Sequence[Column], context: ReportContext) -> None:
+def _read_me(book: Any, shown: Sequence[Column], context: ReportContext, physics: str) -> None:
     sheet = book.add_worksheet("Read me")
     sheet.set_column(0, 0, 34)
     sheet.set_column(1, 1, 90)
     heading = book.add_format({"bold": True, "font_size": 12})
     wrap = book.add_format({"text_wrap": True, "valign": "top"})
     first = 0
-    for title, pairs in _read_me_parts(shown, context):
+    for title, pairs in _read_me_parts(shown, context, physics):
         sheet.write_string(first, 0, title, heading)
         for line, (name, text) in enumerate(pairs, start=first + 1):
             sheet.write_string(line, 0, _fitting(printable(name)), wrap)
@@ -150,7 +150,7 @@ def _read_me(book: Any, shown: Sequence[Column], context: ReportContext) -> None
 
 
 def _read_me_parts(
-    shown: Sequence[Column], context: ReportContext
+    shown: Sequence[Column], context: ReportContext, physics: str
 ) -> list[tuple[str, list[tuple[str, str]]]]:
     started = context.started.astimezone(context.tz).isoformat(timespec="minutes")
     run = [
@@ -164,6 +164,7 @@ def _read_me_parts(
     return [
         (printable(context.title), run),
         ("Verdicts", [(word.value, text) for word, text in VERDICT_MEANING.items()]),
+        ("Hidden physics", [("all valves", physics or "no valve was tested for it")]),
         ("Columns of Ranking", [(column.header, column.meaning) for column in shown]),
         ("Sources not read", not_read or [("none", "every source was read")]),
     ]

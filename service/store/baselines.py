@@ -48,16 +48,13 @@ def read_network(session: Session, valve: str, kind: str) -> Baseline | None:
         NetworkRow.valve == valve, NetworkRow.kind == kind, NetworkRow.active
     )
     row = session.scalar(statement)
-    if row is None:
-        return None
-    return Baseline(
-        valve=row.valve,
-        network=row.network,
-        created=row.created,
-        window=(row.window_start, row.window_end),
-        reason=row.reason,
-        maintenance=_first_maintenance(session, valve, row.window_end or row.created),
-    )
+    return None if row is None else _baseline(session, row)
+
+
+def read_baselines(session: Session, valve: str) -> list[Baseline]:
+    """Every baseline that the valve had, oldest first."""
+    rows = select(NetworkRow).where(NetworkRow.valve == valve, NetworkRow.kind == BASELINE)
+    return [_baseline(session, row) for row in session.scalars(rows.order_by(NetworkRow.id))]
 
 
 def write_remark(session: Session, table: type[RemarkRow], remark: Remark) -> None:
@@ -70,6 +67,19 @@ def read_remarks(session: Session, table: type[RemarkRow], valve: str) -> list[R
     """A valve's remarks of one table, oldest first."""
     rows = session.scalars(select(table).where(table.valve == valve).order_by(table.at, table.id))
     return [_remark(row) for row in rows]
+
+
+def _baseline(session: Session, row: NetworkRow) -> Baseline:
+    return Baseline(
+        id=row.id,
+        valve=row.valve,
+        network=row.network,
+        created=row.created,
+        window=(row.window_start, row.window_end),
+        reason=row.reason,
+        active=row.active,
+        maintenance=_first_maintenance(session, row.valve, row.window_end or row.created),
+    )
 
 
 def _first_maintenance(session: Session, valve: str, since: datetime) -> Remark | None:

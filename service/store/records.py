@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from enum import StrEnum
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import DataQuality, Residual
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Provenance
 from stemwatch.models.verdict import Shape, Verdict
 
@@ -36,9 +38,33 @@ class StoredValve:
     criticality: int = 2
 
 
+class RunState(StrEnum):
+    """Where a run is between being due and being over."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    DONE = "done"
+    CANCELLED = "cancelled"
+    FAILED = "failed"  # it could not be worked on at all; the reason says why
+    SKIPPED = "skipped"  # the schedule's run before was not over
+
+
+class ValveState(StrEnum):
+    """What became of one valve of a run."""
+
+    PENDING = "pending"
+    DONE = "done"
+    SET_ASIDE = "set_aside"  # it failed or took too long; the reason says which
+
+
 @dataclass(frozen=True, kw_only=True)
 class StoredRun:
-    """One run; ``finished`` is ``None`` while it goes on, or where it was cut short."""
+    """One run; ``finished`` is ``None`` while it waits or goes on, or where it was cut short.
+
+    ``schedule`` and ``due`` are ``None`` for a run that ``who`` asked for. ``done`` of ``total``
+    valves are done, ``set_aside`` of them without a result. ``asked`` names the valves where it is
+    not what the schedule says. ``report`` is the folder of its report.
+    """
 
     id: int
     started: datetime
@@ -47,6 +73,26 @@ class StoredRun:
     software_version: str
     settings_digest: str
     counts: Mapping[Verdict, int]
+    state: RunState = RunState.DONE
+    schedule: str | None = None
+    due: datetime | None = None
+    window: tuple[datetime | None, datetime | None] = (None, None)
+    asked: tuple[str, ...] = ()
+    who: str = ""
+    total: int = 0
+    done: int = 0
+    set_aside: int = 0
+    heartbeat: datetime | None = None
+    cancel_asked_by: str | None = None
+    reason: str = ""
+    report: str | None = None
+
+    def left_s(self, now: datetime) -> float | None:
+        """Seconds to go if the valves that are left take as long as those that are done; ``None``
+        where nothing tells."""
+        if self.state is not RunState.RUNNING or not 0 < self.done <= self.total:
+            return None
+        return (now - self.started).total_seconds() * (self.total - self.done) / self.done
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +101,7 @@ class StoredScreening:
 
     ``at`` is the instant it speaks for: the end of its window, or when it was saved where the
     source does not tell its dates. A residual's number that was not finite comes back as NaN.
+    ``baseline_id`` is the baseline that its indicators refer to (``Baseline.id``).
     """
 
     id: int
@@ -78,6 +125,8 @@ class StoredScreening:
     software_version: str
     settings_digest: str
     seconds: float
+    baseline_id: int | None = None
+    mismatch: Mismatch | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +169,8 @@ class Baseline:
     window: tuple[datetime | None, datetime | None]
     reason: str
     maintenance: Remark | None = None
+    id: int = 0
+    active: bool = True
 
     @property
     def note(self) -> str:

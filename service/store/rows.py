@@ -12,6 +12,7 @@ from stemwatch.models.findings import DataQuality, Residual, Screening
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.columns import clean_text, finite
+from stemwatch.service.store.packed import mismatch_json, mismatch_of
 from stemwatch.service.store.records import StoredScreening, StoredValve
 from stemwatch.service.store.tables import ScreeningRow, ValveRow
 
@@ -56,6 +57,7 @@ def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
         "layout": screening.provenance.layout,
         "decisions": list(screening.provenance.decisions),
         "seconds": finite(screening.seconds) or 0.0,
+        **_mismatch_columns(screening),
     }
 
 
@@ -78,8 +80,8 @@ def indicator_columns(
     ]
 
 
-def stored_screening(row: ScreeningRow) -> StoredScreening:
-    """The row as a plain value."""
+def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> StoredScreening:
+    """The row as a plain value; without the mismatch where thousands are read at once."""
     return StoredScreening(
         id=row.id,
         valve=row.valve,
@@ -102,6 +104,8 @@ def stored_screening(row: ScreeningRow) -> StoredScreening:
         software_version=row.software_version,
         settings_digest=row.settings_digest,
         seconds=row.seconds,
+        baseline_id=row.baseline_id,
+        mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
     )
 
 
@@ -110,6 +114,15 @@ def stored_valve(row: ValveRow) -> StoredValve:
     return StoredValve(
         id=row.id, description=row.description, area=row.area, criticality=row.criticality
     )
+
+
+def _mismatch_columns(screening: Screening) -> dict[str, Any]:
+    mismatch = screening.mismatch
+    return {
+        "mismatch_finding": None if mismatch is None else mismatch.finding.value,
+        "mismatch_slugs": None if mismatch is None else [one.slug for one in mismatch.effects],
+        "mismatch": mismatch_json(mismatch),
+    }
 
 
 def _provenance(row: ScreeningRow) -> Provenance:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 
-from sqlalchemy import delete, func, insert, select
-from sqlalchemy.orm import Session, aliased
+from sqlalchemy import ScalarSelect, delete, func, insert, select
+from sqlalchemy.orm import Session, aliased, defer
 
 from stemwatch.models.findings import Screening
 from stemwatch.service.store.errors import StoreError
@@ -29,7 +29,9 @@ from stemwatch.service.store.upsert import upsert
 _IN_ONE_STATEMENT = 500  # SQLite takes 32766 parameters
 
 
-def write_screening(session: Session, screening: Screening, run_id: int) -> int:
+def write_screening(
+    session: Session, screening: Screening, run_id: int, baseline_id: int | None = None
+) -> int:
     """Write one screening with its indicators, replacing what is there of the same window."""
     run = session.get(RunRow, run_id)
     if run is None:
@@ -39,6 +41,7 @@ def write_screening(session: Session, screening: Screening, run_id: int) -> int:
         "run_id": run_id,
         "software_version": run.software_version,
         "settings_digest": run.settings_digest,
+        "baseline_id": baseline_id,
     }
     statement = upsert(
         session, ScreeningRow, [columns], ("valve", "window_key"), returning=ScreeningRow.id
@@ -85,13 +88,49 @@ def read_previous(session: Session, valve: str, before: datetime) -> StoredScree
     return None if row is None else stored_screening(row)
 
 
-def read_latest(session: Session, area: str | None, limit: int | None) -> list[Ranked]:
-    """Each valve's latest screening, the worst first.
+def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:
+    """The valve's last screenings, newest first."""
+    rows = select(ScreeningRow).where(ScreeningRow.valve == valve)
+    rows = rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(limit)
+    return [stored_screening(row) for row in session.scalars(rows)]
+
+
+def read_of_window(
+    session: Session, valve: str, window: tuple[datetime | None, datetime | None]
+) -> StoredScreening | None:
+    """The valve's screening of exactly this window."""
+    row = session.scalar(
+        select(ScreeningRow).where(
+            ScreeningRow.valve == valve,
+            ScreeningRow.window_start == window[0],
+            ScreeningRow.window_end == window[1],
+        )
+    )
+    return None if row is None else stored_screening(row)
+
+
+def read_indicator(session: Session, name: str, screenings: Sequence[int]) -> dict[int, float]:
+    """One indicator of several screenings, by their numbers."""
+    rows = select(IndicatorRow.screening_id, IndicatorRow.value).where(
+        IndicatorRow.screening_id.in_(screenings), IndicatorRow.name == name
+    )
+    return {number: value for number, value in session.execute(rows) if value is not None}
+
+
+def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
+    """The valves of a run's worst screenings, the worst first."""
+    rows = select(ScreeningRow.valve).where(ScreeningRow.run_id == run_id)
+    rows = rows.group_by(ScreeningRow.valve).order_by(func.max(ScreeningRow.severity).desc())
+    return list(session.scalars(rows.order_by(ScreeningRow.valve).limit(limit)))
+
+
+def latest_screening_id() -> ScalarSelect[int]:
+    """For each row of ``valves``, the number of its latest screening.
 
     One index seek for each valve, so that the time does not grow with the years stored.
     """
     newest = aliased(ScreeningRow)
-    latest_id = (
+    return (
         select(newest.id)
         .where(newest.valve == ValveRow.id)
         .order_by(newest.at.desc(), newest.id.desc())
@@ -99,16 +138,23 @@ def read_latest(session: Session, area: str | None, limit: int | None) -> list[R
         .correlate(ValveRow)
         .scalar_subquery()
     )
+
+
+def read_latest(session: Session, area: str | None, limit: int | None) -> list[Ranked]:
+    """Each valve's latest screening without its mismatch, the worst first."""
     statement = (
         select(ValveRow, ScreeningRow)
-        .join(ScreeningRow, ScreeningRow.id == latest_id)
+        .options(defer(ScreeningRow.mismatch))
+        .join(ScreeningRow, ScreeningRow.id == latest_screening_id())
         .order_by(ScreeningRow.severity.desc(), ValveRow.criticality.desc(), ValveRow.id)
         .limit(limit)
     )
     if area is not None:
         statement = statement.where(ValveRow.area == area)
     return [
-        Ranked(valve=stored_valve(valve), screening=stored_screening(screening))
+        Ranked(
+            valve=stored_valve(valve), screening=stored_screening(screening, with_mismatch=False)
+        )
         for valve, screening in session.execute(statement)
     ]
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 from sqlalchemy import Engine
@@ -13,15 +12,20 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from stemwatch.models.findings import Screening
-from stemwatch.models.verdict import Verdict
 from stemwatch.service.store import baselines, screenings
+from stemwatch.service.store.access import Access
 from stemwatch.service.store.address import Address, masked_command
-from stemwatch.service.store.engine import for_writing, make_engine, plainly, store_errors
+from stemwatch.service.store.alerts import Alerts
+from stemwatch.service.store.deliveries import Deliveries
+from stemwatch.service.store.engine import make_engine, plainly
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.leases import Leases, Settings
+from stemwatch.service.store.queue import RunQueue
 from stemwatch.service.store.records import (
     Baseline,
     Ranked,
     Remark,
+    RunState,
     SaveFailure,
     SaveReport,
     StoredRun,
@@ -30,6 +34,10 @@ from stemwatch.service.store.records import (
     TrendPoint,
     ValveFacts,
 )
+from stemwatch.service.store.run_rows import stored_run
+from stemwatch.service.store.samples import Samples
+from stemwatch.service.store.schedules import Schedules
+from stemwatch.service.store.sources import Sources
 from stemwatch.service.store.tables import MaintenanceRow, NoteRow, RunRow
 
 _Window = tuple[datetime | None, datetime | None]
@@ -57,13 +65,22 @@ def open_store(url: str | Address) -> Store:
 class Store:
     """The repository. Each method is one transaction; several threads and processes may write.
 
+    Results stand here; what the running service needs stands in parts of its own: ``alerts``,
+    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules``, ``settings``, ``sources``.
     Times go in timezone aware and come out in UTC. Methods raise ``StoreError``.
     """
 
     def __init__(self, engine: Engine, address: Address) -> None:
-        self._readers = engine
-        self._writers = for_writing(engine)
         self.address = address
+        self.access = access = Access(engine, address)
+        self.alerts = Alerts(access)
+        self.deliveries = Deliveries(access)
+        self.leases = Leases(access)
+        self.queue = RunQueue(access)
+        self.samples = Samples(access)
+        self.schedules = Schedules(access)
+        self.settings = Settings(access)
+        self.sources = Sources(access)
 
     def __repr__(self) -> str:
         return f"Store({str(self.address)!r})"
@@ -81,13 +98,13 @@ class Store:
 
     def close(self) -> None:
         """Close every connection."""
-        self._readers.dispose()
+        self.access.readers.dispose()
 
     def begin_run(
         self, *, command: Sequence[str] = (), software_version: str, settings_digest: str = ""
     ) -> int:
         """Note that a run has begun, and give its number. Secrets in ``command`` are masked."""
-        with self._writing("noting the run") as session:
+        with self.access.writing("noting the run") as session:
             run = RunRow(
                 started=datetime.now(UTC),
                 finished=None,
@@ -95,6 +112,7 @@ class Store:
                 software_version=software_version,
                 settings_digest=settings_digest,
                 counts={},
+                state=RunState.RUNNING.value,
             )
             session.add(run)
             session.flush()
@@ -102,27 +120,34 @@ class Store:
 
     def finish_run(self, run_id: int) -> StoredRun:
         """Note that a run has ended, with how many of its screenings had each verdict."""
-        with self._writing("noting the run's end") as session:
+        with self.access.writing("noting the run's end") as session:
             run = self._run(session, run_id)
-            run.finished = datetime.now(UTC)
+            run.finished, run.state = datetime.now(UTC), RunState.DONE.value
             run.counts = dict(screenings.count_verdicts(session, run_id))
-            return _stored_run(run)
+            return stored_run(run)
 
     def run(self, run_id: int) -> StoredRun:
         """The run of this number."""
-        with self._reading() as session:
-            return _stored_run(self._run(session, run_id))
+        with self.access.reading() as session:
+            return stored_run(self._run(session, run_id))
 
-    def save(self, screening: Screening, run_id: int) -> int:
+    def save(self, screening: Screening, run_id: int, baseline_id: int | None = None) -> int:
         """Save one screening and give its row's number. The same valve and window again replaces
-        what is there, whichever of two writers comes last."""
-        with self._writing(f"saving {screening.valve}") as session:
-            return screenings.write_screening(session, screening, run_id)
+        what is there, whichever of two writers comes last. ``baseline_id`` says which baseline
+        the screening was compared with."""
+        with self.access.writing(f"saving {screening.valve}") as session:
+            return screenings.write_screening(session, screening, run_id, baseline_id)
 
-    def save_many(self, many: Iterable[Screening], run_id: int) -> SaveReport:
+    def save_many(
+        self,
+        many: Iterable[Screening],
+        run_id: int,
+        baselines_of: Mapping[str, int] = MappingProxyType({}),
+    ) -> SaveReport:
         """Save each screening by itself; one that cannot be saved does not keep the others out.
 
-        When the database does not answer for several in a row, the rest is not tried.
+        ``baselines_of`` is the number of the baseline that each valve was compared with. When the
+        database does not answer for several in a row, the rest is not tried.
         """
         saved, unanswered = 0, 0
         failures: list[SaveFailure] = []
@@ -131,8 +156,10 @@ class Store:
                 failures.append(SaveFailure(valve=screening.valve, reason="not tried: no answer"))
                 continue
             try:
-                with Session(self._writers) as session, session.begin():
-                    screenings.write_screening(session, screening, run_id)
+                with Session(self.access.writers) as session, session.begin():
+                    screenings.write_screening(
+                        session, screening, run_id, baselines_of.get(screening.valve)
+                    )
                 saved, unanswered = saved + 1, 0
             except Exception as error:  # whatever is wrong with one valve must not cost another
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
@@ -142,35 +169,61 @@ class Store:
 
     def save_valves(self, valves: Iterable[ValveFacts]) -> None:
         """Keep what the plant file says of the valves; valves it no longer names stay."""
-        with self._writing("saving the valves") as session:
+        with self.access.writing("saving the valves") as session:
             screenings.write_valves(session, valves)
 
     def valves(self) -> list[StoredValve]:
         """Every valve, by id."""
-        with self._reading() as session:
+        with self.access.reading() as session:
             return screenings.read_valves(session)
 
     def latest(self, *, area: str | None = None, limit: int | None = None) -> list[Ranked]:
-        """Each valve's latest screening: by severity, then criticality, the worst first."""
-        with self._reading() as session:
+        """Each valve's latest screening: by severity, then criticality, the worst first. Without
+        what was found beside S and J, which ``screenings`` has."""
+        with self.access.reading() as session:
             return screenings.read_latest(session, area, limit)
+
+    def screenings(self, valve: str, limit: int = 50) -> list[StoredScreening]:
+        """The valve's last screenings, newest first."""
+        with self.access.reading() as session:
+            return screenings.read_last(session, valve, limit)
+
+    def screening_of(self, valve: str, window: _Window) -> StoredScreening | None:
+        """The valve's screening of exactly this window."""
+        with self.access.reading() as session:
+            return screenings.read_of_window(session, valve, window)
+
+    def indicator_of(self, name: str, screening_ids: Sequence[int]) -> dict[int, float]:
+        """One indicator of several screenings, by their numbers; without those that lack it."""
+        with self.access.reading() as session:
+            return screenings.read_indicator(session, name, screening_ids)
+
+    def worst_of_run(self, run_id: int, limit: int) -> list[str]:
+        """The valves of a run's worst screenings, the worst first."""
+        with self.access.reading() as session:
+            return screenings.read_worst(session, run_id, limit)
 
     def previous(self, valve: str, before: datetime) -> StoredScreening | None:
         """The valve's last screening that speaks for an instant before ``before``."""
-        with self._reading() as session:
+        with self.access.reading() as session:
             return screenings.read_previous(session, valve, before)
 
     def history(
         self, valve: str, indicator: str, since: datetime | None = None
     ) -> list[TrendPoint]:
         """One indicator of one valve over time, oldest first."""
-        with self._reading() as session:
+        with self.access.reading() as session:
             return screenings.read_history(session, valve, indicator, since)
 
     def baseline(self, valve: str) -> Baseline | None:
         """The network the valve is compared with, and what must be known about it."""
-        with self._reading() as session:
+        with self.access.reading() as session:
             return baselines.read_network(session, valve, baselines.BASELINE)
+
+    def baselines(self, valve: str) -> list[Baseline]:
+        """Every baseline that the valve had, oldest first."""
+        with self.access.reading() as session:
+            return baselines.read_baselines(session, valve)
 
     def set_baseline(
         self, valve: str, network: bytes, *, window: _Window = (None, None), reason: str
@@ -179,71 +232,45 @@ class Store:
 
         ``reason`` says why: "first healthy window", "first healthy window after maintenance".
         """
-        with self._writing(f"setting the baseline of {valve}") as session:
+        with self.access.writing(f"setting the baseline of {valve}") as session:
             baselines.write_network(session, valve, baselines.BASELINE, network, window, reason)
 
     def fitted(self, valve: str) -> Baseline | None:
         """The network fitted to the valve last."""
-        with self._reading() as session:
+        with self.access.reading() as session:
             return baselines.read_network(session, valve, baselines.FITTED)
 
     def set_fitted(
         self, valve: str, network: bytes, *, window: _Window = (None, None), reason: str
     ) -> None:
         """Keep the network fitted last, in place of the one before."""
-        with self._writing(f"saving the network of {valve}") as session:
+        with self.access.writing(f"saving the network of {valve}") as session:
             baselines.write_network(session, valve, baselines.FITTED, network, window, reason)
 
     def record_maintenance(self, valve: str, at: datetime, note: str, who: str = "") -> None:
         """Note work on a valve. ``baseline`` says from then on that the valve was changed, until
         a baseline with a later window is set."""
-        with self._writing(f"recording maintenance of {valve}") as session:
+        with self.access.writing(f"recording maintenance of {valve}") as session:
             remark = Remark(valve=valve, at=at, note=note, who=who)
             baselines.write_remark(session, MaintenanceRow, remark)
 
     def maintenance(self, valve: str) -> list[Remark]:
         """Work on the valve, oldest first."""
-        with self._reading() as session:
+        with self.access.reading() as session:
             return baselines.read_remarks(session, MaintenanceRow, valve)
 
     def add_note(self, valve: str, at: datetime, note: str, who: str = "") -> None:
         """Keep a remark about a valve."""
-        with self._writing(f"adding a note to {valve}") as session:
+        with self.access.writing(f"adding a note to {valve}") as session:
             baselines.write_remark(session, NoteRow, Remark(valve=valve, at=at, note=note, who=who))
 
     def notes(self, valve: str) -> list[Remark]:
         """Remarks about the valve, oldest first."""
-        with self._reading() as session:
+        with self.access.reading() as session:
             return baselines.read_remarks(session, NoteRow, valve)
-
-    @contextmanager
-    def _reading(self) -> Iterator[Session]:
-        with store_errors(self.address, "reading"), Session(self._readers) as session:
-            yield session
-
-    @contextmanager
-    def _writing(self, doing: str) -> Iterator[Session]:
-        with (
-            store_errors(self.address, doing),
-            Session(self._writers, expire_on_commit=False) as session,
-            session.begin(),
-        ):
-            yield session
 
     def _run(self, session: Session, run_id: int) -> RunRow:
         run = session.get(RunRow, run_id)
         if run is None:
             raise StoreError(f"{self.address}: there is no run {run_id}")
         return run
-
-
-def _stored_run(run: RunRow) -> StoredRun:
-    return StoredRun(
-        id=run.id,
-        started=run.started,
-        finished=run.finished,
-        command=run.command,
-        software_version=run.software_version,
-        settings_digest=run.settings_digest,
-        counts={Verdict(verdict): count for verdict, count in run.counts.items()},
-    )

@@ -1,39 +1,22 @@
-"""The tables. Times are UTC, numbers carry their unit in the name, and the migrations agree."""
+"""The tables. Times are UTC, numbers carry their unit in the name, and the migrations agree.
+
+Results stand here; what the running service needs stands beside, in ``live_tables``,
+``queue_tables`` and ``alert_tables``, imported here so that ``Base.metadata`` is whole.
+"""
 
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, ClassVar
+from typing import Any
 
-from sqlalchemy import Double, ForeignKey, Index, LargeBinary, MetaData, UniqueConstraint, text
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy import ForeignKey, Index, UniqueConstraint, text
+from sqlalchemy.orm import Mapped, mapped_column
 
-from stemwatch.service.store.columns import CleanJson, CleanText, UtcDateTime
-
-_NAMES = {
-    "ix": "ix_%(column_0_N_label)s",
-    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
-    "fk": "fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s",
-    "pk": "pk_%(table_name)s",
-}
-
-
-class Base(DeclarativeBase):
-    """Constraint names are fixed here, so that migrations can drop what they created."""
-
-    metadata = MetaData(naming_convention=_NAMES)
-    type_annotation_map: ClassVar[dict[Any, Any]] = {
-        str: CleanText,
-        float: Double,
-        datetime: UtcDateTime,
-        dict[str, Any]: CleanJson,
-        list[str]: CleanJson,
-        bytes: LargeBinary,
-    }
-
-
-def _of_valve() -> Mapped[str]:
-    return mapped_column(ForeignKey("valves.id", ondelete="CASCADE"))
+from stemwatch.service.store import alert_tables as alert_tables
+from stemwatch.service.store import live_tables as live_tables
+from stemwatch.service.store import queue_tables as queue_tables
+from stemwatch.service.store.base import Base as Base
+from stemwatch.service.store.base import of_valve
 
 
 class ValveRow(Base):
@@ -48,9 +31,17 @@ class ValveRow(Base):
 
 
 class RunRow(Base):
-    """One run of the program over many valves."""
+    """One run of the program over many valves, waiting, going on or over.
+
+    A run of the command line has no schedule and no valves of its own in ``run_valves``. A run
+    that a schedule is due for exists once for each ``due``, however many services see it.
+    """
 
     __tablename__ = "runs"
+    __table_args__ = (
+        Index("ix_runs_state", "state", "not_before"),
+        Index("uq_runs_schedule_due", "schedule", "due", unique=True),
+    )
 
     id: Mapped[int] = mapped_column(primary_key=True)
     started: Mapped[datetime]
@@ -59,6 +50,22 @@ class RunRow(Base):
     software_version: Mapped[str]
     settings_digest: Mapped[str]
     counts: Mapped[dict[str, Any]]  # screenings per verdict, known when the run has finished
+    state: Mapped[str] = mapped_column(server_default="done")  # a ``RunState``
+    schedule: Mapped[str | None]  # its name, or ``None`` for a run that a person asked for
+    due: Mapped[datetime | None]  # the instant of the schedule
+    not_before: Mapped[datetime | None]  # ``due`` and the schedule's jitter
+    window_start: Mapped[datetime | None]
+    window_stop: Mapped[datetime | None]
+    asked: Mapped[list[str] | None]  # valves that were asked for; ``None``: what the schedule says
+    who: Mapped[str] = mapped_column(server_default="")  # who asked for it
+    total: Mapped[int] = mapped_column(server_default="0")
+    done: Mapped[int] = mapped_column(server_default="0")
+    set_aside: Mapped[int] = mapped_column(server_default="0")
+    owner: Mapped[str | None]  # the process that works on it
+    heartbeat: Mapped[datetime | None]  # when that process last said that it lives
+    cancel_asked_by: Mapped[str | None]
+    reason: Mapped[str] = mapped_column(server_default="")  # why it was skipped, failed, cancelled
+    report: Mapped[str | None]  # where its report lies
 
 
 class ScreeningRow(Base):
@@ -76,7 +83,7 @@ class ScreeningRow(Base):
     )
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    valve: Mapped[str] = _of_valve()
+    valve: Mapped[str] = of_valve()
     run_id: Mapped[int] = mapped_column(ForeignKey("runs.id"))
     window_key: Mapped[str]
     window_start: Mapped[datetime | None]
@@ -108,6 +115,10 @@ class ScreeningRow(Base):
     software_version: Mapped[str]
     settings_digest: Mapped[str]
     seconds: Mapped[float]
+    baseline_id: Mapped[int | None]  # networks.id of the baseline that indicators refer to
+    mismatch_finding: Mapped[str | None]  # ``None`` where nothing was fitted
+    mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, strongest first
+    mismatch: Mapped[dict[str, Any] | None]  # all of it but samples
 
 
 class IndicatorRow(Base):
@@ -120,7 +131,7 @@ class IndicatorRow(Base):
         ForeignKey("screenings.id", ondelete="CASCADE"), primary_key=True
     )
     name: Mapped[str] = mapped_column(primary_key=True)
-    valve: Mapped[str] = _of_valve()
+    valve: Mapped[str] = of_valve()
     at: Mapped[datetime]
     value: Mapped[float | None]
     low: Mapped[float | None]
@@ -144,7 +155,7 @@ class NetworkRow(Base):
     )
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    valve: Mapped[str] = _of_valve()
+    valve: Mapped[str] = of_valve()
     kind: Mapped[str]  # "baseline" or "fitted"
     network: Mapped[bytes]
     created: Mapped[datetime]

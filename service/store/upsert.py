@@ -9,7 +9,7 @@ from sqlalchemy import Executable
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.tables import Base
+from stemwatch.service.store.base import Base
 
 _Insert = sqlite.Insert | postgresql.Insert
 
@@ -21,16 +21,22 @@ def upsert(
     key: Sequence[str],
     *,
     update: bool = True,
+    where: Any = None,
     returning: Any = None,
 ) -> Executable:
     """The statement that inserts ``values`` into ``table``, unless there is a row with the same
-    ``key``: that one gets the new values, or with ``update=False`` stays as it is."""
+    ``key``: that one gets the new values, or with ``update=False`` stays as it is.
+
+    ``where`` is the condition of the unique index over ``key``, where it has one.
+    """
     insert = _insert_into(session, table).values(values)
     changed = {name: insert.excluded[name] for name in values[0] if name not in key}
     if update and changed:
-        statement = insert.on_conflict_do_update(index_elements=key, set_=changed)
+        statement = insert.on_conflict_do_update(
+            index_elements=key, index_where=where, set_=changed
+        )
     else:
-        statement = insert.on_conflict_do_nothing(index_elements=key)
+        statement = insert.on_conflict_do_nothing(index_elements=key, index_where=where)
     return statement if returning is None else statement.returning(returning)
 
 

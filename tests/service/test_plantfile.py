@@ -141,6 +141,7 @@ def test_read_options_are_the_readers_own(plant: Plant) -> None:
     assert {f.name for f in dataclasses.fields(ReadOptions)} == set(Source.model_fields) - {
         "name",
         "path",
+        "folder",
     }
     assert ReadOptions(
         zone="Europe/Berlin", decimal=",", separator=";", interval_s=1.0, good_quality=("192",)

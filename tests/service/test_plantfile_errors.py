@@ -177,8 +177,9 @@ def test_a_second_source_of_one_name_is_left_out(tmp_path: Path) -> None:
         ('plant = "x"', "1: plant: found the text 'x'; expected a table with name and zone"),
         ("limits = 3", "1: limits: found 3; expected a table of limits, each a number"),
         ("valve_list = 3", "1: valve_list: found 3; expected the name of a CSV file"),
-        ("[sorces]", "1: sorces: found an unknown key; expected one of limits, plant, sources, "
-         "storage, valve_list, valves (did you mean 'sources'?)"),
+        ("[sorces]", "1: sorces: found an unknown key; expected one of alerts, devices, "
+         "limits, notifiers, plant, schedules, service, sources, storage, valve_list, valves (did "
+         "you mean 'sources'?)"),
         ('[plant]\nvalve_list = "v.csv"', "2: plant.valve_list: found an unknown key; expected "
          "one of name, zone; valve_list belongs at the top of the file, before the first [table]"),
         ('[plant]\nzone = "CET+1"', "2: plant.zone: found the text 'CET+1'; expected an IANA"),

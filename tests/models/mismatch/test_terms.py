@@ -46,7 +46,7 @@ PARAMETERS = {
     "low_speed_restick": {"v_c": "%/s"},
     "position_dependent_friction": {"A": "%", "place": "%", "width": "%"},
     "rate_limit": {"rate": "%/s"},
-    "sensor_drift": {"D": "%"},
+    "sensor_drift": {"D": "%", "range": "%"},
     "span_error": {"gain": ""},
     "stem_creep": {"creep": "%/s"},
     "supply_sag": {"sag": "%", "recovery": "s"},
@@ -67,10 +67,10 @@ MATTERS = [
     ("flow_force", [1.0], [-2.5]),
     ("growing_stiction", [0.1], [0.4]),
     ("lost_motion", [0.1], [0.6]),
-    ("low_speed_restick", [0.005], [0.02]),
+    ("low_speed_restick", [0.1], [0.3]),
     ("position_dependent_friction", [0.2, 50.0, 5.0], [1.0, 50.0, 5.0]),
     ("rate_limit", [1 / 20.0], [1 / 1.5]),
-    ("sensor_drift", [0.3], [-0.7]),
+    ("sensor_drift", [0.3, 0.0, 0.0, 0.0], [-0.7, 0.0, 0.0, 0.0]),
     ("span_error", [0.01], [-0.03]),
     ("stem_creep", [0.002], [-0.01]),
     ("supply_sag", [0.01, 30.0], [-0.2, 30.0]),
@@ -231,7 +231,7 @@ def test_advice_names_things_to_look_at_and_a_test(slug):
         ("growing_stiction", [-0.3], "shrank by 30 (28.5 to 31.5) % over"),
         ("position_dependent_friction", [1.5, 50.0, 5.0], "Between 45 and 55 % of travel"),
         ("rate_limit", [0.5], "no more than 2 (1.9 to 2.1) %/s, opening and closing alike"),
-        ("sensor_drift", [-1.5], "drifts downwards by 1.5 (1.43 to 1.57) % of travel"),
+        ("sensor_drift", [-1.5, 0.0, 0.0, 0.0], "drifts downwards by 1.5 (1.43 to 1.57) %"),
         ("span_error", [-0.1], "compressed over the stroke: it moves by 0.9 (0.855 to 0.945)"),
         ("stem_creep", [-0.02], "creeps at 0.02 (0.019 to 0.021) %/s, closing,"),
         ("supply_sag", [-0.2, 30.0], "short by 20 (19 to 21) % of the move when closing"),
@@ -249,7 +249,9 @@ def test_numbers_are_said_with_their_direction(slug, values, words):
 def test_an_effect_whose_direction_is_in_doubt_is_said_without_a_negative_size():
     """An interval across zero begins at zero."""
     estimate = Estimate(value=-0.4, low=-1.0, high=0.2, unit="%")
-    text = CATALOGUE["sensor_drift"].sentence({"D": estimate}, "rising", "falling")
+    text = CATALOGUE["sensor_drift"].sentence(
+        {"D": estimate, "range": estimate}, "rising", "falling"
+    )
     assert "by 0.4 (0 to 1) %" in text
     ratio = Estimate(value=0.5, low=-0.2, high=0.9)
     text = CATALOGUE["asymmetric_slip"].sentence({"ratio": ratio}, "rising", "falling")

@@ -15,6 +15,7 @@ from stemwatch.service.store.address import Address
 from stemwatch.service.store.engine import make_engine
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrate import downgrade, upgrade
+from stemwatch.service.store.queue import Wanted
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.store.tables import Base
 
@@ -62,11 +63,35 @@ def test_one_step_down_and_up_keeps_what_older_schemas_know(
         before = store.latest()
     engine = make_engine(Address(store_url))
     downgrade(engine, "0001")
-    assert TABLES - {"networks", "maintenance", "notes"} == tables(engine)
+    assert {"indicators", "runs", "screenings", "valves"} == tables(engine)
     engine.dispose()
     with open_store(store_url) as store:
         assert before == store.latest()
         assert [] == store.notes("FIC-101")
+
+
+def test_the_services_tables_go_and_come_without_touching_results(
+    store_url: str, make_screening: Callable[..., Screening]
+) -> None:
+    """Back to the schema before the service and forward again: results and baselines stay, runs
+    are over, and the queue works."""
+    with open_store(store_url) as store:
+        run = store.begin_run(software_version="1")
+        store.save(make_screening(), run)
+        store.finish_run(run)
+        store.set_baseline("FIC-101", b"n", reason="first healthy window")
+        store.queue.put(Wanted(schedule="daily", due=NOW), software_version="1")
+        before = (store.latest(), store.baseline("FIC-101"), store.run(run))
+    engine = make_engine(Address(store_url))
+    downgrade(engine, "0002")
+    assert "samples" not in tables(engine)
+    with engine.connect() as connection:
+        assert connection.execute(text("SELECT count(*) FROM screenings")).scalar() == 1
+    engine.dispose()
+    with open_store(store_url) as store:
+        assert before == (store.latest(), store.baseline("FIC-101"), store.run(run))
+        # What waited in the queue is a run that is over: the older program knows nothing else.
+        assert store.queue.claim("w") is None
 
 
 def test_opening_again_keeps_everything(
@@ -85,7 +110,7 @@ def test_a_newer_schema_is_refused(store: Store, store_url: str) -> None:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
     engine.dispose()
     with pytest.raises(
-        StoreError, match=r"newer stemwatch \(schema 9999; .* up to 0002\)\. Install the newer"
+        StoreError, match=r"newer stemwatch \(schema 9999; .* up to 0003\)\. Install the newer"
     ):
         open_store(store_url)
 

@@ -1,0 +1,129 @@
+"""A look at a device before its map is trusted: raw words beside everything they could mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+from stemwatch.connectors.modbus.address import LAST_ADDRESS, Address
+from stemwatch.connectors.modbus.blocks import MAX_WORDS, Block
+from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number, decode
+from stemwatch.connectors.modbus.device import Device, Link
+from stemwatch.connectors.modbus.faults import ReadFault
+from stemwatch.connectors.modbus.line import Line
+from stemwatch.connectors.modbus.register import TINY, Reading, Register
+
+# Beyond these a float is far more often a wrong order of bytes than a measurement.
+_SMALLEST, _LARGEST = 1e-4, 1e7
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What words are as ``kind`` in ``order``. ``likely`` is false where a plant value would hardly
+    look so: not finite, or a fraction far too small or too large."""
+
+    kind: DataType
+    order: ByteOrder
+    value: Number
+    likely: bool
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One register of a map as the device gave it; ``fault`` instead of words where it did not."""
+
+    register: Register
+    words: tuple[int, ...] = ()
+    reading: Reading | None = None
+    fault: str = ""
+
+
+def meanings(words: Sequence[int]) -> Iterator[Meaning]:
+    """Every type that fits into ``words`` (from the first on), in every order.
+
+    Of one register two orders differ, of more all four.
+    """
+    for kind in DataType:
+        if kind.words > len(words):
+            continue
+        orders = tuple(ByteOrder) if kind.words > 1 else (ByteOrder.ABCD, ByteOrder.BADC)
+        for order in orders:
+            value = decode(words[: kind.words], kind, order)
+            yield Meaning(kind, order, value, _likely(value, kind))
+
+
+def _likely(value: Number, kind: DataType) -> bool:
+    if not kind.is_float:
+        return abs(value) <= _LARGEST
+    size = abs(value)
+    return math.isfinite(size) and (size == 0.0 or _SMALLEST <= size <= _LARGEST)
+
+
+async def look(link: Link, unit_id: int, at: Address, count: int) -> list[int]:
+    """The ``count`` words from ``at`` on, 1 to 125.
+
+    Raises ``ReadFault`` where the device cannot be reached or refuses, ``ValueError`` for a count
+    out of range.
+    """
+    if not 1 <= count <= min(MAX_WORDS, LAST_ADDRESS + 1 - at.offset):
+        raise ValueError(f"1 to {MAX_WORDS} registers up to {LAST_ADDRESS} are read, not {count}")
+    async with _opened(link) as line:
+        return await line.read(unit_id, at.table, at.offset, count)
+
+
+async def try_map(device: Device) -> list[Tried]:
+    """Every register of ``device``, in the order of the map, read once in the blocks of a poll.
+
+    Raises ``ReadFault`` where the device cannot be reached; what it refuses is in the result.
+    """
+    tried: dict[str, Tried] = {}
+    async with _opened(device.link) as line:
+        for block in device.blocks():
+            for one in await _try_block(line, block):
+                tried[one.register.tag] = one
+    return [tried[tag] for tag in device.tags]
+
+
+async def _try_block(line: Line, block: Block) -> list[Tried]:
+    try:
+        words = await line.read(block.unit_id, block.table, block.first, block.count)
+    except ReadFault as fault:
+        halves = block.halves() if fault.splits else None
+        if halves is not None:
+            return [one for half in halves for one in await _try_block(line, half)]
+        if not line.connected:
+            raise
+        return [Tried(register, fault=fault.reason) for register in block.registers]
+    tried = []
+    for register in block.registers:
+        own = tuple(block.words_of(register, words))
+        tried.append(Tried(register, own, register.read(own)))
+    return tried
+
+
+def other_orders(one: Tried) -> tuple[Meaning, ...]:
+    """The orders in which the words of ``one`` look likely though the map's own does not.
+
+    Empty where the map's order looks likely, or none does.
+    """
+    kind, order = one.register.kind, one.register.order
+    if not one.words or kind.words == 1:
+        return ()
+    found = [each for each in meanings(one.words) if each.kind is kind]
+    own = next(each for each in found if each.order is order)
+    tiny = kind.is_float and 0.0 < abs(own.value) < TINY
+    if own.likely and not tiny:
+        return ()
+    return tuple(each for each in found if each.likely and each.order is not order)
+
+
+@asynccontextmanager
+async def _opened(link: Link) -> AsyncIterator[Line]:
+    line = Line(link)
+    await line.open()
+    try:
+        yield line
+    finally:
+        line.close()

@@ -1,0 +1,70 @@
+"""Why a read gave no words, in reasons that a sample can carry."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class FaultKind(StrEnum):
+    """What went wrong, as far as it decides what is done next."""
+
+    NO_CONNECTION = "no connection"
+    SILENT = "no answer"
+    REFUSED = "refused"  # an exception reply
+    NONSENSE = "nonsense"  # an answer that is none
+
+
+EXCEPTIONS = {
+    1: "illegal function",
+    2: "illegal data address",
+    3: "illegal data value",
+    4: "device failure",
+    5: "acknowledged, not yet done",
+    6: "device busy",
+    8: "memory parity error",
+    10: "gateway path unavailable",
+    11: "gateway target does not answer",
+}
+# The block may ask for an address that is not there, or for more than the device hands out at once.
+_SPLITTING = (2, 3)
+# The gateway has already waited for this unit in vain.
+_SILENT_BEHIND_GATEWAY = (10, 11)
+
+
+class ReadFault(Exception):
+    """One request brought no words. ``reason`` is the same for the same cause, time after time."""
+
+    def __init__(self, kind: FaultKind, reason: str, code: int | None = None) -> None:
+        self.kind, self.reason, self.code = kind, reason, code
+        super().__init__(reason)
+
+    @property
+    def splits(self) -> bool:
+        """Whether a smaller block might be answered."""
+        return self.code in _SPLITTING
+
+    @property
+    def unit_is_silent(self) -> bool:
+        """Whether every further request to this unit would cost another wait."""
+        return self.kind is FaultKind.SILENT or self.code in _SILENT_BEHIND_GATEWAY
+
+
+def refused(code: int) -> ReadFault:
+    """The fault that an exception reply with ``code`` is."""
+    meaning = EXCEPTIONS.get(code, "an exception the protocol does not name")
+    return ReadFault(FaultKind.REFUSED, f"exception {code} ({meaning})", code)
+
+
+def silent(timeout_s: float) -> ReadFault:
+    """The fault that nothing was heard within ``timeout_s`` seconds."""
+    return ReadFault(FaultKind.SILENT, f"no answer within {timeout_s:g} s")
+
+
+def nonsense(what: str) -> ReadFault:
+    """The fault that something was heard that is no answer; ``what`` says what."""
+    return ReadFault(FaultKind.NONSENSE, f"nonsense: {what}")
+
+
+def no_connection(why: str) -> ReadFault:
+    """The fault that there is no line to ask on; ``why`` is empty where nobody knows."""
+    return ReadFault(FaultKind.NO_CONNECTION, f"no connection: {why}" if why else "no connection")

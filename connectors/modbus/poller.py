@@ -1,0 +1,266 @@
+"""``DevicePoller``: one device, polled on its schedule until told to stop.
+
+Nothing that a device does ends it: every instant yields a batch with a sample for each tag, good or
+with the reason why not.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import random
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from stemwatch.connectors.modbus.backoff import Backoff
+from stemwatch.connectors.modbus.blockreader import BlockReader, Columns
+from stemwatch.connectors.modbus.blocks import Block
+from stemwatch.connectors.modbus.device import Device
+from stemwatch.connectors.modbus.faults import FaultKind, ReadFault, no_connection
+from stemwatch.connectors.modbus.line import Line
+from stemwatch.connectors.modbus.plan import Plan
+from stemwatch.connectors.modbus.samples import SampleBatch, one_instant
+from stemwatch.connectors.modbus.schedule import Schedule, Slot
+from stemwatch.connectors.modbus.state import DeviceState
+from stemwatch.models.recording import Quality
+
+log = logging.getLogger(__name__)
+
+LONGEST_WAIT_S = 15.0  # between attempts to reach what does not answer
+_FIRST_UNIT_WAIT_S = 0.5
+_SPLITS_PER_POLL = 64  # requests beyond the plan that one poll may spend on finding what is refused
+_MARKED_MISSES = 100  # instants missed in a row that are marked; a longer hole is a hole
+NOT_POLLED = "not polled: the poll before it took too long"
+
+Deliver = Callable[[SampleBatch], None]
+
+
+@dataclass
+class _Unit:
+    """A unit that did not answer, and until when it is left alone."""
+
+    backoff: Backoff
+    until_s: float = 0.0
+    fault: ReadFault | None = None
+
+
+@dataclass
+class _Poll:
+    """What one poll has found so far."""
+
+    columns: Columns
+    splits_left: int = _SPLITS_PER_POLL
+    fault: str = ""
+
+    def mark(self, reader: BlockReader, fault: ReadFault, *, known: bool = False) -> None:
+        """No words for a block; ``known`` where that is no news of this poll."""
+        self.fault = self.fault or ("" if known else fault.reason)
+        missing = fault.kind in (FaultKind.NO_CONNECTION, FaultKind.SILENT)
+        quality = Quality.MISSING if missing else Quality.BAD
+        self.columns.mark(reader.places, quality, fault.reason)
+
+
+class DevicePoller:
+    """Polls ``device`` and hands each poll's samples to ``deliver``, in the order of time.
+
+    ``deliver`` is called on the event loop and must return at once. A sample bears the instant of
+    its slot; a poll that cannot begin within a quarter of a second (or half an interval) of it is
+    not made, and the slot's samples are marked.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        deliver: Deliver,
+        *,
+        schedule: Schedule | None = None,
+        rng: random.Random | None = None,
+    ) -> None:
+        self.device = device
+        self.state = DeviceState(device.name, str(device.link))
+        self._deliver = deliver
+        self._schedule = schedule or Schedule(device.every_s)
+        self._rng = rng or random.Random()
+        self._line = Line(device.link)
+        self._plan = Plan(device.blocks())
+        self._tags = device.tags
+        self._place_of = {tag: place for place, tag in enumerate(self._tags)}
+        self._readers: WeakKeyDictionary[Block, BlockReader] = WeakKeyDictionary()
+        self._units: dict[int, _Unit] = {}
+        self._backoff = Backoff(0.2, LONGEST_WAIT_S, self._rng)
+        self._opening: asyncio.Task[None] | None = None
+        self._why: ReadFault | None = None
+
+    async def run(self) -> None:
+        """Poll until cancelled."""
+        opening = self._reconnect()
+        try:
+            # The first poll waits for its connection; every later one keeps its instant.
+            await asyncio.wait([opening], timeout=self.device.link.timeout_s)
+            while True:
+                slot = await self._schedule.next()
+                self._account_for(slot)
+                self._deliver(await self._guarded(slot.at_us))
+                _stop_if_cancelled()
+        finally:
+            if self._opening is not None:
+                self._opening.cancel()
+            self._line.close()
+
+    async def poll(self, at_us: int) -> SampleBatch:
+        """One poll, whose samples bear the time ``at_us`` (microseconds since 1970)."""
+        poll = _Poll(Columns(len(self._tags)))
+        for block in self._plan.blocks():
+            await self._read(block, poll)
+        if not self._line.connected:
+            self._reconnect()
+        found = poll.columns
+        batch = one_instant(
+            self.device.name, self._tags, at_us, found.values, found.quality, found.reasons
+        )
+        self._note(at_us, batch, poll.fault)
+        return batch
+
+    async def _guarded(self, at_us: int) -> SampleBatch:
+        """A poll that nothing ends: what nobody thought of costs its samples only."""
+        began_us = self._schedule.now_us()
+        try:
+            batch = await self.poll(at_us)
+        except Exception as error:
+            log.exception("device %s: a poll failed in an unforeseen way", self.device.name)
+            self._line.close()
+            self._reconnect()
+            batch = self._all_bad(at_us, f"unforeseen: {type(error).__name__}", Quality.BAD)
+            self._note(at_us, batch, f"{type(error).__name__}: {error}")
+        ended_us = self._schedule.now_us()
+        self.state.late_s.append((ended_us - at_us) / 1e6)
+        self.state.took_s.append((ended_us - began_us) / 1e6)
+        return batch
+
+    async def _read(self, block: Block, poll: _Poll) -> None:
+        reader = self._reader(block)
+        if fault := self._not_now(block):
+            poll.mark(reader, fault)
+            return
+        if fault := self._plan.resting(block):
+            poll.mark(reader, fault, known=True)
+            return
+        try:
+            words = await self._line.read(block.unit_id, block.table, block.first, block.count)
+        except ReadFault as fault:
+            await self._after(fault, block, poll)
+            return
+        self._units.pop(block.unit_id, None)
+        self._backoff.succeeded()
+        reader.read(words, poll.columns)
+
+    def _reader(self, block: Block) -> BlockReader:
+        reader = self._readers.get(block)
+        if reader is None:
+            reader = self._readers[block] = BlockReader(block, self._place_of)
+        return reader
+
+    async def _after(self, fault: ReadFault, block: Block, poll: _Poll) -> None:
+        if fault.splits and poll.splits_left > 0:
+            poll.splits_left -= 1
+            if halves := self._plan.split(block):
+                for half in halves:
+                    await self._read(half, poll)
+                return
+            self._plan.rest(block, fault)
+            log.warning("device %s: %s: %s", self.device.name, block, fault.reason)
+        elif fault.unit_is_silent:
+            self._leave_alone(block.unit_id, fault)
+        if not self._line.connected:
+            self._why = fault
+        poll.mark(self._reader(block), fault)
+
+    def _not_now(self, block: Block) -> ReadFault | None:
+        if not self._line.connected:
+            return self._why or no_connection("")
+        unit = self._units.get(block.unit_id)
+        if unit is not None and time.monotonic() < unit.until_s:
+            return unit.fault
+        return None
+
+    def _leave_alone(self, unit_id: int, fault: ReadFault) -> None:
+        unit = self._units.get(unit_id)
+        if unit is None:
+            unit = _Unit(Backoff(_FIRST_UNIT_WAIT_S, LONGEST_WAIT_S, self._rng))
+            self._units[unit_id] = unit
+        unit.fault = fault
+        unit.until_s = time.monotonic() + unit.backoff.failed()
+
+    def _reconnect(self) -> asyncio.Task[None]:
+        """Try to connect beside the schedule, until it succeeds."""
+        if self._opening is None or self._opening.done():
+            self._opening = asyncio.create_task(self._keep_opening())
+        return self._opening
+
+    async def _keep_opening(self) -> None:
+        if self.state.polls:  # a device that accepts connections only to drop them is not hammered
+            await asyncio.sleep(self._backoff.failed())
+        while not self._line.connected:
+            try:
+                await self._line.open()
+                _stop_if_cancelled()
+            except asyncio.CancelledError:
+                self._line.close()
+                raise
+            except ReadFault as fault:
+                self._why = fault
+            except Exception as error:
+                self._why = no_connection(f"{type(error).__name__}: {error}")
+            else:
+                self._why = None
+                self.state.reconnects += 1
+                self._units.clear()
+                return
+            await asyncio.sleep(self._backoff.failed())
+
+    def _account_for(self, slot: Slot) -> None:
+        """Mark what was missed before ``slot``."""
+        if slot.clock_went_back:
+            log.warning(
+                "device %s: the computer's clock was set back; samples of times that are in the "
+                "store already are not taken again",
+                self.device.name,
+            )
+        self.state.missed += len(slot.missed_us)
+        for at_us in slot.missed_us[:_MARKED_MISSES]:
+            batch = self._all_bad(at_us, NOT_POLLED, Quality.MISSING)
+            self.state.bad += len(batch)
+            self._deliver(batch)
+
+    def _note(self, at_us: int, batch: SampleBatch, fault: str) -> None:
+        state = self.state
+        if batch.good:
+            state.last_good_us = at_us
+        if bool(fault) != bool(state.fault):
+            level = logging.WARNING if fault else logging.INFO
+            log.log(level, "device %s: %s", self.device.name, fault or "reads again")
+        state.connected, state.fault = self._line.connected, fault
+        state.polls += 1
+        state.good += batch.good
+        state.bad += len(batch) - batch.good
+        state.refused = self._plan.refused
+
+    def _all_bad(self, at_us: int, reason: str, quality: Quality) -> SampleBatch:
+        count = len(self._tags)
+        values, qualities = np.full(count, np.nan), np.full(count, quality)
+        return one_instant(self.device.name, self._tags, at_us, values, qualities, [reason] * count)
+
+
+def _stop_if_cancelled() -> None:
+    """Be cancelled after all, where that came in the very moment of an answer.
+
+    Until Python 3.12 ``asyncio.wait_for``, through which every answer comes, then returns the
+    answer and forgets the cancellation; the task still counts it.
+    """
+    task = asyncio.current_task()
+    if task is not None and task.cancelling():
+        raise asyncio.CancelledError

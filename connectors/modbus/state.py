@@ -1,0 +1,48 @@
+"""``DeviceState``: how a device is doing, for pages, metrics and logs."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+_KEPT = 3600  # polls that the percentiles are taken over: an hour at 1 s
+
+
+@dataclass
+class DeviceState:
+    """Counts since the program started, and the last hour's punctuality.
+
+    ``last_good_us`` is the instant (microseconds since 1970) of the last poll with a good sample;
+    ``fault`` why a request of the last poll failed, or empty. ``refused`` are the tags that the
+    device does not hand out, which is no fault any more once it is known.
+    """
+
+    name: str
+    link: str
+    connected: bool = False
+    fault: str = ""
+    last_good_us: int | None = None
+    polls: int = 0
+    good: int = 0
+    bad: int = 0
+    missed: int = 0
+    reconnects: int = 0
+    refused: tuple[str, ...] = ()
+    late_s: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT), repr=False)
+    took_s: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT), repr=False)
+
+    def lateness_s(self, percent: float = 99.0) -> float | None:
+        """Seconds from a poll's instant to its last answer, at this percentile; ``None`` before
+        the first poll."""
+        return _percentile(self.late_s, percent)
+
+    def duration_s(self, percent: float = 99.0) -> float | None:
+        """Seconds that a poll took, at this percentile; ``None`` before the first poll."""
+        return _percentile(self.took_s, percent)
+
+
+def _percentile(values: deque[float], percent: float) -> float | None:
+    seen = list(values)  # at once: another thread may be adding to it
+    return float(np.percentile(seen, percent)) if seen else None

@@ -1,0 +1,165 @@
+"""After a run: the rules on each of its valves, and what has one cause joined into one alert."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.service.alerts.aftermath import note_aftermath
+from stemwatch.service.alerts.rules import RATIO, Seen, look
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.records import StoredScreening, StoredValve
+from stemwatch.service.store.store import Store
+
+_NAMED = 12  # valves of a common alert that are listed
+CLEARED = "not found in the last runs any more"
+JOINED = "joined with others of one cause"
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Valves that may fail together: of one area or of one source."""
+
+    kind: AlertKind
+    what: str  # "area" or "source"
+    name: str
+
+    @property
+    def cause(self) -> str:
+        return f"{AlertKind.COMMON.value}:{self.kind.value}:{self.what}:{self.name}"
+
+
+def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
+    """Raise and close alerts by what ``run_id`` found; the numbers of the new ones.
+
+    It looks at what is stored alone, so that doing it twice changes nothing.
+    """
+    raised: list[Raised] = []
+    closed: list[str] = []
+    for valve in store.queue.valves_done(run_id):
+        of_valve, over = look(_seen(store, plant, valve), plant.alerts)
+        raised += of_valve
+        closed += over
+        note_aftermath(store, valve)
+    store.alerts.clear(closed, CLEARED)
+    groups = _groups(raised, plant)
+    common = [_common(group, found, run_id) for group, found in groups.items()]
+    open_now = store.alerts.open_causes((AlertKind.COMMON.value + ":",))
+    still = {one.cause for one in common}
+    store.alerts.clear(sorted(_over(open_now - still, run_id, store, plant)), CLEARED)
+    joined = {one.cause for found in groups.values() for one in found}
+    # What was raised alone before and is part of a common cause now is told once, by that.
+    new = [one for one in raised if one.cause not in joined]
+    return store.alerts.raise_all([*common, *new])
+
+
+def _seen(store: Store, plant: Plant, valve: str) -> Seen:
+    rules = plant.alerts
+    screenings = store.screenings(valve, max(rules.of_runs, rules.clear_after_runs) * 3)
+    entry = plant.valves.get(valve)
+    facts = (
+        StoredValve(id=valve)
+        if entry is None
+        else StoredValve(
+            id=valve,
+            description=entry.description,
+            area=entry.area,
+            criticality=entry.criticality,
+        )
+    )
+    return Seen(
+        valve=facts,
+        screenings=screenings,
+        at_baseline=_at_baseline(store, valve),
+        ratios=store.indicator_of(RATIO, [one.id for one in screenings]),
+        ratio_limit=plant.limits.baseline_ratio_watch,
+    )
+
+
+def _at_baseline(store: Store, valve: str) -> Estimate | None:
+    """S in the window that the valve's baseline was fitted to."""
+    kept = store.baseline(valve)
+    if kept is None or kept.window[1] is None:
+        return None
+    found: StoredScreening | None = store.screening_of(valve, kept.window)
+    return None if found is None else found.S
+
+
+def _groups(raised: Iterable[Raised], plant: Plant) -> dict[_Group, list[Raised]]:
+    """The groups of which so many valves have the same finding that it has one cause."""
+    sizes: dict[tuple[str, str], int] = defaultdict(int)
+    for valve in plant.valves.values():
+        for place in _places(plant, valve.id):
+            sizes[place] += 1
+    found: dict[_Group, list[Raised]] = defaultdict(list)
+    for one in raised:
+        for what, name in _places(plant, one.valve or ""):
+            found[_Group(one.kind, what, name)].append(one)
+    rules = plant.alerts
+    large = {
+        group: many
+        for group, many in found.items()
+        if len(many) >= rules.common_valves
+        and len(many) >= rules.common_share * sizes[group.what, group.name]
+        # Friction is each valve's own. That many name the same thing, or leave their baselines,
+        # points to what they share: air, signal, archive.
+        and group.kind in (AlertKind.BASELINE, AlertKind.MISMATCH)
+    }
+    return _largest_first(large)
+
+
+def _largest_first(groups: dict[_Group, list[Raised]]) -> dict[_Group, list[Raised]]:
+    """Each valve in one group only: an area and a source often hold the same valves."""
+    taken: set[str] = set()
+    chosen: dict[_Group, list[Raised]] = {}
+    for group, many in sorted(groups.items(), key=lambda one: (-len(one[1]), one[0].cause)):
+        left = [one for one in many if one.cause not in taken]
+        if len(left) * 2 > len(many):
+            chosen[group] = left
+            taken.update(one.cause for one in left)
+    return chosen
+
+
+def _places(plant: Plant, valve: str) -> list[tuple[str, str]]:
+    entry = plant.valves.get(valve)
+    if entry is None:
+        return []
+    places = [("source", entry.source)]
+    return [("area", entry.area), *places] if entry.area else places
+
+
+def _common(group: _Group, found: Sequence[Raised], run_id: int) -> Raised:
+    names = [one.valve or "" for one in found]
+    listed = ", ".join(names[:_NAMED])
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    words = {
+        AlertKind.BASELINE: "move differently from their baselines",
+        AlertKind.MISMATCH: "show something beside stiction",
+    }
+    worst = min((one.severity for one in found), key=list(AlertSeverity).index)
+    return Raised(
+        cause=group.cause,
+        kind=AlertKind.COMMON,
+        severity=worst,
+        text=(
+            f"{len(names)} valves of {group.what} {group.name} {words[group.kind]} at once "
+            f"({listed}{more}). Look first for what they share: air supply, signal, archive."
+        ),
+        run_id=run_id,
+        evidence={"valves": names, "kind": group.kind.value},
+    )
+
+
+def _over(causes: set[str], run_id: int, store: Store, plant: Plant) -> set[str]:
+    """Common causes that this run saw enough valves of to say that they are over."""
+    seen = set(store.queue.valves_done(run_id))
+    over: set[str] = set()
+    for cause in causes:
+        *_, what, name = cause.split(":", 3)
+        members = {v.id for v in plant.valves.values() if (what, name) in _places(plant, v.id)}
+        if len(members & seen) * 2 > len(members):
+            over.add(cause)
+    return over

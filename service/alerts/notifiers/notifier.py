@@ -1,0 +1,30 @@
+"""The seam to every way of telling somebody."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+
+class NotSent(Exception):
+    """The message did not arrive; the text says why, without secrets.
+
+    ``final``: it never will, however often it is tried.
+    """
+
+    def __init__(self, why: str, *, final: bool = False) -> None:
+        super().__init__(why)
+        self.final = final
+
+
+class Notifier(Protocol):
+    """Takes messages away.
+
+    ``send`` returns when the receiver has taken the message and raises otherwise, at the latest
+    after half a minute. The same ``key`` may come twice, after a crash between sending and noting
+    it: it has to reach the receiver in a form by which the second one can be told. ``message``
+    has ``subject``, ``text`` and ``alerts`` (see ``digest.message_of``), all of it from the plant
+    and therefore never to be trusted as anything but text.
+    """
+
+    def send(self, key: str, message: Mapping[str, Any]) -> None: ...

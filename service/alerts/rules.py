@@ -1,0 +1,158 @@
+"""The rules: what in the last screenings of one valve is worth an alert. Pure functions.
+
+Screenings come newest first; those without a verdict neither raise nor close anything, because they
+say nothing. A finding is raised when it was there in N of the last M, closed when it was not there
+in K in a row, and otherwise left as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.plantfile.live import AlertRules
+from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.records import StoredScreening, StoredValve
+
+RATIO = "baseline_ratio"
+
+
+class Standing(Enum):
+    """What the last runs say of a finding."""
+
+    RAISE = "raise"
+    CLEAR = "clear"
+    LEAVE = "leave"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """What is known of a valve when the rules look at it.
+
+    ``screenings`` newest first; ``at_baseline`` S in the baseline's window, percent of OP span;
+    ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id.
+    """
+
+    valve: StoredValve
+    screenings: Sequence[StoredScreening]
+    at_baseline: Estimate | None = None
+    ratios: Mapping[int, float] = field(default_factory=dict)
+    ratio_limit: float = 3.0
+
+
+def standing(present: Sequence[bool], rules: AlertRules) -> Standing:
+    """What a finding's presence in the last judged screenings (newest first) asks for."""
+    if present and present[0] and sum(present[: rules.of_runs]) >= rules.raise_after_runs:
+        return Standing.RAISE
+    last = present[: rules.clear_after_runs]
+    if len(last) == rules.clear_after_runs and not any(last):
+        return Standing.CLEAR
+    return Standing.LEAVE
+
+
+def look(seen: Seen, rules: AlertRules) -> tuple[list[Raised], list[str]]:
+    """What to raise, and the causes to close, of one valve."""
+    judged = [one for one in seen.screenings if one.verdict is not Verdict.UNDETERMINED]
+    raised: list[Raised] = []
+    closed: list[str] = []
+    for kind, present, text in _findings(seen, rules):
+        verdict = standing([present(one) for one in judged], rules)
+        if verdict is Standing.RAISE:
+            raised.append(_raised(seen.valve, kind, text(judged[0]), judged[0]))
+        elif verdict is Standing.CLEAR:
+            closed.append(cause(kind, seen.valve.id))
+    return raised, closed
+
+
+def cause(kind: AlertKind, valve: str) -> str:
+    """What makes two alerts of a valve the same."""
+    return f"{kind.value}:{valve}"
+
+
+_Finding = tuple[AlertKind, Callable[[StoredScreening], bool], Callable[[StoredScreening], str]]
+
+
+def _findings(seen: Seen, rules: AlertRules) -> list[_Finding]:
+    return [
+        (AlertKind.STICKY, lambda one: one.verdict is Verdict.STICKY, _sticky),
+        (
+            AlertKind.GROWN,
+            lambda one: has_grown(one.S, seen.at_baseline, rules.grown_S_percent),
+            lambda one: _grown(one, seen.at_baseline),
+        ),
+        (
+            AlertKind.BASELINE,
+            lambda one: seen.ratios.get(one.id, 0.0) > seen.ratio_limit,
+            lambda one: _departed(seen.ratios.get(one.id, 0.0)),
+        ),
+        (AlertKind.MISMATCH, _is_named, _mismatch),
+    ]
+
+
+def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> bool:
+    """Whether S has grown by ``least_percent`` of span or more, and its interval lies above the
+    one it had: a growth that both runs' uncertainty cannot explain."""
+    if before is None or now.value is None or before.value is None:
+        return False
+    if now.low is None or before.high is None:
+        return False
+    return now.value - before.value >= least_percent and now.low > before.high
+
+
+def _is_named(one: StoredScreening) -> bool:
+    return one.mismatch is not None and one.mismatch.finding is Finding.NAMED
+
+
+def _sticky(one: StoredScreening) -> str:
+    return f"It sticks: S is {one.S} of OP span. {one.advice}"
+
+
+def _grown(one: StoredScreening, before: Estimate | None) -> str:
+    return f"S has grown from {before} at its baseline to {one.S} of OP span. {one.advice}"
+
+
+def _departed(ratio: float) -> str:
+    return (
+        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
+        "was set: the valve moves differently. Look at its page for where it does."
+    )
+
+
+def _mismatch(one: StoredScreening) -> str:
+    if one.mismatch is None or not one.mismatch.effects:
+        return "Something beside stiction was found."
+    effect = one.mismatch.effects[0]
+    return f"{effect.sentence} {effect.check}".strip()
+
+
+def _raised(valve: StoredValve, kind: AlertKind, text: str, one: StoredScreening) -> Raised:
+    name = f"{valve.id} ({valve.description})" if valve.description else valve.id
+    evidence = {
+        "S": one.S.value,
+        "S_low": one.S.low,
+        "S_high": one.S.high,
+        "J": one.J.value,
+        "severity": one.severity,
+        "screening": one.id,
+        "window": [None if end is None else end.isoformat() for end in one.window],
+    }
+    return Raised(
+        cause=cause(kind, valve.id),
+        kind=kind,
+        severity=severity_of(kind, valve.criticality),
+        text=f"{name}: {text}",
+        valve=valve.id,
+        run_id=one.run_id,
+        evidence=evidence,
+    )
+
+
+def severity_of(kind: AlertKind, criticality: int) -> AlertSeverity:
+    """How urgent: by how much the plant needs the valve; what sticks before what changes."""
+    order = (AlertSeverity.LOW, AlertSeverity.MEDIUM, AlertSeverity.HIGH)
+    place = criticality - 1 - (kind is not AlertKind.STICKY)
+    return order[min(max(place, 0), 2)]

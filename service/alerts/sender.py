@@ -1,0 +1,64 @@
+"""``Sender``: brings queued messages to their notifiers, again and again until they arrive."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+
+from stemwatch.service.alerts.notifiers.notifier import Notifier, NotSent
+from stemwatch.service.store.address import masked
+from stemwatch.service.store.deliveries import StoredDelivery
+from stemwatch.service.store.store import Store
+
+log = logging.getLogger(__name__)
+
+FIRST_WAIT = timedelta(minutes=1)
+LONGEST_WAIT = timedelta(hours=1)
+GIVE_UP_AFTER = timedelta(days=3)
+
+
+class Sender:
+    """Sends what waits in ``store`` through ``notifiers`` by their names."""
+
+    def __init__(self, store: Store, notifiers: Mapping[str, Notifier]) -> None:
+        self._store, self._notifiers = store, notifiers
+
+    def send_due(self) -> int:
+        """Try each message that is due once; how many arrived."""
+        arrived = 0
+        while (delivery := self._store.deliveries.claim()) is not None:
+            arrived += self._send(delivery)
+        return arrived
+
+    def _send(self, delivery: StoredDelivery) -> bool:
+        notifier = self._notifiers.get(delivery.notifier)
+        if notifier is None:
+            error = "the plant file does not name this notifier (any more)"
+            self._store.deliveries.failed(delivery.id, error, None)
+            return False
+        try:
+            notifier.send(delivery.key, delivery.message)
+        except Exception as error:  # whatever a notifier raises: it did not arrive
+            self._failed(delivery, error)
+            return False
+        self._store.deliveries.sent(delivery.id)
+        log.info("message %s was taken by %s", delivery.key, delivery.notifier)
+        return True
+
+    def _failed(self, delivery: StoredDelivery, error: Exception) -> None:
+        words = str(error) if isinstance(error, NotSent) else f"{type(error).__name__}: {error}"
+        words = masked(" ".join(words.split()))[:500]
+        now = datetime.now(UTC)
+        final = isinstance(error, NotSent) and error.final
+        if final or now - delivery.created > GIVE_UP_AFTER:
+            log.error("message %s for %s is given up: %s", delivery.key, delivery.notifier, words)
+            self._store.deliveries.failed(delivery.id, words, None)
+            return
+        log.warning("message %s for %s: %s", delivery.key, delivery.notifier, words)
+        self._store.deliveries.failed(delivery.id, words, now + wait(delivery.attempts))
+
+
+def wait(attempts: int) -> timedelta:
+    """How long until the next attempt after so many: doubled each time, up to an hour."""
+    return min(FIRST_WAIT * (1 << min(max(attempts - 1, 0), 12)), LONGEST_WAIT)

@@ -1,0 +1,168 @@
+"""``stemwatch modbus read``: try registers or a map against a device, as at commissioning."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.modbus.device import Device, Link
+
+modbus_app = typer.Typer(
+    name="modbus",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    help="Look at Modbus devices. Only ever reads.",
+)
+LINE = "Serial lines and RTU"
+
+
+@modbus_app.callback()
+def _modbus() -> None:
+    """Look at Modbus devices. Only ever reads."""
+
+
+@modbus_app.command()
+def read(
+    host: Annotated[
+        str, typer.Argument(help="HOST, HOST:PORT, or a serial port such as /dev/ttyUSB0 or COM3.")
+    ] = "",
+    unit: Annotated[int, typer.Option(min=0, max=255, help="Unit id.")] = 1,
+    register: Annotated[
+        list[str] | None,
+        typer.Option(help="holding:0 counts from 0; 40001 and HR1 count from 1. May be repeated."),
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, max=125, help="How many registers.")] = 4,
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="plant.toml whose devices are tried.")
+    ] = None,
+    device: Annotated[str, typer.Option(help="Only this device of the map.")] = "",
+    timeout_s: Annotated[
+        float, typer.Option(min=0.02, max=60, help="Seconds to wait for an answer.")
+    ] = 2.0,
+    rtu: Annotated[
+        bool, typer.Option("--rtu", help="RTU frames over TCP.", rich_help_panel=LINE)
+    ] = False,
+    baudrate: Annotated[int, typer.Option(min=300, help="Bits/s.", rich_help_panel=LINE)] = 19200,
+    parity: Annotated[str, typer.Option(help="N, E or O.", rich_help_panel=LINE)] = "N",
+    stopbits: Annotated[int, typer.Option(min=1, max=2, help="1 or 2.", rich_help_panel=LINE)] = 1,
+) -> None:
+    """Read registers once and show raw words beside each interpretation.
+
+    With --map every register of plant.toml is read and shown with its addresses, its words and its
+    value; a value that looks misread is shown in the other byte orders too. With HOST and
+    --register the words are shown in every type and byte order. Nothing is ever written.
+    """
+    if map_file is not None:
+        if host:
+            raise typer.BadParameter("give HOST or --map, not both: the map names its own hosts")
+        _try_maps(map_file, device)
+        return
+    if not host:
+        raise typer.BadParameter("give HOST, or --map plant.toml", param_hint="HOST")
+    link = _link(host, timeout_s, rtu, baudrate, parity, stopbits)
+    for written in register or ["holding:0"]:
+        _show_words(link, unit, written, count)
+
+
+def _link(
+    host: str, timeout_s: float, rtu: bool, baudrate: int, parity: str, stopbits: int
+) -> Link:
+    from stemwatch.connectors.modbus.device import DEFAULT_PORT, Link, LinkKind
+
+    if parity.upper() not in ("N", "E", "O"):
+        raise typer.BadParameter(f"{parity!r} is not N, E or O", param_hint="--parity")
+    if host.startswith("/") or host.upper().startswith("COM"):
+        return Link(
+            kind=LinkKind.SERIAL,
+            target=host,
+            baudrate=baudrate,
+            parity=parity.upper(),
+            stopbits=stopbits,
+            timeout_s=timeout_s,
+        )
+    name, port = _split(host)
+    kind = LinkKind.RTU_OVER_TCP if rtu else LinkKind.TCP
+    return Link(kind=kind, target=name, port=port or DEFAULT_PORT, timeout_s=timeout_s)
+
+
+def _split(host: str) -> tuple[str, int]:
+    """Host and port (0 where left out) of ``host``, ``host:port``, ``[::1]:port`` or ``::1``."""
+    if host.startswith("["):
+        name, _, rest = host[1:].partition("]")
+        text = rest.removeprefix(":")
+    elif host.count(":") == 1:
+        name, _, text = host.partition(":")
+    else:
+        name, text = host, ""
+    if text and not (text.isascii() and text.isdigit() and 1 <= int(text) <= 65535):
+        raise typer.BadParameter(f"{text!r} is not a port from 1 to 65535", param_hint="HOST")
+    return name, int(text or 0)
+
+
+def _show_words(link: Link, unit: int, written: str, count: int) -> None:
+    from stemwatch.connectors.connector import ConnectorError
+    from stemwatch.connectors.modbus.address import AddressError, Table, parse_address
+    from stemwatch.connectors.modbus.commission import look
+    from stemwatch.connectors.modbus.faults import ReadFault
+    from stemwatch.service.cli import modbus_views, views
+
+    table, colon, number = written.partition(":")
+    try:
+        if colon and table.lower() in tuple(Table) and number.isdigit():
+            at = parse_address(hex(int(number)), Table(table.lower()))
+        else:
+            at = parse_address(written)
+    except AddressError as error:
+        hint = f"{error}; on the command line holding:0 or input:0 counts from 0"
+        raise typer.BadParameter(hint, param_hint="--register") from error
+    try:
+        words = asyncio.run(look(link, unit, at, count))
+    except ReadFault as fault:
+        where = f"{link}, unit {unit}, {at} to {at.offset + count - 1}"
+        raise ConnectorError(f"{where}: {fault.reason}{modbus_views.advice(fault)}") from fault
+    views.out.print(modbus_views.words_table(f"{link}, unit {unit}", at, words))
+    views.out.print(modbus_views.meanings_table(at, words))
+
+
+def _try_maps(file: Path, wanted: str) -> None:
+    from stemwatch.connectors.connector import ConnectorError
+    from stemwatch.connectors.modbus.commission import try_map
+    from stemwatch.connectors.modbus.faults import ReadFault
+    from stemwatch.service.cli import modbus_views, views
+
+    failed = []
+    for device in _devices(file, wanted):
+        try:
+            tried = asyncio.run(try_map(device))
+        except ReadFault as fault:
+            failed.append(f"{device.name} at {device.link}: {fault.reason}")
+            continue
+        views.out.print(modbus_views.map_table(device, tried))
+        for line in modbus_views.doubts(tried):
+            views.out.print(line, highlight=False)
+    if failed:
+        raise ConnectorError("; ".join(failed))
+
+
+def _devices(file: Path, wanted: str) -> list[Device]:
+    """The devices of a plant file; what is wrong with the others is said on standard error."""
+    from stemwatch.connectors.modbus.config import read_devices
+    from stemwatch.service.cli import options, views
+    from stemwatch.service.plantfile.toml import read_toml
+
+    data, lines = read_toml(options.need_file(file, "--map"))
+    tables = data.get("devices", [])
+    tables = [table for table in tables if isinstance(table, dict)] if tables else []
+    found = read_devices(tables, lines.of, file.name)
+    for problem in found.problems:
+        views.say_error(str(problem))
+    chosen = [one for one in found.devices if wanted in ("", one.name)]
+    if not chosen:
+        names = ", ".join(one.name for one in found.devices) or "none that can be read"
+        what = f"no device {wanted!r}" if wanted else "no [[devices]] to try"
+        raise typer.BadParameter(f"{what} in {file.name}; it has {names}", param_hint="--map")
+    return chosen

@@ -1,0 +1,112 @@
+"""What ``stemwatch modbus read`` shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rich.table import Table as Grid
+
+from stemwatch.connectors.modbus.address import Address
+from stemwatch.connectors.modbus.commission import Meaning, Tried, meanings, other_orders
+from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number
+from stemwatch.connectors.modbus.device import Device
+from stemwatch.connectors.modbus.faults import FaultKind, ReadFault
+from stemwatch.service.cli.views import escape
+
+_ADVICE = {
+    FaultKind.NO_CONNECTION: ". Check host and port, and that no firewall stands between",
+    FaultKind.SILENT: ". Check the unit id; on serial lines also speed, parity and wiring",
+    FaultKind.NONSENSE: ". Check the framing (--rtu or not), speed and parity",
+}
+_ADVICE_FOR_CODE = {
+    1: ". The device does not know this table: try holding instead of input, or the other way",
+    2: ". The registers are not there: check the address (counted from 0 or from 1?) and --count",
+    3: ". Fewer registers at once may be allowed: try a smaller --count",
+    10: ". The gateway does not know this unit id",
+    11: ". The gateway reaches no such unit: check the unit id and the line behind it",
+}
+
+
+def advice(fault: ReadFault) -> str:
+    """What to look at after ``fault``, as the end of its sentence."""
+    return _ADVICE_FOR_CODE.get(fault.code or 0, _ADVICE.get(fault.kind, ""))
+
+
+def words_table(where: str, at: Address, words: Sequence[int]) -> Grid:
+    """Each word with its addresses, as hexadecimal, unsigned and signed number."""
+    grid = Grid(title=escape(where), title_justify="left")
+    for name in ("address", "Modicon", "word", "UINT16", "INT16"):
+        grid.add_column(name, justify="right")
+    for place, word in enumerate(words):
+        one = Address(at.table, at.offset + place)
+        signed = word - 65_536 if word >= 32_768 else word
+        grid.add_row(str(one), one.modicon, f"0x{word:04X}", str(word), str(signed))
+    return grid
+
+
+def meanings_table(at: Address, words: Sequence[int]) -> Grid:
+    """Types down, byte orders across, for the value that begins at ``at``; unlikely ones dim."""
+    title = f"the value that begins at {at} ({at.modicon}), in every type and order"
+    grid = Grid(title=title, title_justify="left")
+    grid.add_column("type", no_wrap=True)
+    for order in ByteOrder:
+        grid.add_column(order.value, justify="right", no_wrap=True)
+    by_kind: dict[DataType, dict[ByteOrder, Meaning]] = {}
+    for meaning in meanings(words):
+        by_kind.setdefault(meaning.kind, {})[meaning.order] = meaning
+    for kind, row in by_kind.items():
+        cells = [_cell(row[order]) if order in row else "" for order in ByteOrder]
+        grid.add_row(kind.value, *cells)
+    return grid
+
+
+def map_table(device: Device, tried: Sequence[Tried]) -> Grid:
+    """The map of ``device`` as it was read: addresses, words, value, and why there is none."""
+    asked = f"{len(tried)} registers, requests for each poll: {len(device.blocks())}"
+    title = f"{device.name} at {device.link}: {asked}"
+    grid = Grid(title=escape(title), title_justify="left")
+    for name in ("tag", "as written", "address", "Modicon", "unit id", "type", "words"):
+        grid.add_column(name, no_wrap=name != "tag", overflow="fold")
+    grid.add_column("value", justify="right", no_wrap=True)
+    grid.add_column("remark")
+    for one in tried:
+        register = one.register
+        kind = register.kind.value
+        grid.add_row(
+            escape(register.tag),
+            escape(register.written),
+            str(register.address),
+            register.address.modicon,
+            str(register.unit_id),
+            f"{kind} {register.order.value}" if register.kind.words > 1 else kind,
+            " ".join(f"{word:04X}" for word in one.words),
+            _value(one),
+            escape(one.fault or (one.reading.reason if one.reading else "")),
+        )
+    return grid
+
+
+def doubts(tried: Sequence[Tried]) -> Iterator[str]:
+    """One line for each register whose value looks likelier in another byte order."""
+    for one in tried:
+        if others := other_orders(one):
+            shown = ", ".join(f"{each.order.value} {_number(each.value)}" for each in others)
+            yield (
+                f"[yellow]{escape(one.register.tag)}[/]: {one.register.order.value} gives no "
+                f"likely value; raw in other orders: {shown}"
+            )
+
+
+def _cell(meaning: Meaning) -> str:
+    text = _number(meaning.value)
+    return text if meaning.likely else f"[dim]{text}[/]"
+
+
+def _number(value: Number) -> str:
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+def _value(one: Tried) -> str:
+    if one.reading is None or one.reading.reason:
+        return "-"
+    return escape(f"{one.reading.value:.6g} {one.register.unit}".strip())

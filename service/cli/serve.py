@@ -1,0 +1,155 @@
+"""``stemwatch serve`` and ``stemwatch run-now``: the service, and a run of its queue by hand."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from stemwatch.service.plantfile import Plant
+    from stemwatch.service.store.records import StoredRun
+    from stemwatch.service.store.store import Store
+
+PlantFile = Annotated[Path, typer.Option(help="plant.toml with sources, valves and schedules.")]
+_LOOK_S = 0.5
+
+
+def serve(
+    plant: PlantFile = Path("plant.toml"),
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 takes a free one.")] = 8300,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(help="A further name under which browsers reach this machine."),
+    ] = None,
+    json_logs: Annotated[
+        bool, typer.Option("--json-logs", help="Logs as one JSON object a line.")
+    ] = False,
+) -> None:
+    """Run the service: collect, screen on schedule, raise alerts, serve the pages.
+
+    It stops in order on SIGTERM and Ctrl-C. Killed at any moment it loses nothing: the next start
+    finishes what was begun. Pages that other machines can reach need STEMWATCH_WEB_TOKEN.
+    """
+    from stemwatch.service.cli import views
+    from stemwatch.service.serve import Service, Where
+    from stemwatch.service.serve.logs import set_up_logs
+
+    loaded = _load(plant)
+    set_up_logs(as_json=json_logs)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    where = Where(host=host, port=port, hosts=tuple(allow_host or ()))
+
+    def ready(address: str) -> None:
+        # With soft_wrap the address stays on one line, whatever reads it.
+        views.out.print(f"Serving {address}", highlight=False, soft_wrap=True)
+
+    Service(loaded, where, logs_as_json=json_logs).run(stop, ready)
+
+
+def run_now(
+    valve: Annotated[list[str] | None, typer.Argument(help="Valves; all where left out.")] = None,
+    plant: PlantFile = Path("plant.toml"),
+    wait: Annotated[
+        bool, typer.Option("--wait/--no-wait", help="Wait until the run is over.")
+    ] = True,
+    who: Annotated[str, typer.Option(help="Who asks for it.")] = "",
+) -> None:
+    """Screen now, without waiting for a schedule.
+
+    Where a service runs on the same database it does the work; otherwise this command does, with
+    alerts and report as on a schedule.
+    """
+    from stemwatch.service import __version__
+    from stemwatch.service.cli import views
+    from stemwatch.service.scheduler import Runner
+    from stemwatch.service.serve.duties import LEASE
+    from stemwatch.service.store.queue import Wanted
+    from stemwatch.service.store.store import open_store
+
+    loaded = _load(plant)
+    if unknown := [name for name in valve or () if name not in loaded.valves]:
+        raise typer.BadParameter(f"no valve {unknown[0]} in {plant}", param_hint="VALVE")
+    with open_store(loaded.storage) as store:
+        wanted = Wanted(valves=tuple(valve or ()), who=who or "command line")
+        number = store.queue.put(wanted, software_version=__version__)
+        served = store.leases.holder(LEASE) is not None
+        if number is None:
+            raise typer.Exit(1)
+        by = "the service works on it" if served else "no service runs here; this command does it"
+        views.out.print(f"Run {number} is queued; {by}.", highlight=False)
+        stop = threading.Event()
+        working = None
+        if not served:
+            working = threading.Thread(target=_work, args=(Runner(store, loaded), stop, number))
+            working.start()
+        try:
+            if wait or working is not None:
+                _show(_follow(store, number, working))
+        finally:
+            stop.set()
+            if working is not None:
+                working.join()
+
+
+def _load(plant: Path) -> Plant:
+    from stemwatch.service.cli import views
+    from stemwatch.service.plantfile import load_plant
+
+    loaded = load_plant(o.need_file(plant, "--plant"))
+    for problem in loaded.problems:
+        views.say_error(str(problem))
+    return loaded
+
+
+def _work(runner, stop: threading.Event, number: int) -> None:  # type: ignore[no-untyped-def]
+    """Work on the queue until the run of this number is over; runs before it are done first."""
+    from stemwatch.service.store.errors import StoreError
+
+    try:
+        while not stop.is_set() and runner.once(stop):
+            pass
+    except StoreError as error:
+        from stemwatch.service.cli import views
+
+        views.say_error(str(error))
+
+
+def _follow(store: Store, number: int, working: threading.Thread | None) -> StoredRun:
+    """The run when it is over, with its progress shown until then."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    from stemwatch.service.cli import views
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=views.err, transient=True) as progress:
+        bar = progress.add_task("run", total=None)
+        while True:
+            run = store.run(number)
+            progress.update(bar, completed=run.done, total=run.total or None)
+            if run.finished is not None or (working is not None and not working.is_alive()):
+                return store.run(number)
+            time.sleep(_LOOK_S)
+
+
+def _show(run: StoredRun) -> None:
+    from stemwatch.service.cli import views
+
+    counts = ", ".join(f"{count} {verdict.value}" for verdict, count in run.counts.items())
+    said = f"Run {run.id}: {run.state.value}, {run.done} of {run.total} valves ({counts or 'none'})"
+    if run.set_aside:
+        said += f", {run.set_aside} set aside"
+    views.out.print(said + (f". {run.reason}" if run.reason else ""), highlight=False)
+    if run.report:
+        views.out.print(f"Report: {views.escape(run.report)}", highlight=False, soft_wrap=True)
+    if run.finished is None or run.state.value in ("failed", "cancelled"):
+        raise typer.Exit(1)

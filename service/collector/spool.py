@@ -1,0 +1,248 @@
+"""``Spool``: samples on disk between a poll and the store, across crashes of either.
+
+A folder of files ``0000000001.spool`` and so on, each a row of records (``record.py``) that are
+only ever appended, and a file ``cursor`` that says up to where the store has them. What a process
+has appended survives its death by SIGKILL, since it is the system's then; ``sync`` makes it survive
+a power failure as well, at the price of waiting for the disk at each append.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.service.collector.lock import FolderLock
+from stemwatch.service.collector.record import pack, records
+
+log = logging.getLogger(__name__)
+
+SEGMENT_BYTES = 8 * 1024 * 1024
+DEFAULT_LIMIT_BYTES = 2 * 1024 * 1024 * 1024
+_SUFFIX = ".spool"
+_CURSOR = "cursor"
+
+
+class SpoolError(Exception):
+    """The spool cannot be used; the text says why and what to do."""
+
+
+@dataclass(frozen=True, order=True)
+class Position:
+    """A place in the spool: the number of a file and a byte in it."""
+
+    segment: int = 0
+    offset: int = 0
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A batch that the store does not have yet, and where the next one begins."""
+
+    batch: SampleBatch
+    next: Position
+
+
+class Spool:
+    """Keeps batches until they are acknowledged, oldest first. Safe for one writing and one
+    reading thread of one process; a second process on the same folder is refused.
+
+    ``limit_bytes`` bounds the folder: when it is full the oldest file goes, and ``lost_samples``
+    and an error in the log say how many samples went with it that the store had not seen.
+    Raises ``SpoolError`` where the folder cannot be used.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        limit_bytes: int = DEFAULT_LIMIT_BYTES,
+        segment_bytes: int = SEGMENT_BYTES,
+        sync: bool = False,
+    ) -> None:
+        if limit_bytes < 2 * segment_bytes:
+            raise ValueError(f"limit_bytes must hold two files of {segment_bytes} bytes")
+        self.folder = Path(folder)
+        self.limit_bytes, self.segment_bytes, self.sync = limit_bytes, segment_bytes, sync
+        self.lost_samples = 0
+        self.damaged_bytes = 0
+        self._damaged: set[tuple[int, int]] = set()
+        self._guard = threading.Lock()
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self.folder)
+        except OSError as error:
+            raise SpoolError(
+                f"the spool folder {self.folder} cannot be used ({error}); expected a folder that "
+                "this service may write to and no other service uses"
+            ) from error
+        self._acknowledged, self.lost_samples = self._read_cursor()
+        segments = self._segments()
+        # Never append behind a record that may be torn: each start begins a file of its own.
+        self._segment = max(segments[-1] if segments else 0, self._acknowledged.segment) + 1
+        self._file = self._path(self._segment).open("ab", buffering=0)
+        self._size = sum(self._path(number).stat().st_size for number in segments)
+        self._written = 0
+
+    def close(self) -> None:
+        """Close the files; what waits stays for the next start."""
+        with self._guard:
+            self._file.close()
+            self._lock.release()
+
+    def append(self, batch: SampleBatch) -> None:
+        """Keep ``batch``. Raises ``OSError`` where the disk takes no more."""
+        record = pack(batch)
+        with self._guard:
+            if self._written and self._written + len(record) > self.segment_bytes:
+                self._begin_file()
+            while self._size + len(record) > self.limit_bytes and self._drop_oldest():
+                pass
+            self._write(record)
+
+    def waiting(self, after: Position | None = None) -> Iterator[Waiting]:
+        """Each batch that is not acknowledged, oldest first, from ``after`` on where given.
+
+        Ends at what has been appended so far.
+        """
+        place = max(self._acknowledged, after or Position())
+        for number in self._segments():
+            if number < place.segment:
+                continue
+            start = place.offset if number == place.segment else 0
+            yield from self._in_file(number, start)
+
+    def acknowledge(self, upto: Position) -> None:
+        """The store has everything before ``upto``: note it, and remove files that are done."""
+        with self._guard:
+            self._acknowledged = max(self._acknowledged, upto)
+            self._write_cursor()
+            for number in self._segments():
+                if number < self._acknowledged.segment:
+                    self._remove(number)
+
+    @property
+    def size_bytes(self) -> int:
+        """What the folder holds now, including what is acknowledged and not yet removed."""
+        return self._size
+
+    def _in_file(self, number: int, start: int) -> Iterator[Waiting]:
+        finished = number != self._segment  # before reading: nobody appends to it any more
+        try:
+            with self._path(number).open("rb") as file:
+                file.seek(start)
+                data = file.read()
+        except FileNotFoundError:
+            return  # dropped meanwhile, and counted
+        stop = 0
+        for found in records(data):
+            if found.skipped:
+                self._report_damage(number, start + stop, found.skipped)
+            stop = found.stop
+            yield Waiting(found.batch, Position(number, start + stop))
+        if stop < len(data) and finished:
+            self._report_damage(number, start + stop, len(data) - stop)
+
+    def _report_damage(self, number: int, place: int, count: int) -> None:
+        if (number, place) in self._damaged:
+            return
+        self._damaged.add((number, place))
+        self.damaged_bytes += count
+        log.error(
+            "spool file %s: %d bytes from byte %d on are no record (a crash in the middle of a "
+            "write, or damage); what stands around them is used",
+            self._path(number),
+            count,
+            place,
+        )
+
+    def _write(self, record: bytes) -> None:
+        begun = self._written
+        try:
+            done = 0
+            while done < len(record):  # an unbuffered write may take a part only
+                done += self._file.write(record[done:]) or 0
+            if self.sync:
+                os.fsync(self._file.fileno())
+        except OSError:
+            # Half a record on a full disk is taken back, so that it does not hide the next one.
+            self._file.truncate(begun)
+            raise
+        self._written += len(record)
+        self._size += len(record)
+
+    def _begin_file(self) -> None:
+        self._file.close()
+        self._segment += 1
+        self._file = self._path(self._segment).open("ab", buffering=0)
+        self._written = 0
+
+    def _drop_oldest(self) -> bool:
+        """Remove the oldest file but the one that is written to; whether there was one."""
+        oldest = self._segments()[0]
+        if oldest == self._segment:
+            return False
+        start = self._acknowledged.offset if oldest == self._acknowledged.segment else 0
+        done = oldest < self._acknowledged.segment
+        data = b"" if done else self._path(oldest).read_bytes()
+        lost = sum(found.samples for found in records(data, start))
+        self._remove(oldest)
+        self._acknowledged = max(self._acknowledged, Position(oldest + 1))
+        self.lost_samples += lost
+        self._write_cursor()
+        if lost:
+            log.error(
+                "THE SPOOL IS FULL (%d bytes in %s): %d samples that the store has not seen were "
+                "dropped, %d in all. Bring the store back, or give the spool more room",
+                self.limit_bytes,
+                self.folder,
+                lost,
+                self.lost_samples,
+            )
+        return True
+
+    def _remove(self, number: int) -> None:
+        path = self._path(number)
+        self._size -= path.stat().st_size
+        path.unlink()
+
+    def _segments(self) -> list[int]:
+        names = (path.stem for path in self.folder.glob(f"*{_SUFFIX}"))
+        return sorted(int(name) for name in names if name.isdigit())
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"{number:010}{_SUFFIX}"
+
+    def _read_cursor(self) -> tuple[Position, int]:
+        path = self.folder / _CURSOR
+        try:
+            found = json.loads(path.read_bytes())
+            return Position(int(found["segment"]), int(found["offset"])), int(found["lost"])
+        except FileNotFoundError:
+            return Position(), 0
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            # Everything is offered again; the store takes nothing twice.
+            log.error("spool cursor %s cannot be read (%s); beginning at the oldest", path, error)
+            return Position(), 0
+
+    def _write_cursor(self) -> None:
+        text = json.dumps(
+            {
+                "segment": self._acknowledged.segment,
+                "offset": self._acknowledged.offset,
+                "lost": self.lost_samples,
+            }
+        )
+        path = self.folder / _CURSOR
+        fresh = path.with_suffix(".new")
+        with fresh.open("w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            if self.sync:
+                os.fsync(file.fileno())
+        fresh.replace(path)  # whole or not at all

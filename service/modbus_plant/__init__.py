@@ -1,0 +1,10 @@
+"""A plant to try things on: simulated valves behind a Modbus server, live, some of them wearing.
+
+``PlantServer`` serves loops of ``stemwatch.models.plant`` as registers; ``serve_plant`` does so
+until it is stopped and writes the plant file that reads them.
+"""
+
+from stemwatch.service.modbus_plant.mapfile import plant_toml as plant_toml
+from stemwatch.service.modbus_plant.serve import PlantServer as PlantServer
+from stemwatch.service.modbus_plant.serve import serve_plant as serve_plant
+from stemwatch.service.modbus_plant.wear import Wear as Wear

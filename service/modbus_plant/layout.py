@@ -1,0 +1,39 @@
+"""Which register holds what, in the simulated device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stemwatch.models.plant import PlantLoop
+from stemwatch.models.recording import Floats, Role
+
+STRIDE = 10  # registers of one loop; the last one is spare
+PLACE = {Role.OP: 0, Role.MV: 2, Role.PV: 4, Role.SP: 6, Role.MODE: 8}
+SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP", Role.MODE: "MODE"}
+MOST_LOOPS = 65_536 // STRIDE
+
+
+def tag(loop: PlantLoop, role: Role) -> str:
+    """The tag of one signal: ``FIC-101.OP``; ``ZT`` is the position transmitter."""
+    return f"{loop.tag}.{SUFFIX[role]}"
+
+
+def signals(loop: PlantLoop) -> tuple[Role, ...]:
+    """The signals that the loop has."""
+    return tuple(role for role in PLACE if role is not Role.MV or loop.transmitters.has_position)
+
+
+def words(rows: Sequence[Floats]) -> list[int]:
+    """The registers that hold ``rows``, one of five values for each loop.
+
+    OP, MV, PV and SP are FLOAT32 with the most significant word first, NaN for no value; the mode
+    is UINT16, 65535 for no value.
+    """
+    table = np.asarray(rows, dtype=np.float64)
+    memory = np.zeros((len(table), STRIDE), dtype=">u2")
+    memory[:, :8] = np.ascontiguousarray(table[:, :4], dtype=">f4").view(">u2")
+    memory[:, 8] = np.where(np.isfinite(table[:, 4]), table[:, 4], 65_535).astype(np.uint16)
+    listed: list[int] = memory.ravel().tolist()
+    return listed

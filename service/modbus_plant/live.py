@@ -1,0 +1,112 @@
+"""``LivePlant``: loops that run on, simulated ahead in a process of their own."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass
+
+from stemwatch.models.plant import PlantLoop
+from stemwatch.models.recording import Floats
+from stemwatch.service.modbus_plant.layout import MOST_LOOPS
+from stemwatch.service.modbus_plant.tape import Stretch, Tape, simulate_stretch
+from stemwatch.service.modbus_plant.wear import Wear
+
+log = logging.getLogger(__name__)
+
+STRETCH_S = 1800.0
+
+
+@dataclass
+class _Running:
+    """One loop while it runs: since when it wears, and what is being simulated for it."""
+
+    loop: PlantLoop
+    seed: int
+    wear: Wear | None
+    tape: Tape
+    new_since_s: float = 0.0
+    coming: Future[Stretch] | None = None
+
+
+class LivePlant:
+    """What every loop's signals are at a plant time that only goes forward.
+
+    ``wear`` names, by tag, the valves that get worse. The simulation runs ``stretch_s`` seconds of
+    plant time at once in another process, so that serving never waits for it; a joint between two
+    stretches looks like a short upset of the loop. Raises ``ValueError`` for no loops, for more
+    than the registers hold, for a tag that is there twice and for wear of a loop that is not there.
+    """
+
+    def __init__(
+        self,
+        loops: Sequence[PlantLoop],
+        *,
+        wear: Mapping[str, Wear] | None = None,
+        seed: int = 1,
+        stretch_s: float = STRETCH_S,
+    ) -> None:
+        wear = wear or {}
+        _check(loops, wear)
+        self._stretch_s = stretch_s
+        # Neither fork nor a thread: the server runs threads, and a kernel would hold its lock.
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(max_workers=1, mp_context=context)
+        seeds = [seed + 100_003 * place for place in range(len(loops))]
+        first = [
+            self._pool.submit(
+                simulate_stretch, loop, wear.get(loop.tag), 0.0, 0.0, stretch_s, own_seed
+            )
+            for loop, own_seed in zip(loops, seeds, strict=True)
+        ]
+        self._running = {
+            loop.tag: _Running(loop, own_seed, wear.get(loop.tag), Tape(stretch.result()))
+            for loop, own_seed, stretch in zip(loops, seeds, first, strict=True)
+        }
+
+    @property
+    def loops(self) -> tuple[PlantLoop, ...]:
+        """The loops as they were at the beginning."""
+        return tuple(one.loop for one in self._running.values())
+
+    def rows(self, plant_s: float) -> list[Floats]:
+        """OP, MV, PV, SP and mode of each loop at ``plant_s``; sees to it that there is more."""
+        return [self._row(one, plant_s) for one in self._running.values()]
+
+    def repair(self, tag: str, plant_s: float) -> None:
+        """The valve of loop ``tag`` is as new from ``plant_s`` on, and wears again from then.
+
+        Raises ``KeyError`` for a tag that is not there.
+        """
+        one = self._running[tag]
+        one.new_since_s = plant_s
+        one.coming = self._simulate(one, plant_s)
+
+    def close(self) -> None:
+        """Stop simulating."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _row(self, one: _Running, plant_s: float) -> Floats:
+        if one.coming is not None and one.coming.done():
+            one.tape.append(one.coming.result())
+            one.coming = None
+        if one.coming is None and one.tape.stop_s - plant_s < self._stretch_s / 2:
+            one.coming = self._simulate(one, max(one.tape.stop_s, plant_s))
+        return one.tape.row(plant_s)
+
+    def _simulate(self, one: _Running, start_s: float) -> Future[Stretch]:
+        worn_s = start_s - one.new_since_s
+        arguments = (one.loop, one.wear, start_s, worn_s, self._stretch_s, one.seed)
+        return self._pool.submit(simulate_stretch, *arguments)
+
+
+def _check(loops: Sequence[PlantLoop], wear: Mapping[str, Wear]) -> None:
+    tags = [loop.tag for loop in loops]
+    if not 1 <= len(tags) <= MOST_LOOPS:
+        raise ValueError(f"1 to {MOST_LOOPS} loops are served, received {len(tags)}")
+    if twice := sorted({tag for tag in tags if tags.count(tag) > 1}):
+        raise ValueError(f"every loop needs a tag of its own; twice: {twice}")
+    if unknown := sorted(set(wear) - set(tags)):
+        raise ValueError(f"wear of loops that are not there: {unknown}; there are {sorted(tags)}")

@@ -1,0 +1,92 @@
+"""The plant file that reads the simulated device."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+
+from stemwatch.models.plant import PlantLoop
+from stemwatch.models.recording import Role
+from stemwatch.service.modbus_plant.layout import PLACE, STRIDE, signals, tag
+
+NAME = "plc-1"
+
+
+def plant_toml(
+    loops: Sequence[PlantLoop],
+    *,
+    host: str,
+    port: int,
+    every_s: float = 1.0,
+    name: str = "Live demo plant",
+    zone: str = "Europe/Berlin",
+) -> str:
+    """A whole ``plant.toml``: one device with a register for each signal, and the valves on it."""
+    lines = ["[plant]", f"name = {_quoted(name)}", f"zone = {_quoted(zone)}", ""]
+    lines += device_toml(loops, host=host, port=port, every_s=every_s)
+    for loop in loops:
+        lines += ["", *_valve(loop)]
+    return "\n".join(lines) + "\n"
+
+
+def device_toml(
+    loops: Sequence[PlantLoop], *, host: str, port: int, every_s: float = 1.0
+) -> list[str]:
+    """The lines of the ``[[devices]]`` table alone."""
+    lines = [
+        "[[devices]]",
+        f"name = {_quoted(NAME)}",
+        'type = "tcp"',
+        f"host = {_quoted(host)}",
+        f"port = {port}",
+        "unit_id = 1",
+        f"every_s = {every_s}",
+        'byte_order = "ABCD"',
+    ]
+    for place, loop in enumerate(loops):
+        for role in signals(loop):
+            lines += ["", *_register(loop, role, STRIDE * place + PLACE[role])]
+    return lines
+
+
+def _register(loop: PlantLoop, role: Role, address: int) -> Iterator[str]:
+    yield "[[devices.registers]]"
+    yield f"tag = {_quoted(tag(loop, role))}"
+    yield 'register = "holding"'
+    yield f"address = {address}"
+    if role is Role.MODE:
+        yield 'type = "UINT16"'
+        yield "invalid = [65535]"
+        return
+    yield 'type = "FLOAT32"'
+    yield f"unit = {_quoted(_unit(loop, role))}"
+    if role in (Role.OP, Role.MV):
+        yield "lowest = -10.0"
+        yield "highest = 110.0"
+
+
+def _unit(loop: PlantLoop, role: Role) -> str:
+    return "%" if role in (Role.OP, Role.MV) else loop.pv_range.unit
+
+
+def _valve(loop: PlantLoop) -> Iterator[str]:
+    yield "[[valves]]"
+    yield f"id = {_quoted(loop.tag)}"
+    yield f"description = {_quoted(loop.description)}"
+    yield f"area = {_quoted(loop.area)}"
+    yield f"criticality = {loop.criticality}"
+    yield f"source = {_quoted(NAME)}"
+    for role in signals(loop):
+        yield f"[valves.tags.{role.value}]"
+        yield f"tag = {_quoted(tag(loop, role))}"
+        if role in (Role.PV, Role.SP):
+            yield f"unit = {_quoted(_unit(loop, role))}"
+            yield f"low = {float(loop.pv_range.low)}"
+            yield f"high = {float(loop.pv_range.high)}"
+        elif role is not Role.MODE:
+            yield 'unit = "%"'
+
+
+def _quoted(text: str) -> str:
+    """A TOML basic string; its escapes are those of JSON."""
+    return json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,145 @@
+"""Schedules as cron writes them, on the clock on the wall.
+
+APScheduler knows the fields. It is asked in UTC for the readings of a wall clock that never jumps,
+which become instants here: asked in a zone whose clocks change, version 3.11 passes over instants
+(the first of April at midnight, seen from March), and it counts the days of a week from Monday.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+if TYPE_CHECKING:
+    from apscheduler.triggers.cron import CronTrigger
+
+_DAYS = ("sun", "mon", "tue", "wed", "thu", "fri", "sat")
+_INSTANT = timedelta(microseconds=1)
+_NEAR = timedelta(hours=4)  # no clock is changed by more at a time
+_PART = re.compile(r"(?P<first>\*|[a-z0-9]+)(-(?P<last>[a-z0-9]+))?(/(?P<step>\d+))?")
+_WORDS = {
+    "@hourly": "0 * * * *",
+    "@daily": "0 0 * * *",
+    "@weekly": "0 0 * * 0",
+    "@monthly": "0 0 1 * *",
+}
+
+
+class CronTimes:
+    """The instants of five cron fields (minute, hour, day of month, month, day of week) in
+    ``zone``.
+
+    Where clocks go forward, an instant in the hour that is left out comes an hour later. Where they
+    go back, an instant in the hour that comes twice comes the first time only, unless the schedule
+    is of every hour. Raises ``ValueError`` for an expression that is none.
+    """
+
+    def __init__(self, expression: str, zone: str) -> None:
+        self._trigger = _wall_trigger(expression)
+        self._zone = ZoneInfo(zone)
+        self._each_hour = _fields(expression)[1].startswith("*")
+
+    def after(self, instant: datetime) -> datetime | None:
+        """The first instant later than ``instant``, in UTC; ``None`` where there is none."""
+        if self._offset(instant - _NEAR) == self._offset(instant + _NEAR):
+            wall = self._next(self._wall(instant))
+            while wall is not None:
+                found = self._instants(wall)[0]
+                if found > instant:
+                    return found
+                wall = self._next(wall)
+            return None
+        return self._across_a_change(instant)
+
+    def _across_a_change(self, instant: datetime) -> datetime | None:
+        """The same near a change of clocks, where readings and instants differ in order."""
+        found: list[datetime] = []
+        wall = self._next(self._wall(instant - _NEAR))
+        while wall is not None:
+            found += [one for one in self._instants(wall) if one > instant]
+            if found and wall > self._wall(found[0] + _NEAR):
+                break
+            wall = self._next(wall)
+        return min(found, default=None)
+
+    def _instants(self, wall: datetime) -> list[datetime]:
+        """The instants at which the clock shows ``wall``: one, or two where it comes twice."""
+        both = [wall.replace(tzinfo=self._zone, fold=fold).astimezone(UTC) for fold in (0, 1)]
+        twice = both[0] < both[1]
+        return both if twice and self._each_hour else both[:1]
+
+    def _offset(self, instant: datetime) -> timedelta | None:
+        return instant.astimezone(self._zone).utcoffset()
+
+    def _wall(self, instant: datetime) -> datetime:
+        return instant.astimezone(self._zone).replace(tzinfo=None)
+
+    def _next(self, wall: datetime) -> datetime | None:
+        later = (wall + _INSTANT).replace(tzinfo=UTC)
+        found: datetime | None = self._trigger.get_next_fire_time(None, later)
+        return None if found is None else found.replace(tzinfo=None)
+
+
+def _wall_trigger(expression: str) -> CronTrigger:
+    """The trigger of the fields on a clock that never jumps.
+
+    Days of the week count as cron counts them: 0 and 7 are Sunday. Where both the day of the month
+    and that of the week are restricted, both must hold. Raises ``ValueError`` with what is wrong.
+    """
+    from apscheduler.triggers.cron import CronTrigger
+
+    fields = _fields(expression)
+    if len(fields) != 5:
+        raise ValueError(
+            f"{len(fields)} fields; expected five: minute, hour, day of month, month, day of week, "
+            'such as "30 5 * * 1" for Mondays at 5:30'
+        )
+    minute, hour, day, month, weekday = fields
+    return CronTrigger(
+        minute=minute,
+        hour=hour,
+        day=day,
+        month=month.lower(),
+        day_of_week=_days_of_week(weekday.lower()),
+        timezone=UTC,
+    )
+
+
+def _fields(expression: str) -> list[str]:
+    return _WORDS.get(expression.strip().lower(), expression).split()
+
+
+def _days_of_week(field: str) -> str:
+    """``1-5`` as ``mon,tue,wed,thu,fri``: names mean the same to everybody."""
+    if field == "*":
+        return field
+    days: set[int] = set()
+    for part in field.split(","):
+        found = _PART.fullmatch(part)
+        if found is None:
+            raise ValueError(f"day of week {part!r}; expected such as 1, mon, 1-5 or mon-fri")
+        first = 0 if found["first"] == "*" else _day(found["first"])
+        last = _last(first, found)
+        days.update(day % 7 for day in range(first, last + 1, int(found["step"] or 1) or 1))
+    return ",".join(_DAYS[day] for day in sorted(days))
+
+
+def _last(first: int, found: re.Match[str]) -> int:
+    if found["first"] == "*":
+        return 6
+    if found["last"] is None:
+        return 6 if found["step"] else first
+    last = _day(found["last"])
+    return last if last >= first else last + 7  # sat-mon goes over the week's end
+
+
+def _day(text: str) -> int:
+    if text in _DAYS:
+        return _DAYS.index(text)
+    if text.isdigit() and int(text) <= 7:
+        return int(text)
+    raise ValueError(
+        f"day of week {text!r}; expected 0 (Sunday) to 7, or one of {', '.join(_DAYS)}"
+    )

@@ -1,0 +1,92 @@
+"""``Finisher``: alerts, report and messages of a run whose valves are done. All of it may be done
+again without doing anything twice."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import threading
+from pathlib import Path
+
+from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.evaluate import evaluate
+from stemwatch.service.pipeline import facts_of
+from stemwatch.service.report import write_report
+from stemwatch.service.report.context import ReportContext, SourceNotRead
+from stemwatch.service.scheduler.run import ValveRun, missing_pictures
+from stemwatch.service.scheduler.workers import WorkerPool
+
+log = logging.getLogger(__name__)
+
+_PREFIX = "run-"
+
+
+def finish(run: ValveRun, pool: WorkerPool, stop: threading.Event) -> str | None:
+    """Raise alerts, write the report, queue the messages; the folder of the report.
+
+    A report that cannot be written costs the report only.
+    """
+    evaluate(run.store, run.plant, run.run.id)
+    folder: str | None = None
+    try:
+        folder = _report(run, pool, stop)
+    except OSError as error:
+        log.error("run %d: the report could not be written: %s", run.run.id, error)
+    tell(run.store, run.plant, run_id=run.run.id)
+    return folder
+
+
+def report_folder(run: ValveRun) -> Path:
+    """Where the report of a run lies."""
+    return run.plant.beside(run.plant.service.reports) / f"{_PREFIX}{run.run.id:06d}"
+
+
+def _report(run: ValveRun, pool: WorkerPool, stop: threading.Event) -> str | None:
+    limit = run.plant.service.report_valves
+    wanted = run.store.worst_of_run(run.run.id, limit)
+    have = {one.valve for one in run.worst.screenings}
+    if run.run.done == 0:
+        have.update(wanted)  # nothing was done before this process
+    missing_pictures([valve for valve in wanted if valve not in have], run, pool, stop)
+    screenings = run.worst.screenings
+    if not screenings:
+        return None
+    folder = report_folder(run)
+    write_report(screenings, _context(run, len(wanted)), folder)
+    _remove_old(folder.parent, run.plant.service.keep_reports)
+    return str(folder)
+
+
+def _context(run: ValveRun, shown: int) -> ReportContext:
+    stored = run.store.run(run.run.id)
+    notes = [
+        SourceNotRead(source=valve, reason=reason)
+        for valve, reason in run.store.queue.set_aside(run.run.id)
+    ]
+    more = stored.total - stored.set_aside - shown
+    if more > 0:
+        text = f"{more} valves less severe than these are in the ranking of the service only"
+        notes.append(SourceNotRead(source="this report", reason=text))
+    notes += [SourceNotRead(source=str(one.file), reason=str(one)) for one in run.plant.problems]
+    return ReportContext(
+        started=run.run.started,
+        plant=run.plant.name,
+        zone=run.plant.zone or "UTC",
+        command=f"run {run.run.id}" + (f" of {run.run.schedule}" if run.run.schedule else ""),
+        settings_digest=run.plant.settings_digest,
+        valves={
+            valve: facts_of(run.plant, valve, before) for valve, before in run.previous.items()
+        },
+        sources_not_read=tuple(notes),
+    )
+
+
+def _remove_old(parent: Path, keep: int) -> None:
+    """Only folders that a run made are removed, whatever else lies there."""
+    runs = sorted(
+        path
+        for path in parent.glob(f"{_PREFIX}*")
+        if path.is_dir() and path.name.removeprefix(_PREFIX).isdigit()
+    )
+    for path in runs[:-keep]:
+        shutil.rmtree(path, ignore_errors=True)

@@ -1,0 +1,77 @@
+"""What the service does beside screening: folders, silent sources, messages, old samples."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.notifiers import notifiers_of
+from stemwatch.service.alerts.sender import Sender
+from stemwatch.service.alerts.silence import watch_sources
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.store import Store
+from stemwatch.service.watch import WatchedFolder
+
+log = logging.getLogger(__name__)
+
+FOLDERS_S, MESSAGES_S, SOURCES_S, OLD_S, LEASE_S = 3.0, 10.0, 15.0, 3600.0, 15.0
+LEASE = "service"  # held while a service runs on this store
+LEASE_FOR = timedelta(seconds=60)
+
+Duty = Callable[[], object]
+
+
+def duties(store: Store, plant: Plant, owner: str) -> list[tuple[str, float, Duty]]:
+    """(name, seconds between two times, what is done) of each duty."""
+    sender = Sender(store, notifiers_of(plant))
+    since = datetime.now(UTC)
+    found: list[tuple[str, float, Duty]] = [
+        ("lease", LEASE_S, lambda: store.leases.hold(LEASE, owner, LEASE_FOR)),
+        ("messages", MESSAGES_S, sender.send_due),
+        ("old samples", OLD_S, lambda: remove_old(store, plant)),
+    ]
+    if plant.devices:
+        found.append(("sources", SOURCES_S, lambda: _sources(store, plant, since)))
+    for source in plant.sources.values():
+        if source.folder is not None:
+            folder = WatchedFolder(plant, source.name, store)
+            found.append((f"folder {source.name}", FOLDERS_S, folder.look))
+    return found
+
+
+def repeat(name: str, every_s: float, duty: Duty, stop: threading.Event) -> None:
+    """Do ``duty`` at once and again, until ``stop``. What goes wrong is said once, and when it is
+    over."""
+    failing = ""
+    while True:
+        try:
+            duty()
+            if failing:
+                log.info("%s: works again", name)
+            failing = ""
+        except Exception as error:  # one duty must not end another, nor itself for ever
+            words = f"{type(error).__name__}: {error}"
+            if words != failing:
+                known = isinstance(error, StoreError)
+                log.error("%s: %s", name, words, exc_info=None if known else error)
+            failing = words
+        if stop.wait(every_s):
+            return
+
+
+def remove_old(store: Store, plant: Plant, now: datetime | None = None) -> int:
+    """Remove samples older than ``[service] keep_samples_days``; how many."""
+    oldest = (now or datetime.now(UTC)) - timedelta(days=plant.service.keep_samples_days)
+    removed = store.samples.remove_before(oldest)
+    if removed:
+        log.info("%d samples from before %s were removed", removed, oldest.date())
+    return removed
+
+
+def _sources(store: Store, plant: Plant, since: datetime) -> None:
+    if watch_sources(store, plant, since):
+        tell(store, plant)

@@ -1,0 +1,112 @@
+"""The pages and the API on a socket of their own, in a thread of their own."""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import os
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.serve.reading import reader
+from stemwatch.service.store.store import Store
+
+if TYPE_CHECKING:
+    from stemwatch.service.web.site import Check
+
+log = logging.getLogger(__name__)
+
+TOKEN = "STEMWATCH_WEB_TOKEN"
+_END_S = 5
+
+
+class CannotListen(OSError):
+    """The address cannot be listened on, or must not; the text says why and what to do."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens. Raises ``CannotListen``, also for an address that other machines
+    reach while nobody is asked who he is."""
+    if not _is_loopback(host) and not os.environ.get(TOKEN):
+        raise CannotListen(
+            f"{host} is reached by other machines; set {TOKEN} to what readers shall be asked for, "
+            "or listen on 127.0.0.1"
+        )
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(128)
+    except OSError as error:
+        listening.close()
+        raise CannotListen(
+            f"cannot listen on {host} port {port}: {error.strerror or error}; choose another with "
+            "--host and --port"
+        ) from None
+    return listening
+
+
+class Pages:
+    """Serves the pages on ``listening`` until ``stop``."""
+
+    def __init__(
+        self,
+        store: Store,
+        plant: Plant,
+        listening: socket.socket,
+        *,
+        checks: Callable[[], Sequence[Check]],
+        wake: Callable[[], None],
+        hosts: Sequence[str] = (),
+    ) -> None:
+        import uvicorn
+
+        from stemwatch.service.serve.actions import WakingActions
+        from stemwatch.service.web.app import create_app
+        from stemwatch.service.web.site import LOOPBACK, Site
+
+        own = (listening.getsockname()[0], socket.gethostname().lower(), *LOOPBACK)
+        site = Site(
+            store=store,
+            plant=plant,
+            read=reader(plant, store),
+            actions=WakingActions(store, wake),
+            checks=checks,
+            hosts=tuple(dict.fromkeys((*hosts, *own))),
+            token=os.environ.get(TOKEN, ""),
+        )
+        config = uvicorn.Config(
+            create_app(site),
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=_END_S,
+        )
+        self._server = uvicorn.Server(config)
+        self._listening = listening
+        self._thread = threading.Thread(target=self._run, name="pages")
+
+    def start(self) -> None:
+        """Begin to serve."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Answer what was asked, then serve no more."""
+        self._server.should_exit = True
+        self._thread.join(timeout=_END_S + 5)
+
+    def _run(self) -> None:
+        self._server.run(sockets=[self._listening])
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

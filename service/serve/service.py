@@ -1,0 +1,171 @@
+"""``Service``: all parts of the running program, started in order and stopped in order.
+
+Each part goes on without the others: while the database is away samples wait on disk and pages say
+so; a screening that hangs holds up no page; whatever is interrupted is finished by the next start.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.scheduler import Alarm, Planner, Runner
+from stemwatch.service.serve.collecting import Collecting
+from stemwatch.service.serve.duties import LEASE, duties, repeat
+from stemwatch.service.serve.notify import tell_systemd
+from stemwatch.service.serve.pages import Pages, listen
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.store import Store, open_store
+
+if TYPE_CHECKING:
+    from stemwatch.service.web.site import Check
+
+log = logging.getLogger(__name__)
+
+_AGAIN_S = 5.0
+_OLD_STATE = timedelta(seconds=60)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Where the pages are served, and under which further names of this machine."""
+
+    host: str = "127.0.0.1"
+    port: int = 8300
+    hosts: Sequence[str] = ()
+
+
+class Service:
+    """Everything that ``stemwatch serve`` runs for ``plant``."""
+
+    def __init__(self, plant: Plant, where: Where | None = None, *, logs_as_json: bool = False):
+        self._plant, self._where = plant, where or Where()
+        self._json = logs_as_json
+        self._threads: list[threading.Thread] = []
+
+    def run(
+        self, stop: threading.Event, ready: Callable[[str], object] = lambda address: None
+    ) -> None:
+        """Serve until ``stop`` is set; ``ready`` gets the address of the pages.
+
+        Raises ``CannotListen`` where the address is taken. A database that is away at the start is
+        waited for, while samples are collected already.
+        """
+        listening = listen(self._where.host, self._where.port)
+        try:
+            if self._plant.devices:
+                collecting = Collecting(self._plant.file, logs_as_json=self._json)
+                self._start("collecting", lambda: collecting.watch(stop))
+            store = self._open(stop)
+            if store is not None:
+                with store:
+                    self._serve(store, listening, stop, ready)
+        finally:
+            stop.set()
+            for thread in self._threads:
+                thread.join()
+            listening.close()
+
+    def _serve(
+        self,
+        store: Store,
+        listening: socket.socket,
+        stop: threading.Event,
+        ready: Callable[[str], object],
+    ) -> None:
+        plant, zone = self._plant, self._plant.zone or "UTC"
+        store.save_valves(plant.valves.values())
+        store.schedules.take_from_file(plant.schedules)
+        runner = Runner(store, plant)
+        alarm = Alarm(store, Planner(store, zone), zone, runner.wake)
+        pages = Pages(
+            store,
+            plant,
+            listening,
+            checks=lambda: checks(store, plant),
+            wake=runner.wake,
+            hosts=self._where.hosts,
+        )
+        halt = threading.Event()
+        working = [threading.Thread(target=runner.work, args=(halt,), name="runner")]
+        for name, every_s, duty in duties(store, plant, runner.owner):
+            working.append(
+                threading.Thread(target=repeat, args=(name, every_s, duty, halt), name=name)
+            )
+        for thread in working:
+            thread.start()
+        try:
+            alarm.start()
+            pages.start()
+            host, port = listening.getsockname()[:2]
+            ready(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
+            tell_systemd("READY=1")
+            stop.wait()
+        finally:
+            tell_systemd("STOPPING=1")
+            log.info("stopping")
+            pages.stop()
+            alarm.stop()
+            halt.set()
+            runner.wake()
+            for thread in working:
+                thread.join()
+            _let_go(store, runner.owner)
+
+    def _open(self, stop: threading.Event) -> Store | None:
+        """The store, as soon as it is there; ``None`` where ``stop`` came first."""
+        said = ""
+        while not stop.is_set():
+            try:
+                return open_store(self._plant.storage)
+            except StoreError as error:
+                if str(error) != said:
+                    log.error("%s; trying again every %g s", error, _AGAIN_S)
+                said = str(error)
+            stop.wait(_AGAIN_S)
+        return None
+
+    def _start(self, name: str, work: Callable[[], None]) -> None:
+        thread = threading.Thread(target=work, name=name)
+        thread.start()
+        self._threads.append(thread)
+
+
+def checks(store: Store, plant: Plant) -> list[Check]:
+    """How the parts are doing, for ``/healthz``."""
+    from stemwatch.service.web.site import Check
+
+    found = []
+    try:
+        states = {state.source: state for state in store.sources.states()}
+        going = store.queue.going()
+    except StoreError as error:
+        return [Check(name="store", ok=False, says=str(error))]
+    found.append(Check(name="store", ok=True))
+    late = [run for run in going if run.heartbeat and _old(run.heartbeat)]
+    says = f"run {late[0].id} has been silent for a while" if late else f"{len(going)} runs to do"
+    found.append(Check(name="runs", ok=not late, says=says))
+    for name in plant.devices:
+        state = states.get(name)
+        if state is None or _old(state.updated):
+            found.append(Check(name=f"device {name}", ok=False, says="nothing is heard of it"))
+        else:
+            found.append(Check(name=f"device {name}", ok=not state.fault, says=state.fault))
+    return found
+
+
+def _old(instant: datetime) -> bool:
+    return datetime.now(UTC) - instant > _OLD_STATE
+
+
+def _let_go(store: Store, owner: str) -> None:
+    try:
+        store.leases.let_go(LEASE, owner)
+    except StoreError as error:
+        log.warning("%s", error)

@@ -1,0 +1,85 @@
+"""Frozen dataclasses as JSON and back, by their type hints; for what is kept whole and not asked
+for by its parts."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from enum import Enum
+from functools import lru_cache
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from stemwatch.models.mismatch.findings import Mismatch
+
+Value = TypeVar("Value")
+
+
+def mismatch_json(mismatch: Mismatch | None) -> dict[str, Any] | None:
+    """All of a mismatch but the samples of its free runs."""
+    if mismatch is None:
+        return None
+    packed: dict[str, Any] = pack(replace(mismatch, runs=None))
+    return packed
+
+
+def mismatch_of(stored: Any) -> Mismatch | None:
+    """What ``mismatch_json`` made; ``None`` for what another version wrote in another form."""
+    if not isinstance(stored, dict):
+        return None
+    try:
+        return unpack(Mismatch, stored)
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def pack(value: Any) -> Any:
+    """``value`` in the types of JSON. Dataclasses become objects by their fields."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: pack(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, Mapping):
+        return {str(key): pack(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [pack(inner) for inner in value]
+    return value.item() if hasattr(value, "item") else value
+
+
+def unpack(kind: type[Value], packed: Any) -> Value:
+    """A ``kind`` from what ``pack`` made of one; fields that are not there keep their defaults.
+
+    Raises ``TypeError``, ``ValueError`` or ``KeyError`` where ``packed`` is no ``kind``.
+    """
+    made: Value = _unpack(kind, packed)
+    return made
+
+
+def _unpack(kind: Any, packed: Any) -> Any:
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        if packed is None:
+            return None
+        return _unpack(next(one for one in arguments if one is not type(None)), packed)
+    if origin is tuple:
+        return _tuple(arguments, packed)
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+        return {key: _unpack(arguments[1], inner) for key, inner in packed.items()}
+    if isinstance(kind, type) and is_dataclass(kind):
+        hints = _hints(kind)
+        return kind(**{key: _unpack(hints[key], packed[key]) for key in packed if key in hints})
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind(packed)
+    # A number that was not finite came back as null.
+    return float("nan") if kind is float and packed is None else packed
+
+
+def _tuple(arguments: tuple[Any, ...], packed: Any) -> tuple[Any, ...]:
+    if len(arguments) == 2 and arguments[1] is Ellipsis:
+        return tuple(_unpack(arguments[0], inner) for inner in packed)
+    return tuple(_unpack(kind, inner) for kind, inner in zip(arguments, packed, strict=True))
+
+
+@lru_cache(maxsize=64)
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)

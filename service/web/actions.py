@@ -1,0 +1,89 @@
+"""``Actions``: what a reader may set off. All of it is a few rows in the store.
+
+A subclass may do more, such as waking the scheduler; nothing here waits for a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+
+from stemwatch.service import __version__
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.store import Store
+
+LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL
+
+
+class Refused(Exception):
+    """What was asked cannot be done now. The text says why and what to do; the page shows it."""
+
+
+class Missing(Refused):
+    """What was asked for is not there: an alert, a run, a valve."""
+
+
+class Actions:
+    """Settles alerts, keeps remarks, queues and cancels runs. Raises ``Refused`` and
+    ``StoreError``. ``who`` is what the reader signed with."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+
+    def run_now(self, valves: Sequence[str], who: str) -> int | None:
+        """Queue a run over ``valves``, or over all where there are none; its number."""
+        known = {valve.id for valve in self.store.valves()} if valves else set()
+        if unknown := [valve for valve in valves if valve not in known]:
+            raise Missing(f"there is no valve {unknown[0]}")
+        return self.store.queue.put(
+            Wanted(valves=tuple(valves), who=who), software_version=__version__
+        )
+
+    def cancel(self, run: int, who: str) -> None:
+        """Ask that a run ends early; what it has done stays."""
+        if run > LARGEST_NUMBER or not self.store.queue.ask_to_cancel(run, who):
+            raise Refused(f"run {run} does not wait or go on any more; there is nothing to cancel")
+
+    def acknowledge(self, alert: int, who: str, comment: str) -> None:
+        """Note that somebody has seen an alert. It stays until its cause is gone."""
+        self._alert(alert)
+        self.store.alerts.acknowledge(alert, who, comment)
+
+    def snooze(self, alert: int, until: datetime, who: str) -> None:
+        """Let an alert rest until ``until``."""
+        self._alert(alert)
+        self.store.alerts.snooze(alert, until, who)
+
+    def false_alarm(self, alert: int, who: str, comment: str) -> None:
+        """Note that an alert was wrong."""
+        self._alert(alert)
+        self.store.alerts.mark_false(alert, who, comment)
+
+    def note(self, valve: str, at: datetime, text: str, who: str) -> None:
+        """Keep a remark about a valve."""
+        self.store.add_note(valve, at, text, who)
+
+    def maintenance(self, valve: str, at: datetime, text: str, who: str) -> None:
+        """Record work on a valve."""
+        self.store.record_maintenance(valve, at, text, who)
+
+    def baseline(self, valve: str, reason: str, who: str) -> None:
+        """Make the network fitted last the valve's baseline."""
+        fitted = self.store.fitted(valve)
+        if fitted is None:
+            raise Refused(
+                f"{valve} has no fitted network yet; the first run with a verdict fits one"
+            )
+        said = f"chosen by {who or 'a reader'}" + (f": {reason}" if reason else "")
+        self.store.set_baseline(valve, fitted.network, window=fitted.window, reason=said)
+
+    def _alert(self, number: int) -> None:
+        if number > LARGEST_NUMBER:
+            raise Missing(f"there is no alert {number}")
+        try:
+            self.store.alerts.get(number)
+        except StoreError as error:
+            if "there is no alert" in str(error):
+                raise Missing(f"there is no alert {number}") from None
+            raise

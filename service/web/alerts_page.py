@@ -1,0 +1,64 @@
+"""Alerts: what somebody should look at, and what was said to each."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import HTMLResponse, RedirectResponse
+
+from stemwatch.service.web.desk import AtDesk
+from stemwatch.service.web.forms import Sent
+from stemwatch.service.web.frame import valve_link
+from stemwatch.service.web.queries import alerts
+
+LONGEST_SNOOZE_H = 24 * 366
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/alerts")
+def alert_list(request: Request, desk: AtDesk) -> HTMLResponse:
+    """Alerts in the state that the address names, the open ones unless it says otherwise."""
+    state = request.query_params.get("state", "open")
+    state = state if state in alerts.STATES else "open"
+    with desk.reading() as session:
+        found = alerts.read_alerts(session, state, desk.now)
+    return desk.frame.page(
+        request,
+        "alerts_page.html",
+        here="alerts",
+        open_alerts=desk.open_alerts(),
+        state=state,
+        states=alerts.STATES,
+        alerts=found,
+        most=alerts.MOST_ALERTS,
+        state_of=lambda alert: alerts.state_of(alert, desk.now),
+        back="",
+    )
+
+
+@router.post("/alerts/settle")
+def settle(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
+    """Acknowledge an alert, put it off, or mark it as false; ``how`` says which."""
+    number = form.number("alert", "the number of an alert")
+    who, text = form.text("who", most=200), form.text("text")
+    how = form.text("how", needed="what is to be done with the alert")
+    if how == "snooze":
+        hours = min(form.number("hours", "a number of hours"), LONGEST_SNOOZE_H)
+        desk.actions.snooze(number, desk.now + timedelta(hours=hours), who)
+    elif how == "acknowledge":
+        desk.actions.acknowledge(number, who, text)
+    elif how == "false":
+        desk.actions.false_alarm(number, who, text)
+    else:
+        raise HTTPException(422, f"acknowledge, snooze or false is expected, received {how!r}")
+    done = {"snooze": "snoozed", "acknowledge": "acknowledged", "false": "false"}[how]
+    base, valve = request.scope.get("root_path", "").rstrip("/"), form.text("back")
+    place = f"{valve_link(valve)}&done={done}#alerts" if valve else f"/alerts?{_query(done)}"
+    return RedirectResponse(f"{base}{place}", 303)
+
+
+def _query(done: str) -> str:
+    return urlencode({"done": done})

@@ -1,0 +1,64 @@
+"""Styles and scripts, put together once from files of this package and of the report.
+
+Each has its digest in its address, so that a browser keeps it for as long as it is the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from importlib.resources import files
+
+from fastapi import APIRouter, HTTPException, Request, Response
+
+BUNDLES = {
+    "pages.css": (
+        "report/vendor/uPlot.min.css",
+        "report/report.css",
+        "report/mismatch.css",
+        "report/print.css",
+        "web/static/pages.css",
+        "web/static/valve.css",
+    ),
+    "theme.js": ("report/theme.js",),
+    "pages.js": ("web/static/pages.js",),
+    "valve.js": (
+        "report/vendor/uPlot.iife.min.js",
+        "report/axes.js",
+        "report/loop.js",
+        "web/static/signals.js",
+        "web/static/months.js",
+        "web/static/valve.js",
+    ),
+    "uplot-licence.txt": ("report/vendor/uPlot-LICENSE.txt",),
+}
+TYPES = {"css": "text/css", "js": "text/javascript", "txt": "text/plain"}
+A_YEAR = "public, max-age=31536000, immutable"
+
+router = APIRouter(include_in_schema=False)
+
+
+@cache
+def bundle(name: str) -> bytes:
+    """The bytes of a bundle. Raises ``KeyError`` where there is none of this name."""
+    root = files("stemwatch.service")
+    texts = [root.joinpath(path).read_text("utf-8").strip() for path in BUNDLES[name]]
+    return (";\n" if name.endswith(".js") else "\n").join(texts).encode()
+
+
+@cache
+def address(name: str) -> str:
+    """Where a page finds a bundle, below the root of the site."""
+    return f"/static/{name}?v={hashlib.sha256(bundle(name)).hexdigest()[:16]}"
+
+
+@router.get("/static/{name}")
+def static(name: str, request: Request) -> Response:
+    """One bundle; 404 for every other name, so that no path leads into the file system."""
+    if name not in BUNDLES:
+        raise HTTPException(404, f"there is no file {name!r}")
+    kind = f"{TYPES[name.rsplit('.', 1)[1]]}; charset=utf-8"
+    # Without the digest the address outlives a new version, and must be asked for again.
+    fresh = request.url.query == address(name).partition("?")[2]
+    keep = A_YEAR if fresh else "no-cache"
+    return Response(bundle(name), headers={"content-type": kind, "cache-control": keep})

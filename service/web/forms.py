@@ -1,0 +1,100 @@
+"""Forms that change something: a mark that only our own pages can know, and clean fields."""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+from datetime import UTC, datetime, tzinfo
+from typing import Annotated
+from urllib.parse import parse_qs
+
+from fastapi import Depends, HTTPException, Request, Response
+from starlette.types import Scope
+
+COOKIE = "stemwatch_form"
+FIELD = "mark"
+MOST_TEXT = 2000
+MOST_FIELDS = 200
+_SECRET = secrets.token_bytes(32)  # of this process: after a restart a form is opened again
+
+
+class Form:
+    """The fields of a form that was sent with its mark."""
+
+    def __init__(self, fields: dict[str, list[str]]) -> None:
+        self._fields = fields
+
+    def text(self, name: str, *, needed: str = "", most: int = MOST_TEXT) -> str:
+        """A field without blanks around it. ``needed`` is what an error says was expected."""
+        found = (self._fields.get(name) or [""])[0].strip()
+        if needed and not found:
+            raise HTTPException(422, f"{needed} is needed")
+        if len(found) > most:
+            raise HTTPException(422, f"{name}: {len(found)} characters, at most {most} expected")
+        return found
+
+    def all(self, name: str) -> list[str]:
+        """Every value of a field that may be given more than once."""
+        return self._fields.get(name, [])
+
+    def number(self, name: str, needed: str) -> int:
+        """A whole number."""
+        found = self.text(name, needed=needed)
+        if not found.isascii() or not found.isdigit() or len(found) > 18:
+            raise HTTPException(422, f"{needed} is needed, received {found!r}")
+        return int(found)
+
+    def instant(self, name: str, zone: tzinfo, now: datetime) -> datetime:
+        """A local time of the plant, such as 2026-03-02T14:30, as UTC; ``now`` where empty."""
+        found = self.text(name)
+        if not found:
+            return now
+        try:
+            given = datetime.fromisoformat(found)
+        except ValueError:
+            raise HTTPException(
+                422, f"a time such as 2026-03-02 14:30 is needed, received {found!r}"
+            ) from None
+        local = given if given.tzinfo else given.replace(tzinfo=zone)
+        try:
+            return local.astimezone(UTC)
+        except OverflowError:
+            raise HTTPException(422, f"{found!r} is no time that a plant has known") from None
+
+
+async def form_of(request: Request) -> Form:
+    """The form in a request. Raises 403 where its mark is not that of the reader's cookie."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip()
+    if kind != "application/x-www-form-urlencoded":
+        raise HTTPException(415, f"a form is expected, received {kind or 'no content type'!r}")
+    try:
+        text = (await request.body()).decode("utf-8")
+        fields = parse_qs(text, keep_blank_values=True, max_num_fields=MOST_FIELDS)
+    except ValueError:
+        raise HTTPException(422, "the form is not readable as UTF-8 text") from None
+    given = (fields.pop(FIELD, None) or [""])[0]
+    cookie = request.cookies.get(COOKIE, "")
+    if not cookie or not hmac.compare_digest(given.encode(), mark_of(cookie).encode()):
+        raise HTTPException(
+            403, "This form is too old, or was not opened here. Open the page again and repeat."
+        )
+    return Form(fields)
+
+
+Sent = Annotated[Form, Depends(form_of)]
+
+
+def mark_of(cookie: str) -> str:
+    """The mark that belongs to a reader's cookie."""
+    return hmac.new(_SECRET, cookie.encode("utf-8", "replace"), "sha256").hexdigest()
+
+
+def cookie_of(request: Request) -> str:
+    """The reader's cookie, or a new one."""
+    return request.cookies.get(COOKIE) or secrets.token_urlsafe(24)
+
+
+def set_cookie(response: Response, cookie: str, scope: Scope) -> None:
+    """Give the reader the cookie that forms are checked against; no script can read it."""
+    secure = scope.get("scheme") == "https"
+    response.set_cookie(COOKIE, cookie, httponly=True, samesite="strict", secure=secure, path="/")

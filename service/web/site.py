@@ -1,0 +1,74 @@
+"""``Site``: everything the pages are given. They know the store, a plant, and what they may do.
+
+The pages never screen, fit or poll: what takes longer than a query is queued for the scheduler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, tzinfo
+from zoneinfo import ZoneInfo
+
+from stemwatch.connectors.connector import Window
+from stemwatch.models.limits import Limits
+from stemwatch.models.recording import Recording
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.store.store import Store
+from stemwatch.service.web.actions import Actions
+
+LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
+
+# The valve's id and a window, both ends known; ``None`` where nothing is recorded there. May raise
+# ``ConnectorError``, whose sentence the page shows.
+Read = Callable[[str, Window], Recording | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One line of ``/healthz``: ``name`` of a part, whether it works, and what it says."""
+
+    name: str
+    ok: bool
+    says: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """What ``create_app`` serves.
+
+    ``plant`` may be ``None``: then the pages show what is stored, in UTC. ``read`` gives samples
+    for the plots of a valve. ``actions`` is what a reader may set off, on the store alone where it
+    is not given. ``checks`` are asked by ``/healthz``. ``hosts`` are the names under which a
+    browser may ask: those of this machine unless told otherwise; ``("*",)`` is any. ``token`` is
+    asked of every reader where it is not empty (``STEMWATCH_WEB_TOKEN``).
+    """
+
+    store: Store
+    plant: Plant | None = None
+    read: Read | None = None
+    actions: Actions | None = None
+    checks: Callable[[], Sequence[Check]] = tuple
+    hosts: tuple[str, ...] = LOOPBACK
+    token: str = field(default="", repr=False)
+    clock: Callable[[], datetime] = lambda: datetime.now(UTC)
+
+    @property
+    def zone(self) -> str:
+        """The IANA name of the zone in which times are shown."""
+        return (self.plant.zone if self.plant else None) or "UTC"
+
+    @property
+    def tz(self) -> tzinfo:
+        """The zone in which times are shown."""
+        return ZoneInfo(self.zone)
+
+    @property
+    def name(self) -> str:
+        """The plant's name; empty where it has none."""
+        return self.plant.name if self.plant else ""
+
+    @property
+    def limits(self) -> Limits:
+        """The limits that verdicts are measured against."""
+        return self.plant.limits if self.plant else Limits()

@@ -1,0 +1,103 @@
+"""The schedule does not drift, begins no poll late, and survives a clock that is set."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stemwatch.connectors.modbus.schedule import Schedule
+
+EVERY_S = st.sampled_from([0.1, 0.25, 0.5, 1.0, 3.0, 10.0])
+
+
+@given(EVERY_S, st.integers(0, 10**16), st.lists(st.integers(0, 30_000_000), max_size=40))
+def test_slots_and_misses_cover_the_time_without_overlap(every_s, start_us, steps) -> None:
+    """Whatever a poll takes, each multiple of the interval is a slot or missed, once, in order."""
+    schedule = Schedule(every_s)
+    now_us = start_us
+    seen: list[int] = []
+    for step_us in steps:
+        slot = schedule.plan(now_us)
+        assert not slot.clock_went_back
+        assert now_us - slot.at_us <= min(schedule.every_us / 2, 250_000)
+        seen += [*slot.missed_us, slot.at_us]
+        now_us = max(now_us, slot.at_us) + step_us
+    assert all(at_us % schedule.every_us == 0 for at_us in seen)
+    assert seen == list(range(min(seen, default=0), max(seen, default=-1) + 1, schedule.every_us))
+
+
+def test_slots_lie_on_a_grid_that_does_not_depend_on_the_start() -> None:
+    """Two devices, or one before and after a restart, share their instants."""
+    assert Schedule(0.5).plan(1_700_000_000_400_000).at_us == 1_700_000_000_500_000
+    assert Schedule(0.5).plan(1_700_000_000_499_999).at_us == 1_700_000_000_500_000
+
+
+def test_a_poll_that_ends_late_misses_what_it_covered() -> None:
+    """2.4 s at an interval of 1 s: two instants are gone, the third is kept."""
+    schedule = Schedule(1.0)
+    schedule.plan(10_000_000)
+    slot = schedule.plan(12_400_000)
+    assert (list(slot.missed_us), slot.at_us) == ([11_000_000, 12_000_000], 13_000_000)
+
+
+def test_a_poll_may_begin_a_little_late() -> None:
+    """After 1.2 s the next instant, 0.2 s ago, is still kept."""
+    schedule = Schedule(1.0)
+    schedule.plan(10_000_000)
+    slot = schedule.plan(11_200_000)
+    assert (list(slot.missed_us), slot.at_us) == ([], 11_000_000)
+
+
+def test_a_clock_set_back_is_said_and_lived_with() -> None:
+    """An hour back: polling goes on at once, at times that come a second time."""
+    schedule = Schedule(1.0)
+    schedule.plan(7_200_000_000)
+    slot = schedule.plan(3_600_000_000)
+    assert slot.clock_went_back
+    assert slot.at_us == 3_600_000_000
+    assert not schedule.plan(3_600_500_000).clock_went_back
+
+
+def test_a_clock_corrected_a_little_repeats_nothing() -> None:
+    """Half an interval back is waited for."""
+    schedule = Schedule(1.0)
+    schedule.plan(10_000_000)
+    assert schedule.plan(9_600_000).at_us == 11_000_000
+
+
+def test_waiting_returns_at_the_slot_never_before() -> None:
+    """On the real clock, and without an error that adds up."""
+
+    async def three() -> list[tuple[int, int]]:
+        schedule = Schedule(0.1)
+        found = []
+        for _ in range(3):
+            slot = await schedule.next()
+            found.append((slot.at_us, time.time_ns() // 1000))
+        return found
+
+    found = asyncio.run(three())
+    assert all(now_us >= at_us for at_us, now_us in found)
+    assert found[2][0] > found[0][0]
+
+
+@pytest.mark.parametrize("back_s", [30, 3600])
+def test_a_clock_set_back_during_the_wait_does_not_stop_the_polling(back_s: int) -> None:
+    """The wait is planned anew instead of lasting an hour."""
+    offset_ns = 0
+
+    async def run() -> int:
+        nonlocal offset_ns
+        schedule = Schedule(0.2, lambda: time.time_ns() + offset_ns)
+        await schedule.next()
+        waiting = asyncio.create_task(schedule.next())
+        await asyncio.sleep(0.01)
+        offset_ns = -back_s * 1_000_000_000
+        slot = await asyncio.wait_for(waiting, timeout=20)
+        return schedule.now_us() - slot.at_us
+
+    assert 0 <= asyncio.run(run()) < 10_000_000

@@ -1,0 +1,85 @@
+"""Recordings that the fitted chain itself made, plus noise: what the engine must get back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch.base import base_bounds, first_scatter
+from stemwatch.models.mismatch.bench import Bench, Hypothesis, Layout, make_bench
+from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.record import settle
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.models.stickslip.fit import CANONICAL
+
+NOISE = 0.05  # percent of span, one sigma
+HALF_AN_HOUR = 1800
+
+
+def recorded(op, mv=None, *, interval_s=1.0) -> Recording:
+    """A recording in percent; NaN becomes a missing sample."""
+    signals = {Role.OP: Signal.good(np.asarray(op, dtype=float), "V.OP")}
+    if mv is not None:
+        signals[Role.MV] = Signal.good(np.asarray(mv, dtype=float), "V.ZT")
+    return Recording(valve="V", signals=signals, interval_s=interval_s)
+
+
+@cache
+def command(samples: int = HALF_AN_HOUR, seed: int = 1) -> Floats:
+    """(samples,) steps, ramps of all speeds and holds over about 25 to 75 %; read only."""
+    rng = np.random.default_rng(seed)
+    knots, places = [0.0], [50.0]
+    while knots[-1] < samples:
+        over, held = rng.choice([1.0, 5.0, 12.0, 40.0]), rng.choice([4.0, 9.0, 16.0])
+        place = float(np.clip(rng.normal(50.0, 10.0), 25.0, 75.0))
+        knots += [knots[-1] + over, knots[-1] + over + held]
+        places += [place, place]
+    op = np.interp(np.arange(float(samples)), knots, places)
+    op.flags.writeable = False
+    return op
+
+
+def hypothesis(*slugs: str) -> Hypothesis:
+    """The base and the terms of the catalogue named."""
+    made = Hypothesis()
+    for slug in slugs:
+        made = made.plus(catalogue()[slug])
+    return made
+
+
+def bench_of(recording: Recording, *, delta: float = 0.15) -> Bench:
+    """The workbench of a recording before any fit."""
+    problem = problem_of(recording, settle(recording))
+    look = look_of(problem)
+    bounds = base_bounds(problem, look)
+    return make_bench(problem, look, bounds, delta, CANONICAL, first_scatter(look))
+
+
+def candidate(layout: Layout, S=4.0, J=1.2, base=None, **terms) -> Floats:
+    """Coordinates of S and J in percent, other coordinates of the base, and those of terms."""
+    made = np.zeros(layout.size)
+    made[at.S_PERCENT], made[at.RATIO] = S, J / S
+    for place, value in (base or {}).items():
+        made[place] = value
+    for slug, values in terms.items():
+        made[layout.places[slug]] = values
+    return made
+
+
+def played(S=4.0, J=1.2, *, noise=NOISE, samples=HALF_AN_HOUR, seed=1, base=None, **terms):
+    """The recording of a valve of S and J with ``base`` coordinates and the values of terms."""
+    op = command(samples, seed)
+    bench = bench_of(recorded(op, op))
+    layout = bench.layout(hypothesis(*terms))
+    mv = bench.simulate(layout, candidate(layout, S, J, base, **terms))
+    return recorded(op, mv + noise * np.random.default_rng(seed + 100).standard_normal(op.size))
+
+
+def rescaled(recording: Recording, mv: Floats) -> Recording:
+    """The recording with another position."""
+    signals = {**recording.signals, Role.MV: Signal.good(mv, "V.ZT")}
+    return replace(recording, signals=signals)

@@ -1,0 +1,269 @@
+"""From a recording of a force-balance valve to a name, numbers and a better fit; and never a crash.
+
+The valves are those of ``models.plant``, which shares no code with what is fitted here.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stemwatch.models.mismatch.audit import NO_POSITION, PHYSICS
+from stemwatch.models.mismatch.explain import explain, scores
+from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.plant.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.recording import Role
+from tests.models.mismatch.chain import command, played, recorded, rescaled
+
+# Slug, seed of the draw, parameter, its true size as the draw tells it, and how near it must be.
+CASES = [
+    ("dead_time", 4000, "theta", "delay_s", 0.5),
+    ("dead_time", 4001, "theta", "delay_s", 0.5),
+    ("asymmetric_rate_limit", 4008, "rate_rising", "fill_percent_per_s", 0.05),
+    ("travel_stop", 4002, "stop_low", "low_percent", 0.3),
+    ("zero_shift", 4001, "zero", "zero_percent", 0.15),
+    ("growing_stiction", 4000, "growth", "growth", 0.25),
+]
+# Whose S or J the effect biases by a tenth and more.
+BIASED = ("dead_time", "travel_stop", "zero_shift", "growing_stiction")
+hidden = pytest.mark.parametrize(("slug", "seed", "name", "size", "within"), CASES)
+
+
+@cache
+def simulated(slug, seed):
+    """The recording, the truth of the loop, and the drawn sizes by their short names."""
+    case = draw_nulls(1, seed)[0] if slug == "null" else draw_effect(slug, 1, seed)[0]
+    case, run = simulate_hidden(case)
+    assert case.excited, f"{slug} {seed} hides nothing"
+    sizes = {name.split(".")[1]: value for name, value in case.sizes.items()}
+    return run.recording, case.loop.valve, sizes
+
+
+@cache
+def explained(slug, seed):
+    """What is found in it."""
+    return explain(simulated(slug, seed)[0])
+
+
+def sound(found: Mismatch, samples: int) -> None:
+    """What every mismatch must be, whatever the recording held."""
+    as_json(found)
+    assert found.sentence.strip()
+    assert found.seconds >= 0.0
+    named = [one.slug for one in found.effects]
+    refused = {one.slug: one.reason for one in found.not_testable}
+    assert (found.finding in (Finding.NAMED, Finding.CANDIDATES)) == bool(named)
+    assert not set(named) & set(refused)
+    assert all(reason.strip() for reason in refused.values())
+    gains = [one.evidence.mean for one in found.effects]
+    assert sorted(gains, reverse=True) == gains
+    for one in found.effects:
+        assert one.members[0] == one.slug
+        assert set(one.members) <= set(catalogue())
+        assert "{" not in one.sentence + one.where + one.check
+        assert one.parameters
+    for said in (found.naive, found.restated):
+        for number in (said.S, said.J):
+            if number.value is None:
+                assert number.reason
+            else:
+                assert 0.0 <= number.low <= number.value <= number.high
+    if found.finding is Finding.NOT_TESTABLE:
+        assert set(catalogue()) <= set(refused)
+        assert None is found.runs
+    else:
+        assert found.runs.naive.shape == found.runs.extended.shape == (samples,)
+        assert np.isfinite(found.runs.naive).all()
+        assert np.isfinite(found.runs.extended).all()
+        assert 0 < found.runs.heldout_from < samples
+
+
+def as_json(found: Mismatch) -> str:
+    """All but the traces as JSON; a NaN or an infinity in it is an error."""
+    return json.dumps(asdict(replace(found, runs=None)), allow_nan=False)
+
+
+def off(said, valve):
+    """How far S and J lie from the valve's, percent of span."""
+    return abs(said.S.value - valve.S) + abs(said.J.value - valve.J)
+
+
+@hidden
+def test_what_is_hidden_is_named_with_its_size(slug, seed, name, size, within):
+    """The strongest effect is the hidden one, alone or first of its class, and as large."""
+    found, (recording, _, sizes) = explained(slug, seed), simulated(slug, seed)
+    sound(found, len(recording))
+    assert slug in found.effects[0].members
+    told = next(one for one in found.effects if slug in one.members)
+    if told.slug == slug:
+        value = told.parameters[name].value
+        value = value / 100.0 if told.parameters[name].unit == "%" and size == "growth" else value
+        assert value == pytest.approx(sizes[size], abs=within)
+    assert told.evidence.mean > 0.0
+    assert told.evidence.t > 1.0
+
+
+@hidden
+def test_s_and_j_are_restated_closer_to_the_valve(slug, seed, name, size, within):
+    """With the physics accounted for, S and J are near the truth, nearer than S and J alone."""
+    found, (_, valve, _) = explained(slug, seed), simulated(slug, seed)
+    assert off(found.restated, valve) < 0.12 * (valve.S + valve.J)
+    if slug in BIASED and off(found.naive, valve) > 0.1 * (valve.S + valve.J):
+        assert off(found.restated, valve) < 0.5 * off(found.naive, valve)
+
+
+@hidden
+def test_the_fit_to_unseen_data_goes_up(slug, seed, name, size, within):
+    """On the part that was not fitted, with its interval, against noise."""
+    told = explained(slug, seed).heldout
+    assert told.rmse_extended < told.rmse_naive
+    assert told.fit_extended > told.fit_naive
+    assert told.gain_low <= told.fit_extended - told.fit_naive <= told.gain_high
+    assert 0.0 < told.noise_floor < told.rmse_extended
+
+
+@pytest.mark.parametrize("seed", [4000, 4001, 4003])
+def test_where_nothing_is_hidden_nothing_is_named(seed):
+    """A stick-slip valve with scatter and noise: S and J explain it."""
+    found, (recording, valve, _) = explained("null", seed), simulated("null", seed)
+    sound(found, len(recording))
+    assert Finding.NONE is found.finding
+    assert "S and J explain this recording" in found.sentence
+    assert off(found.restated, valve) < 0.1 * (valve.S + valve.J)
+
+
+@pytest.mark.parametrize("seed", [4001, 4007])
+def test_what_no_term_explains_is_unknown_with_its_place(seed):
+    """A vibration is systematic and not in the catalogue: no name, and a map of what is left."""
+    found, (recording, _, _) = explained("vibration", seed), simulated("vibration", seed)
+    sound(found, len(recording))
+    assert Finding.UNKNOWN is found.finding
+    assert () == found.effects
+    assert found.before.cells
+    assert found.after.cells
+
+
+def test_the_same_recording_gives_the_same_answer():
+    """Nothing in it depends on chance, time or what was explained before."""
+    once = explained("dead_time", 4000)
+    explain(simulated("null", 4001)[0].part(0, 900))
+    twice = explain(simulated("dead_time", 4000)[0])
+    alike = replace(twice, runs=None, seconds=once.seconds)
+    assert replace(once, runs=None) == alike
+    np.testing.assert_array_equal(once.runs.naive, twice.runs.naive)
+    np.testing.assert_array_equal(once.runs.extended, twice.runs.extended)
+
+
+def test_without_a_position_the_stem_is_not_named():
+    """OP, PV and SP alone: not testable, every physical effect with the same reason."""
+    recording = simulated("dead_time", 4000)[0]
+    signals = {role: one for role, one in recording.signals.items() if role is not Role.MV}
+    found = explain(replace(recording, signals=signals))
+    sound(found, len(recording))
+    assert Finding.NOT_TESTABLE is found.finding
+    assert NO_POSITION in found.sentence
+    assert set(PHYSICS) <= {one.slug for one in found.not_testable if one.reason == NO_POSITION}
+    assert found.restated.S.reason == NO_POSITION
+
+
+@pytest.mark.parametrize("freezes", [(700,), (2300,), (700, 2300)])
+def test_a_frozen_reading_is_no_stiction(freezes):
+    """Stretches of seven minutes that repeat one value are a record effect, and no more."""
+    recording, valve, _ = simulated("null", 4001)
+    mv = recording.mv.values.copy()
+    for first in freezes:
+        mv[first : first + 420] = mv[first]
+    found = explain(rescaled(recording, mv))
+    sound(found, mv.size)
+    assert "frozen_signal" in [one.slug for one in found.record_effects]
+    assert Finding.NONE is found.finding
+    assert off(found.restated, valve) < 0.1 * (valve.S + valve.J)
+
+
+def test_a_reading_that_never_changes_is_not_testable():
+    """A transmitter that is stuck all through tells nothing of the stem."""
+    found = explain(recorded(command(), np.full(command().size, 47.0)))
+    assert Finding.NOT_TESTABLE is found.finding
+    assert found.restated.S.value is None
+
+
+def test_the_network_s_free_run_is_the_ceiling():
+    """It is passed through to what is shown, and changes nothing else."""
+    recording = played(samples=900)
+    plain, under = explain(recording), explain(recording, ceiling=recording.mv.values + 0.1)
+    assert None is plain.heldout.rmse_ceiling
+    assert 0.1 == pytest.approx(under.heldout.rmse_ceiling)
+    assert replace(under.heldout, rmse_ceiling=None) == plain.heldout
+    assert under.effects == plain.effects
+
+
+def test_scores_are_those_of_all_terms_that_could_have_shown():
+    """Calibration sees mean and t of each admissible term, none of the reading's, all finite."""
+    found = scores(simulated("null", 4001)[0])
+    refused = {one.slug for one in explained("null", 4001).not_testable}
+    of_stem = {slug for slug, term in catalogue().items() if term.way is not Way.READING}
+    assert set(found) == of_stem - refused
+    assert all(np.isfinite(pair).all() for pair in found.values())
+    assert {} == scores(recorded(command(), None))
+
+
+ODD_POSITIONS = {
+    "usual": lambda mv, op, rng: mv,
+    "constant": lambda mv, op, rng: np.full(op.size, 50.0),
+    "reversed": lambda mv, op, rng: 100.0 - mv,
+    "integer": lambda mv, op, rng: np.round(mv),
+    "huge": lambda mv, op, rng: 1e9 * (mv - 50.0),
+    "tiny": lambda mv, op, rng: 1e-7 * mv,
+    "the command": lambda mv, op, rng: op,
+    "noise": lambda mv, op, rng: 50.0 + 2.0 * rng.standard_normal(op.size),
+    "none good": lambda mv, op, rng: np.full(op.size, np.nan),
+    "one spike": lambda mv, op, rng: np.where(np.arange(op.size) == op.size // 2, 1e6, mv),
+    "holes": lambda mv, op, rng: np.where(np.arange(op.size) // 40 % 4 == 2, np.nan, mv),
+}
+ODD_COMMANDS = {
+    "usual": lambda op, rng: op,
+    "constant": lambda op, rng: np.full(op.size, 50.0),
+    "square": lambda op, rng: 50.0 + 8.0 * np.sign(np.sin(np.arange(op.size) / 15.0 + 0.1)),
+    "integer": lambda op, rng: np.round(op),
+    "huge": lambda op, rng: 1e9 * op,
+    "holes": lambda op, rng: np.where(rng.random(op.size) < 0.1, np.nan, op),
+    "one step": lambda op, rng: np.where(np.arange(op.size) < op.size // 2, 40.0, 60.0),
+}
+
+
+@given(
+    samples=st.sampled_from([1, 3, 80, 250, 420]),
+    interval_s=st.sampled_from([0.1, 1.0, 60.0]),
+    of_op=st.sampled_from([*ODD_COMMANDS]),
+    of_mv=st.sampled_from([*ODD_POSITIONS]),
+    seed=st.integers(0, 2**20),
+)
+@settings(max_examples=25, deadline=None)
+def test_whatever_a_recording_holds_something_sound_is_said(
+    samples, interval_s, of_op, of_mv, seed
+):
+    """No recording raises or warns; what is said has numbers with intervals, or reasons."""
+    rng = np.random.default_rng(seed)
+    op = ODD_COMMANDS[of_op](command()[:samples], rng)
+    mv = ODD_POSITIONS[of_mv](played().mv.values[:samples], np.nan_to_num(op, nan=50.0), rng)
+    found = explain(recorded(op, mv, interval_s=interval_s))
+    sound(found, samples)
+    if samples < 50 or "constant" in (of_op, of_mv) or of_mv == "none good":
+        assert Finding.NOT_TESTABLE is found.finding
+
+
+def test_a_reversed_position_is_not_called_a_sticking_valve():
+    """A position that falls as OP rises fits no S and J, and is not told as if it did."""
+    recording = played()
+    found = explain(rescaled(recording, 100.0 - recording.mv.values))
+    sound(found, len(recording))
+    assert found.finding is not Finding.NONE
+    assert found.heldout.fit_extended is None or found.heldout.fit_extended < 50.0

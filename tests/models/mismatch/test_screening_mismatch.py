@@ -1,0 +1,114 @@
+"""What S and J leave out reaches the screening: its numbers, its verdict and its words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.plant.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.recording import Role
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.verdict import Verdict
+from tests.models.mismatch.chain import played, rescaled
+
+QUICK = Options(narx=False)
+BLIND = Options(narx=False, mismatch=False)
+
+
+@cache
+def simulated(slug, seed):
+    """A recording and the valve that made it."""
+    case = draw_nulls(1, seed)[0] if slug == "null" else draw_effect(slug, 1, seed)[0]
+    return simulate_hidden(case)[1].recording, case.loop.valve
+
+
+@cache
+def screened(slug, seed, options=QUICK):
+    """Its screening without networks."""
+    return screen([Case(recording=simulated(slug, seed)[0])], options)[0]
+
+
+def numbers(said):
+    """S, J and their intervals."""
+    return [(one.value, one.low, one.high) for one in (said.S, said.J)]
+
+
+@pytest.mark.parametrize(("slug", "seed"), [("dead_time", 4012), ("travel_stop", 4001)])
+def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed):
+    """S and J of the screening are the restated ones, nearer to the valve than the naive ones."""
+    found, (_, valve) = screened(slug, seed), simulated(slug, seed)
+    left_out = found.mismatch
+    assert slug in left_out.effects[0].members
+    assert numbers(found) == numbers(left_out.restated)
+    naive, restated = left_out.naive.S.value, left_out.restated.S.value
+    assert naive > 1.1 * valve.S
+    assert abs(restated - valve.S) < 0.25 * abs(naive - valve.S)
+    assert found.S.low <= found.S.value <= found.S.high
+
+
+@pytest.mark.parametrize(
+    ("S", "J", "terms"),
+    [(0.3, 0.1, {"supply_sag": [-0.2, 30.0]}), (0.6, 0.3, {"growing_stiction": [1.5]})],
+)
+def test_the_restated_numbers_drive_the_verdict(S, J, terms):
+    """A valve with little friction is not to be watched for what the hidden physics does."""
+    recording = played(S, J, samples=1200, **terms)
+    (found,), (blind,) = (screen([Case(recording=recording)], how) for how in (QUICK, BLIND))
+    assert [*terms] == [one.slug for one in found.mismatch.effects]
+    assert Verdict.WATCH is blind.verdict
+    assert Verdict.HEALTHY is found.verdict
+    assert found.S.value == pytest.approx(S, abs=0.1)
+    assert blind.S.value > 1.5 * S
+
+
+def test_where_nothing_was_named_the_fits_own_numbers_stand():
+    """A null keeps S and J of the stick-slip fit; the mismatch is carried all the same."""
+    found, blind = screened("null", 4001), screened("null", 4001, BLIND)
+    assert Finding.NONE is found.mismatch.finding
+    assert numbers(found) == numbers(blind)
+    assert found.verdict == blind.verdict
+
+
+def test_switched_off_there_is_no_mismatch():
+    """Without it the screening stands on the stick-slip fit alone."""
+    blind = screened("dead_time", 4012, BLIND)
+    assert None is blind.mismatch
+    assert blind.S.value != screened("dead_time", 4012).S.value
+
+
+def test_the_reason_tells_what_was_hidden_and_what_it_would_have_been_read_as():
+    """The verdict's sentence names the physics in words, and the naive S where it misleads."""
+    found = screened("travel_stop", 4001)
+    told = found.reason + found.advice
+    assert found.mismatch.effects[0].sentence in told
+    naive = found.mismatch.naive.S.value
+    assert f"S and J alone would have read S as {naive:.1f} %" in told
+
+
+def test_the_screening_explains_the_recording_as_it_was_read():
+    """Its mismatch is that of ``explain`` on the same recording."""
+    direct = explain(simulated("travel_stop", 4001)[0])
+    carried = screened("travel_stop", 4001).mismatch
+    alike = {"runs": None, "seconds": 0.0}
+    assert replace(carried, **alike) == replace(direct, **alike)
+    np.testing.assert_array_equal(carried.runs.extended, direct.runs.extended)
+
+
+def test_what_cannot_be_fitted_has_no_mismatch_and_a_reason():
+    """No position, and a position that never moves: undetermined, each with its own sentence."""
+    recording = played(samples=900)
+    blind = replace(
+        recording,
+        signals={role: one for role, one in recording.signals.items() if role is not Role.MV},
+    )
+    stuck = rescaled(recording, np.full(900, 47.0))
+    for one in screen([Case(recording=blind), Case(recording=stuck)], QUICK):
+        assert Verdict.UNDETERMINED is one.verdict
+        assert None is one.mismatch
+        assert one.reason
+        assert one.S.reason

@@ -1,0 +1,198 @@
+"""Alerts after a run, on a real store: raised once, joined where they have one cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import DataQuality, Indicator, Screening
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.evaluate import evaluate
+from stemwatch.service.alerts.silence import watch_sources
+from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.store.alerts import AlertKind
+from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.records import ValveState
+from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.store import Store, open_store
+
+START = datetime(2026, 3, 2, tzinfo=UTC)
+DEVICE = """
+[[notifiers]]
+name = "all"
+kind = "file"
+path = "all.jsonl"
+
+[[notifiers]]
+name = "night"
+kind = "file"
+path = "night.jsonl"
+least_severity = "high"
+
+[[devices]]
+name = "plc"
+type = "tcp"
+host = "192.0.2.1"
+unit_id = 1
+byte_order = "ABCD"
+"""
+
+
+@pytest.fixture
+def plant(tmp_path: Path) -> Plant:
+    """Twelve valves of one device, eight of them in area 100."""
+    text = '[plant]\nname = "P"\n' + DEVICE
+    for n in range(12):
+        text += f'[[devices.registers]]\ntag = "OP{n}"\nregister = "holding"\n'
+        text += f'address = {2 * n}\ntype = "FLOAT32"\n'
+    for n in range(12):
+        area = "100" if n < 8 else f"2{n}"
+        text += f'[[valves]]\nid = "V{n}"\narea = "{area}"\nsource = "plc"\n'
+        text += f'[valves.tags.op]\ntag = "OP{n}"\nunit = "%"\n'
+    file = tmp_path / "plant.toml"
+    file.write_text(text, encoding="utf-8")
+    loaded = load_plant(file, environment={})
+    assert loaded.problems == ()
+    return loaded
+
+
+@pytest.fixture
+def store(plant: Plant) -> Iterator[Store]:
+    """The plant's store."""
+    with open_store(plant.storage) as opened:
+        opened.save_valves(plant.valves.values())
+        yield opened
+
+
+def screened(valve: str, hour: int, verdict: Verdict, ratio: float | None) -> Screening:
+    op = Signal.good(np.zeros(60), "OP")
+    estimate = Estimate(value=2.0, low=1.8, high=2.2, unit="%")
+    found = (
+        {}
+        if ratio is None
+        else {"baseline_ratio": Indicator(name="", value=ratio, unit="", meaning="")}
+    )
+    start = START + timedelta(hours=hour)
+    return Screening(
+        valve=valve, verdict=verdict, reason="", advice="Check.", shape=None, severity=50.0,
+        confidence=0.9, S=estimate, J=Estimate.unknown("few"), residuals={},
+        quality=DataQuality(grade="A"), indicators=found,
+        recording=Recording(valve=valve, signals={Role.OP: op}, interval_s=1.0, start=start),
+    )  # fmt: skip
+
+
+def run(
+    store: Store, plant: Plant, hour: int, sticky: Sequence[str] = (), left: Sequence[str] = ()
+) -> list[int]:
+    """A run over all valves, with these findings; the numbers of the alerts that it raised."""
+    number = store.queue.put(Wanted(), software_version="1")
+    store.queue.claim("w")
+    store.queue.plan(number, plant.valves)
+    for valve in plant.valves:
+        verdict = Verdict.STICKY if valve in sticky else Verdict.HEALTHY
+        store.save(screened(valve, hour, verdict, 9.0 if valve in left else None), number)
+        store.queue.mark(number, valve, ValveState.DONE)
+    raised = evaluate(store, plant, number)
+    assert evaluate(store, plant, number) == []
+    return raised
+
+
+def test_sticky_valves_are_each_an_alert_and_one_message(store: Store, plant: Plant) -> None:
+    """Friction is each valve's own, however many stick; the message is one."""
+    sticky = [f"V{n}" for n in range(7)]
+    assert run(store, plant, 0, sticky) == []
+    assert len(run(store, plant, 1, sticky)) == 7
+    assert run(store, plant, 2, sticky) == []
+    assert tell(store, plant)
+    assert not tell(store, plant)
+    (message,) = store.deliveries.recent()
+    assert message.notifier == "all"  # none is urgent enough for the night
+    assert len(message.message["alerts"]) == 7
+    assert "7 new alerts" in message.message["subject"]
+
+
+def test_many_that_leave_their_baselines_at_once_are_one_alert(store: Store, plant: Plant) -> None:
+    """What an area shares is looked for first; when it is over the alert is closed."""
+    area = [f"V{n}" for n in range(8)]
+    run(store, plant, 0, left=area)
+    run(store, plant, 1, left=area)
+    (alert,) = store.alerts.open()
+    assert alert.kind is AlertKind.COMMON
+    assert "8 valves of area 100" in alert.text
+    assert sorted(alert.evidence["valves"]) == area
+    for hour in (2, 3, 4):
+        run(store, plant, hour)
+    assert store.alerts.open() == []
+
+
+def test_one_that_leaves_its_baseline_is_its_own_alert(store: Store, plant: Plant) -> None:
+    """A single valve is named, and closed after three runs without."""
+    for hour in (0, 1):
+        run(store, plant, hour, left=["V3"])
+    (alert,) = store.alerts.open()
+    assert (alert.kind, alert.valve) == (AlertKind.BASELINE, "V3")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ((4.0, 3.5, 4.5), (0.5, 0.3, 0.7), "It helped"),
+        ((0.5, 0.3, 0.7), (4.0, 3.5, 4.5), "It got worse"),
+        ((2.0, 1.0, 3.0), (1.5, 0.8, 2.2), "No difference can be told"),
+        ((2.0, None, None), (1.5, 0.8, 2.2), "cannot be told in numbers"),
+    ],
+)
+def test_the_run_after_maintenance_says_whether_it_helped(
+    store: Store, plant: Plant, before, after, said: str
+) -> None:
+    """Both intervals are named, once, whatever runs follow; before the next run nothing is said."""
+
+    def look(hour: int, S: tuple) -> None:
+        number = store.queue.put(Wanted(valves=("V1",)), software_version="1")
+        store.queue.claim("w")
+        store.queue.plan(number, ["V1"])
+        value, low, high = S
+        estimate = Estimate(value=value, low=low, high=high, unit="%")
+        store.save(replace(screened("V1", hour, Verdict.WATCH, None), S=estimate), number)
+        store.queue.mark(number, "V1", ValveState.DONE)
+        evaluate(store, plant, number)
+
+    look(0, before)
+    store.record_maintenance("V1", START + timedelta(minutes=60.5), "packing renewed", "Ann")
+    look(1, after)
+    assert store.notes("V1") == [], "the work lies in its window"
+    look(2, after)
+    look(3, before)
+    (note,) = store.notes("V1")
+    assert said in note.note
+    assert "packing renewed" in note.note
+    assert note.who == "stemwatch"
+
+
+def test_a_silent_device_is_one_alert_for_all_its_valves(store: Store, plant: Plant) -> None:
+    """Raised once when nothing good came for a while, closed when samples arrive again."""
+    late = START + timedelta(hours=1)
+
+    def say(last_good: datetime, fault: str) -> None:
+        state = SourceState(source="plc", kind="modbus", last_good=last_good, fault=fault)
+        store.sources.note(state)
+
+    assert watch_sources(store, plant, since=late, now=late + timedelta(minutes=5)) == []
+    say(START, "no connection")
+    raised = watch_sources(store, plant, since=START, now=late)
+    assert watch_sources(store, plant, since=START, now=late) == []
+    alert = store.alerts.get(raised[0])
+    assert alert.kind is AlertKind.NO_DATA
+    assert "12 valves" in alert.text
+    assert "no connection" in alert.text
+    say(late, "")
+    watch_sources(store, plant, since=START, now=late + timedelta(minutes=1))
+    assert store.alerts.open() == []

@@ -1,0 +1,167 @@
+"""What is worth an alert: in N of M runs, with significance, and closed only after K without it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import DataQuality
+from stemwatch.models.mismatch.findings import Effect, Evidence, Finding, Mismatch, Stiction
+from stemwatch.models.recording import Provenance
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.alerts.rules import Seen, Standing, has_grown, look, standing
+from stemwatch.service.plantfile.live import AlertRules
+from stemwatch.service.store.alerts import AlertKind, AlertSeverity
+from stemwatch.service.store.records import StoredScreening, StoredValve
+
+NOW = datetime(2026, 3, 2, tzinfo=UTC)
+RULES = AlertRules()
+VALVE = StoredValve(id="FIC-1", description="Feed", criticality=3)
+J = Estimate.unknown("too few slips")
+
+
+def percent(value: float, half: float = 0.2) -> Estimate:
+    return Estimate(value=value, low=value - half, high=value + half, unit="%")
+
+
+def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> StoredScreening:
+    fields = {
+        "id": number,
+        "valve": "FIC-1",
+        "run_id": 1,
+        "window": (NOW, NOW + timedelta(hours=number)),
+        "at": NOW + timedelta(hours=number),
+        "verdict": verdict,
+        "reason": "",
+        "advice": "Check the packing.",
+        "shape": None,
+        "severity": 50.0,
+        "confidence": 0.9,
+        "S": percent(2.0),
+        "J": J,
+        "residuals": {},
+        "quality": DataQuality(grade="A"),
+        "still_seen": (),
+        "baseline_note": "",
+        "provenance": Provenance(source="x"),
+        "software_version": "1",
+        "settings_digest": "",
+        "seconds": 0.1,
+    }
+    return StoredScreening(**fields | changes)
+
+
+def kinds(*newest_first: Verdict | StoredScreening, **seen) -> tuple[list, list]:
+    screenings = [
+        one if isinstance(one, StoredScreening) else screening(99 - place, one)
+        for place, one in enumerate(newest_first)
+    ]
+    raised, closed = look(Seen(valve=VALVE, screenings=screenings, **seen), RULES)
+    return [one.kind for one in raised], [cause.split(":")[0] for cause in closed]
+
+
+STICKY, WELL, DUMB = Verdict.STICKY, Verdict.HEALTHY, Verdict.UNDETERMINED
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "raised", "closed"),
+    [
+        ([STICKY], False, False),
+        ([STICKY, STICKY], True, False),
+        ([STICKY, WELL, STICKY], True, False),
+        ([STICKY, WELL, WELL, STICKY], False, False),
+        ([WELL, STICKY, STICKY], False, False),
+        ([WELL, WELL, STICKY], False, False),
+        ([WELL, WELL, WELL, STICKY], False, True),
+        ([STICKY, DUMB, DUMB, DUMB, STICKY], True, False),
+        ([DUMB, DUMB, DUMB, STICKY, STICKY], True, False),
+        ([DUMB, DUMB, DUMB], False, False),
+        ([], False, False),
+    ],
+)
+def test_two_of_three_raise_and_three_without_close(verdicts, raised: bool, closed: bool) -> None:
+    """One run is no alert, one good run is no repair, and a run without a verdict says nothing."""
+    found, over = kinds(*verdicts)
+    assert (AlertKind.STICKY in found, "sticky" in over) == (raised, closed)
+
+
+@given(
+    st.lists(st.booleans(), max_size=12), st.integers(1, 5), st.integers(0, 5), st.integers(1, 5)
+)
+def test_nothing_is_raised_and_closed_at_once(present, n: int, more: int, k: int) -> None:
+    """Whatever the rules are, what raises contains the finding now and what closes does not."""
+    rules = AlertRules(raise_after_runs=n, of_runs=n + more, clear_after_runs=k)
+    found = standing(present, rules)
+    if found is Standing.RAISE:
+        assert present[0]
+        assert sum(present[: n + more]) >= n
+    if found is Standing.CLEAR:
+        assert not any(present[:k])
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "grown"),
+    [
+        (percent(3.0), percent(1.0), True),
+        (percent(1.3), percent(1.0), False),  # less than half a percent
+        (percent(3.0, half=2.5), percent(1.0), False),  # nobody can be sure
+        (percent(3.0), percent(1.0, half=2.5), False),
+        (percent(0.5), percent(3.0), False),
+        (percent(3.0), None, False),
+        (J, percent(1.0), False),
+    ],
+)
+def test_growth_must_be_large_and_certain(now, before, grown: bool) -> None:
+    """S has grown when the change is worth it and both intervals agree."""
+    assert has_grown(now, before, RULES.grown_S_percent) is grown
+
+
+def test_growth_is_told_with_both_intervals() -> None:
+    """The text names what was and what is."""
+    many = [screening(n, S=percent(4.0)) for n in (2, 1)]
+    raised, _ = look(Seen(valve=VALVE, screenings=many, at_baseline=percent(1.0)), RULES)
+    (alert,) = raised
+    assert alert.kind is AlertKind.GROWN
+    assert "from 1" in alert.text
+    assert "to 4" in alert.text
+    assert (alert.evidence["S"], alert.evidence["screening"]) == (4.0, 2)
+
+
+def test_leaving_the_baseline() -> None:
+    """Following the baseline network worse than the limit in two of three runs."""
+    many = [screening(n) for n in (3, 2, 1)]
+    seen = Seen(valve=VALVE, screenings=many, ratios={3: 4.0, 1: 5.0}, ratio_limit=3.0)
+    raised, _ = look(seen, RULES)
+    assert [one.kind for one in raised] == [AlertKind.BASELINE]
+    assert "4.0 times worse" in raised[0].text
+
+
+def test_a_named_mismatch_is_told_with_its_check() -> None:
+    """Only what has a name: candidates are for the page, not for the night shift."""
+    effect = Effect(
+        slug="lost_motion", members=("lost_motion",), sentence="There is play.", where="",
+        check="Look at the linkage.", decide="", parameters={},
+        evidence=Evidence(mean=0.2, t=5.0, share=0.4),
+    )  # fmt: skip
+    both = Stiction(S=percent(1.0), J=J)
+    named = Mismatch(
+        finding=Finding.NAMED, sentence="", naive=both, restated=both, effects=(effect,)
+    )
+    open_ended = replace(named, finding=Finding.CANDIDATES)
+    assert kinds(*(screening(n, mismatch=open_ended) for n in (2, 1)))[0] == []
+    many = [screening(n, mismatch=named) for n in (2, 1)]
+    raised, _ = look(Seen(valve=VALVE, screenings=many), RULES)
+    assert raised[0].text == "FIC-1 (Feed): There is play. Look at the linkage."
+
+
+@pytest.mark.parametrize(("criticality", "severity"), [(3, "high"), (2, "medium"), (1, "low")])
+def test_urgency_follows_the_valve(criticality: int, severity: str) -> None:
+    """The valve that the plant can least do without is the most urgent."""
+    many = [screening(n, STICKY) for n in (2, 1)]
+    seen = Seen(valve=StoredValve(id="V", criticality=criticality), screenings=many)
+    assert look(seen, RULES)[0][0].severity is AlertSeverity(severity)

@@ -1,0 +1,83 @@
+"""What is kept of a mismatch, and of the baseline that a screening refers to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from sqlalchemy import text
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import (
+    Cell,
+    Effect,
+    Evidence,
+    Finding,
+    HeldOut,
+    Mismatch,
+    RecordEffect,
+    ResidualMap,
+    Runs,
+    Stiction,
+    Untestable,
+)
+from stemwatch.service.store.store import Store
+
+S = Estimate(value=2.0, low=1.5, high=2.5, unit="%")
+NAIVE = Stiction(S=S, J=Estimate.unknown("too few slips"))
+EFFECT = Effect(
+    slug="lost_motion",
+    members=("lost_motion", "zero_shift"),
+    sentence="Play between stem and sensor.",
+    where="at reversals",
+    check="Look at the linkage.",
+    decide="",
+    parameters={"play_percent": S},
+    evidence=Evidence(mean=0.2, t=5.0, share=0.4),
+)
+MISMATCH = Mismatch(
+    finding=Finding.NAMED,
+    sentence="Lost motion.",
+    naive=NAIVE,
+    restated=NAIVE,
+    effects=(EFFECT,),
+    record_effects=(RecordEffect(slug="quantisation", sentence="Coarse.", parameters={"q": 0.5}),),
+    not_testable=(Untestable(slug="travel_stop", reason="no end was reached"),),
+    heldout=HeldOut(rmse_naive=0.5, rmse_extended=0.2),
+    before=ResidualMap(
+        cells=(
+            Cell(
+                facet="phase", label="slip", samples=3, weight=0.1, share=0.4, mean=0.1, rms=0.2,
+                z=4.0, bias_z=1.0,
+            ),
+        ),
+        travel_edges=(0.0, 50.0, 100.0),
+        columns=("slip",),
+        grid=((0.1,), (None,)),
+    ),
+    runs=Runs(naive=np.zeros(3), extended=np.ones(3), heldout_from=2),
+)  # fmt: skip
+
+
+def test_a_mismatch_comes_back_without_its_samples(store: Store, make_screening) -> None:
+    """All that was found beside S and J survives the database but the free runs."""
+    store.save(make_screening(mismatch=MISMATCH), store.begin_run(software_version="1"))
+    (found,) = store.screenings("FIC-101")
+    assert found.mismatch == replace(MISMATCH, runs=None)
+    with store.access.reading() as session:
+        row = session.execute(text("SELECT mismatch_finding, mismatch_slugs FROM screenings")).one()
+    assert row[0] == "named"
+    assert "lost_motion" in str(row[1])
+
+
+def test_a_screening_knows_its_baseline(store: Store, make_screening) -> None:
+    """Which baseline the numbers refer to stays known after another has taken its place."""
+    store.set_baseline("FIC-101", b"first", reason="first healthy window")
+    first = store.baseline("FIC-101")
+    store.save(make_screening(), store.begin_run(software_version="1"), first.id)
+    store.set_baseline("FIC-101", b"second", reason="after maintenance")
+    assert store.screenings("FIC-101")[0].baseline_id == first.id
+    assert [(one.network, one.active) for one in store.baselines("FIC-101")] == [
+        (b"first", False),
+        (b"second", True),
+    ]

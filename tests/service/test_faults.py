@@ -1,0 +1,294 @@
+"""The service through a bad night: devices cut off, the database stopped, the service killed.
+
+At the end every instant at which it ran is in the store once for each tag, what the device served
+while it was reached is good, and every instant of the schedule is accounted for.
+``STEMWATCH_FAULT_ROUNDS`` makes the night longer.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stemwatch.models.plant import demo_plant
+from stemwatch.service.modbus_plant.live import LivePlant
+from stemwatch.service.modbus_plant.mapfile import plant_toml
+from stemwatch.service.modbus_plant.serve import PlantServer
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.records import RunState
+from stemwatch.service.store.store import Store, open_store
+
+ROUNDS = int(os.environ.get("STEMWATCH_FAULT_ROUNDS", "1"))
+EVERY_US = 100_000
+SERVE = "import typer; from stemwatch.service.cli.serve import serve; typer.run(serve)"
+SETTINGS = """
+[service]
+workers = 1
+window_s = 30
+[[schedules]]
+name = "often"
+every_s = 10
+"""
+_RECONNECT_S = 16.0  # the longest that a device which is back is left alone
+Stretch = tuple[float, float]
+
+
+class Database:
+    """A PostgreSQL server of our own, which can be stopped and started."""
+
+    def __init__(self, programs: Path) -> None:
+        self._programs = programs
+        self._user = "postgres" if os.geteuid() == 0 else None
+        self.folder = Path(tempfile.mkdtemp(prefix="stemwatch-pg-"))
+        self.folder.chmod(0o755)
+        if self._user:
+            shutil.chown(self.folder, self._user)
+        self._do("initdb", "-U", "postgres", "-A", "trust", "--no-sync")
+        self.url = f"postgresql://postgres@/postgres?host={self.folder}"
+
+    def start(self) -> None:
+        """Start, and wait until it answers."""
+        options = f"-F -k {self.folder} -c listen_addresses="
+        self._do("pg_ctl", "-w", "-l", str(self.folder / "log"), "-o", options, "start")
+
+    def stop(self) -> None:
+        """Stop as a power cut does."""
+        self._do("pg_ctl", "-m", "immediate", "stop")
+
+    def _do(self, program: str, *arguments: str) -> None:
+        subprocess.run(
+            [str(self._programs / program), "-D", str(self.folder / "data"), *arguments],
+            user=self._user,
+            cwd="/",
+            check=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+
+class Device:
+    """A simulated device on one port, which can be cut off; ``down`` says when it was."""
+
+    def __init__(self) -> None:
+        self.port = 0
+        self.down: list[Stretch] = []
+        self._loops = demo_plant(1)[:2]
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Answer from now on."""
+        up, self._stop = threading.Event(), threading.Event()
+
+        async def run() -> None:
+            live = LivePlant(self._loops, wear=None, seed=1)
+            async with PlantServer(live, "127.0.0.1", self.port, speed=10.0) as server:
+                self.port = server.port
+                up.set()
+                await asyncio.to_thread(self._stop.wait)
+
+        self._thread = threading.Thread(target=lambda: asyncio.run(run()))
+        self._thread.start()
+        assert up.wait(timeout=60)
+
+    def stop(self) -> None:
+        """Answer no more."""
+        if self._thread is not None:
+            self._stop.set()
+            self._thread.join()
+            self._thread = None
+
+    def cut(self, seconds: float) -> None:
+        """Be away for a while."""
+        begun = time.time()
+        self.stop()
+        time.sleep(seconds)
+        self.start()
+        self.down.append((begun, time.time() + _RECONNECT_S))
+
+    def plant_file(self) -> str:
+        """The plant file that reads it."""
+        return SETTINGS + plant_toml(self._loops, host="127.0.0.1", port=self.port, every_s=0.1)
+
+
+class Night:
+    """The service as a process, started again when it was killed; ``dead`` says when it was."""
+
+    def __init__(self, folder: Path, url: str) -> None:
+        self.folder, self._url = folder, url
+        self.dead: list[Stretch] = []
+        self.process: subprocess.Popen[str] | None = None
+
+    def start(self) -> None:
+        """Start the service and wait until it serves."""
+        with (self.folder / "log.txt").open("a") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", SERVE, "--port", "0"],
+                cwd=self.folder,
+                env={**os.environ, "OMP_NUM_THREADS": "1", "STEMWATCH_STORAGE_URL": self._url},
+                stdout=subprocess.PIPE,
+                stderr=log,
+                text=True,
+                start_new_session=True,
+            )
+        assert "http" in self.process.stdout.readline(), self.log()
+
+    def kill(self) -> None:
+        """SIGKILL to the service and all its processes, and a new start."""
+        begun = time.time()
+        self.end(signal.SIGKILL)
+        self.start()
+        self.dead.append((begun, time.time()))
+
+    def end(self, number: int) -> None:
+        """End the service by a signal."""
+        if self.process is not None:
+            os.killpg(self.process.pid, number)
+            self.process.wait(timeout=60)
+            self.process.stdout.close()
+            self.process = None
+
+    def log(self) -> str:
+        """What the service has said so far."""
+        return (self.folder / "log.txt").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def database() -> Iterator[Database]:
+    """A PostgreSQL server that runs."""
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    if on_path := shutil.which("initdb"):
+        found.append(Path(on_path))
+    if not found:
+        pytest.skip("no PostgreSQL server programs (initdb): the fault test IS NOT RUN")
+    made = Database(found[-1].parent)
+    made.start()
+    try:
+        yield made
+    finally:
+        made.stop()
+        shutil.rmtree(made.folder, ignore_errors=True)
+
+
+@pytest.fixture
+def device() -> Iterator[Device]:
+    """A device that answers."""
+    made = Device()
+    made.start()
+    try:
+        yield made
+    finally:
+        made.stop()
+
+
+@pytest.mark.postgres
+def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path: Path) -> None:
+    """Nothing is lost but what no running service could have seen, and nothing is there twice."""
+    (tmp_path / "plant.toml").write_text(device.plant_file(), encoding="utf-8")
+    night = Night(tmp_path, database.url)
+    night.start()
+    try:
+        with open_store(database.url) as store:
+            until(lambda: store.samples.bounds("plc-1", "FIC-101.OP") is not None, night)
+            for _ in range(ROUNDS):
+                time.sleep(5)
+                device.cut(2.0)
+                time.sleep(2)
+                database.stop()
+                time.sleep(5)
+                database.start()
+                until(lambda: answers(store), night)
+                time.sleep(3)
+                night.kill()
+                time.sleep(5)
+            until(lambda: settled(store), night)
+            night.end(signal.SIGTERM)
+            for tag in ("FIC-101.OP", "FIC-101.MV", "TIC-102.PV"):
+                check_samples(store, tag, night, device)
+            check_runs(store)
+    finally:
+        night.end(signal.SIGKILL)
+
+
+def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
+    """Each instant at which the service ran, once; good where the device was reached."""
+    found = store.samples.read("plc-1", tag)
+    steps = np.diff(found.at_us)
+    assert (steps > 0).all()
+    assert (found.at_us % EVERY_US == 0).all()
+    holes = [
+        (found.at_us[place] / 1e6, found.at_us[place + 1] / 1e6)
+        for place in np.flatnonzero(steps > EVERY_US)
+    ]
+    # Only while nobody polled: from the kill, with the poll that it interrupted, to the first poll
+    # of the next collector. Neither the database nor the device leaves a hole.
+    assert len(holes) <= len(night.dead), holes
+    for begun, end in holes:
+        kill, served = min(night.dead, key=lambda dead: abs(dead[0] - begun))
+        assert kill - 0.3 <= begun <= kill + 0.3, (tag, begun, kill)
+        assert end <= served + 15.0, (tag, end, served)
+    bad = found.at_us[found.quality != 0] / 1e6
+    known = device.down + holes
+    lost = [at for at in bad if not inside((at, at), known)]
+    # A poll that a busy machine could not make in time says so itself.
+    late = store.samples.reasons("plc-1", tag)
+    assert len(lost) <= sum(count for why, count in late.items() if "not polled" in why), late
+
+
+def check_runs(store: Store) -> None:
+    """Every instant of the schedule has a run, or is said to be made up for by one."""
+    runs = sorted(store.queue.recent(1000, schedule="often"), key=lambda run: run.due)
+    assert len(runs) >= 2
+    for before, after in pairwise(runs):
+        missed = round((after.due - before.due).total_seconds() / 10.0) - 1
+        said = re.match(r"(\d+) instants before it", after.reason)
+        skipped = after.state is RunState.SKIPPED
+        assert skipped or missed == (int(said[1]) if said else 0), (before, after)
+    assert all(run.state is not RunState.FAILED for run in runs), runs
+    done = [run for run in runs if run.state is RunState.DONE]
+    assert done
+    assert all(run.done == run.total == 2 for run in done)
+
+
+def inside(stretch: Stretch, known: list[Stretch]) -> bool:
+    return any(begun <= stretch[0] and stretch[1] <= end for begun, end in known)
+
+
+def answers(store: Store) -> bool:
+    try:
+        store.queue.going()
+    except StoreError:
+        return False
+    return True
+
+
+def settled(store: Store) -> bool:
+    """Whether the run that was interrupted is over and samples of now are in the store."""
+    _, last = store.samples.bounds("plc-1", "FIC-101.OP")
+    runs = store.queue.recent(3, schedule="often")
+    over = any(run.state is RunState.DONE for run in runs)
+    stale = [run for run in store.queue.going() if run.heartbeat is not None]
+    return over and time.time() - last.timestamp() < 3.0 and len(stale) <= 1
+
+
+def until(there, night: Night, seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if there():
+            return
+        time.sleep(0.2)
+    pytest.fail(f"it did not happen:\n{night.log()}")

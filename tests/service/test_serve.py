@@ -1,0 +1,255 @@
+"""``stemwatch serve`` as a process: it collects, screens and serves, stops in order, and loses
+nothing when it is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stemwatch.connectors.modbus import read_devices
+from stemwatch.models.plant import demo_plant
+from stemwatch.service.modbus_plant.live import LivePlant
+from stemwatch.service.modbus_plant.mapfile import plant_toml
+from stemwatch.service.modbus_plant.serve import PlantServer
+from stemwatch.service.serve.pages import CannotListen, listen
+from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.records import RunState
+from stemwatch.service.store.store import Store, open_store
+
+COMMAND = """
+import typer
+from stemwatch.service.cli.serve import run_now, serve
+app = typer.Typer()
+app.command()(serve)
+app.command()(run_now)
+if __name__ == "__main__":
+    app()
+"""
+SERVICE = """
+[limits]
+min_duration_s = 5
+[service]
+workers = 1
+valve_timeout_s = 60
+window_s = 3600
+[[notifiers]]
+name = "log"
+kind = "file"
+path = "alerts.jsonl"
+"""
+
+
+class Site:
+    """A folder with a plant file, and the commands run in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        (folder / "command.py").write_text(COMMAND, encoding="utf-8")
+        self._running: list[subprocess.Popen[str]] = []
+
+    def start(self, *arguments: str, **environment: str) -> subprocess.Popen[str]:
+        """A command of the service in a process group of its own."""
+        with (self.folder / "log.txt").open("a") as log:
+            process = subprocess.Popen(
+                [sys.executable, str(self.folder / "command.py"), *arguments],
+                cwd=self.folder,
+                env={**os.environ, "OMP_NUM_THREADS": "1", **environment},
+                stdout=subprocess.PIPE,
+                stderr=log,
+                text=True,
+                start_new_session=True,
+            )
+        self._running.append(process)
+        return process
+
+    def serve(self) -> tuple[subprocess.Popen[str], str]:
+        """The service and the address of its pages."""
+        process = self.start("serve", "--port", "0")
+        said = process.stdout.readline()
+        found = re.search(r"http://\S+", said)
+        assert found, said + self.log()
+        return process, found[0]
+
+    def store(self) -> Store:
+        """The plant's store."""
+        return open_store(f"sqlite:///{self.folder / 'stemwatch.db'}")
+
+    def log(self) -> str:
+        """What the processes have said so far."""
+        return (self.folder / "log.txt").read_text(encoding="utf-8")
+
+    def kill(self) -> None:
+        """End whatever still runs."""
+        for process in self._running:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            process.stdout.close()
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    """A folder for the service."""
+    made = Site(tmp_path)
+    try:
+        yield made
+    finally:
+        made.kill()
+
+
+@pytest.fixture
+def csv_site(site: Site, plant: Path) -> Site:
+    """The small plant of exports, with a service's settings."""
+    text = plant.read_text(encoding="utf-8")
+    plant.write_text(SERVICE + text, encoding="utf-8")
+    return site
+
+
+@pytest.fixture
+def live_site(site: Site) -> Iterator[Site]:
+    """A simulated Modbus plant of two valves, polled ten times a second."""
+    import asyncio
+
+    loops = demo_plant(1)[:2]
+    up, stop = threading.Event(), threading.Event()
+
+    async def run() -> None:
+        live = LivePlant(loops, wear=None, seed=1)
+        async with PlantServer(live, "127.0.0.1", 0, speed=10.0) as server:
+            text = plant_toml(loops, host="127.0.0.1", port=server.port, every_s=0.1)
+            (site.folder / "plant.toml").write_text(SERVICE + text, encoding="utf-8")
+            up.set()
+            await asyncio.to_thread(stop.wait)
+
+    thread = threading.Thread(target=lambda: asyncio.run(run()))
+    thread.start()
+    assert up.wait(timeout=60)
+    try:
+        yield site
+    finally:
+        stop.set()
+        thread.join()
+
+
+def get(address: str) -> tuple[int, str]:
+    with urllib.request.urlopen(address, timeout=20) as answer:
+        return answer.status, answer.read().decode()
+
+
+def until(there, seconds: float = 90.0, site: Site | None = None) -> None:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if there():
+            return
+        time.sleep(0.1)
+    pytest.fail("it did not happen" + (f":\n{site.log()}" if site else ""))
+
+
+def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
+    """Pages answer, a run that is asked for is done, SIGTERM ends everything with status 0, and
+    no secret is in the log."""
+    process, address = csv_site.serve()
+    assert get(address)[0] == 200
+    assert json.loads(get(address + "healthz")[1])["ok"]
+    done = csv_site.start("run-now", "FIC-104", "--who", "Ann")
+    said, _ = done.communicate(timeout=120)
+    assert "the service works on it" in said
+    assert "done, 1 of 1 valves (1 sticky)" in said
+    assert "FIC-104" in get(address)[1]
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=40) == 0, csv_site.log()
+    assert "Traceback" not in csv_site.log()
+
+
+def test_run_now_works_without_a_service(csv_site: Site) -> None:
+    """Where no service runs the command does the run itself, report and all."""
+    done = csv_site.start("run-now")
+    said, _ = done.communicate(timeout=180)
+    assert done.returncode == 0, csv_site.log()
+    assert "this command does it" in said
+    assert "3 of 3 valves" in said
+    with csv_site.store() as store:
+        (run,) = store.queue.recent()
+        assert run.state is RunState.DONE
+        assert (Path(run.report) / "report.html").is_file()
+
+
+def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
+    """Samples reach the store; after SIGKILL the next start goes on, finishes the run that was
+    begun, and no sample is there twice or out of its place."""
+    process, _ = live_site.serve()
+
+    with live_site.store() as store:
+
+        def samples() -> int:
+            return store.samples.count("plc-1", "FIC-101.OP")
+
+        until(lambda: samples() > 100, site=live_site)
+        number = store.queue.put(Wanted(who="Ann"), software_version="1")
+        until(lambda: store.run(number).state is RunState.RUNNING, site=live_site)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        store.queue.leave(number, _owner(store, number))  # as after half a minute of silence
+        before = samples()
+        process, _ = live_site.serve()
+        until(lambda: store.run(number).state is RunState.DONE, site=live_site)
+        until(lambda: samples() > before + 50, site=live_site)
+        run = store.run(number)
+        assert (run.done, run.total) == (2, 2)
+        for valve in ("FIC-101", "TIC-102"):
+            assert len({one.window for one in store.screenings(valve)}) == 1
+        found = store.samples.read("plc-1", "FIC-101.OP")
+        steps = found.at_us[1:] - found.at_us[:-1]
+        assert (steps > 0).all()
+        assert (steps % 100_000 == 0).all()
+        (state,) = [one for one in store.sources.states() if one.source == "plc-1"]
+        assert state.connected
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=40) == 0, live_site.log()
+
+
+def _owner(store: Store, number: int) -> str:
+    from sqlalchemy import text
+
+    with store.access.reading() as session:
+        statement = text("SELECT owner FROM runs WHERE id = :n")
+        return str(session.execute(statement, {"n": number}).scalar_one())
+
+
+def test_other_machines_are_not_let_in_by_accident(monkeypatch) -> None:
+    """Without a token only this machine is listened to, and a port that is taken is said."""
+    monkeypatch.delenv("STEMWATCH_WEB_TOKEN", raising=False)
+    for host in ("0.0.0.0", "::", "192.0.2.1"):
+        with pytest.raises(CannotListen, match="STEMWATCH_WEB_TOKEN"):
+            listen(host, 0)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(CannotListen, match=r"cannot listen on .*--port"):
+            listen("127.0.0.1", taken.getsockname()[1])
+
+
+def test_the_simulated_plants_file_is_read(tmp_path: Path) -> None:
+    """What the simulator writes is a plant file that the service understands whole."""
+    from stemwatch.service.plantfile import load_plant
+
+    file = tmp_path / "plant.toml"
+    text = plant_toml(demo_plant(1)[:2], host="127.0.0.1", port=5020)
+    file.write_text(SERVICE + text, encoding="utf-8")
+    plant = load_plant(file, environment={})
+    assert plant.problems == ()
+    assert list(plant.devices) == ["plc-1"]
+    assert read_devices([]).devices == ()
+    assert all(plant.is_live(valve) for valve in plant.valves)

@@ -1,0 +1,134 @@
+"""A store with a small plant, a real server on loopback, a client, and Chromium."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+from sqlalchemy import create_engine, make_url, text
+
+from stemwatch.service.store.store import Store, open_store
+from stemwatch.service.web.site import Site
+from tests.service.store.conftest import postgres_server as postgres_server
+from tests.service.web import made_plant
+
+CHROMIUM = shutil.which("chromium")
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    """An empty store."""
+    with open_store(f"sqlite:///{tmp_path / 'store.db'}") as opened:
+        yield opened
+
+
+@pytest.fixture(scope="session")
+def _made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("made") / "store.db"
+    with open_store(f"sqlite:///{path}") as made:
+        made_plant.fill(made)
+        made_plant.write_samples(made)
+    return path
+
+
+@pytest.fixture
+def filled(_made_once: Path, tmp_path: Path) -> Iterator[Store]:
+    """A store with the small plant and two hours of samples in it, a copy for each test."""
+    path = shutil.copy(_made_once, tmp_path / "filled.db")
+    with open_store(f"sqlite:///{path}") as opened:
+        yield opened
+
+
+@pytest.fixture
+def live(filled: Store, tmp_path: Path) -> Site:
+    """The small plant with its plant file and a way to its samples."""
+    return Site(
+        store=filled,
+        plant=made_plant.plant_of(tmp_path, filled),
+        read=made_plant.reader_of(filled),
+        clock=lambda: made_plant.NOW,
+    )
+
+
+@pytest.fixture
+def client_of() -> Iterator[Callable[[Site], httpx.Client]]:
+    """Serves a site and gives a client of it."""
+    open_ones = []
+
+    def start(site: Site, **options: object) -> httpx.Client:
+        around = made_plant.serving(site)
+        client = httpx.Client(base_url=around.__enter__(), trust_env=False, **options)
+        open_ones.append((around, client))
+        return client
+
+    yield start
+    for around, client in open_ones:
+        client.close()
+        around.__exit__(None, None, None)
+
+
+@pytest.fixture
+def client(live: Site, client_of: Callable[[Site], httpx.Client]) -> httpx.Client:
+    """A client of the small plant's pages."""
+    return client_of(live)
+
+
+@pytest.fixture
+def send(client: httpx.Client) -> Callable[..., httpx.Response]:
+    """Sends a form as a browser would: with the cookie and the mark of a page of ours."""
+
+    def post(path: str, **fields: str) -> httpx.Response:
+        page = client.get("/runs")
+        mark = re.search(r'name="mark" value="([0-9a-f]+)"', page.text)
+        assert mark is not None
+        return client.post(path, data={"mark": mark[1], **fields})
+
+    return post
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium without a window."""
+    if CHROMIUM is None and os.environ.get("CI"):
+        pytest.fail("chromium is not on the PATH; continuous integration must have it")
+    if CHROMIUM is None:
+        pytest.skip("chromium is not on the PATH")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def postgres_url(postgres_server: str) -> Iterator[str]:
+    """The URL of an empty database on PostgreSQL."""
+    with _database(postgres_server) as url:
+        yield url
+
+
+@pytest.fixture(scope="module")
+def module_postgres_url(postgres_server: str) -> Iterator[str]:
+    """The URL of a database on PostgreSQL that a module's tests share."""
+    with _database(postgres_server) as url:
+        yield url
+
+
+@contextmanager
+def _database(url: str) -> Iterator[str]:
+    name = f"stemwatch_web_{uuid.uuid4().hex[:12]}"
+    server = create_engine(url, isolation_level="AUTOCOMMIT")
+    with server.connect() as connection:
+        connection.execute(text(f'CREATE DATABASE "{name}"'))
+    yield make_url(url).set(database=name).render_as_string(hide_password=False)
+    with server.connect() as connection:
+        connection.execute(text(f'DROP DATABASE "{name}" WITH (FORCE)'))
+    server.dispose()

@@ -1,0 +1,255 @@
+"""The pages in a real browser: drawn, quick to the hand, silent towards the network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+from stemwatch.service.web.site import Site
+from tests.service.web.made_plant import HOSTILE, NOW, STICKY, plant_of, serving
+
+pytestmark = pytest.mark.browser
+
+PHONE = {"width": 390, "height": 800}
+DESK = {"width": 1280, "height": 1000}
+
+
+class Opened:
+    """A browser at one site. It remembers what was logged and what was asked of other machines."""
+
+    def __init__(self, browser, base: str) -> None:
+        self.base = base
+        self.errors: list[str] = []
+        self.foreign: list[str] = []
+        self._browser = browser
+        self._contexts: list[Any] = []
+
+    def page(self, path: str, **options):
+        """A page of the site, in a context of its own."""
+        context = self._browser.new_context(**{"viewport": DESK, **options})
+        self._contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: self.errors.append(message.text))
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("dialog", self._alarmed)
+        page.on("request", self._asked)
+        page.goto(self.base + path)
+        return page
+
+    def _alarmed(self, dialog) -> None:
+        self.errors.append(dialog.message)
+        dialog.dismiss()
+
+    def _asked(self, request) -> None:
+        if not request.url.startswith((self.base, "data:")):
+            self.foreign.append(request.url)
+
+    def close(self) -> None:
+        """Close every window."""
+        for context in self._contexts:
+            context.close()
+
+
+@pytest.fixture
+def opened(browser, live) -> Iterator[Opened]:
+    """The small plant; at the end nothing was logged, which a breach of the policy would be, and
+    nothing was asked of another machine."""
+    with serving(live) as base:
+        at = Opened(browser, base)
+        yield at
+        at.close()
+    assert at.errors == []
+    assert at.foreign == []
+
+
+def valve_path(valve: str) -> str:
+    """Where a valve's page is."""
+    from stemwatch.service.web.frame import valve_link
+
+    return valve_link(valve)
+
+
+def colours(page, selector: str) -> int:
+    """How many different colours the canvas inside ``selector`` shows."""
+    return page.locator(f"{selector} canvas").first.evaluate(
+        """canvas => {
+            const area = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            return new Set(new Uint32Array(area.data.buffer)).size;
+        }"""
+    )
+
+
+def drawn(page):
+    """The page once its plots stand."""
+    for name in ("travel", "loop", "S", "J"):
+        page.locator(f".plot-{name} canvas").wait_for()
+    return page
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", [PHONE, DESK], ids=["phone", "desk"])
+def test_a_valves_plots_are_drawn(opened, theme, size):
+    """Signals, loop and months have their lines, on a phone and in the dark as well."""
+    page = drawn(opened.page(valve_path(STICKY), color_scheme=theme, viewport=size))
+    for name in ("travel", "loop", "S", "J"):
+        assert colours(page, f".plot-{name}") > 8
+    assert page.locator("html").get_attribute("data-theme") == theme
+    assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    assert "2026-03-30" in page.locator(".view b").inner_text()
+
+
+@pytest.mark.parametrize("path", ["/", "/alerts", "/runs", "/sources", "/settings", "/api/docs"])
+def test_a_phone_never_scrolls_sideways(opened, path):
+    """Every page is as wide as the screen, with everything unfolded and a name of 27 signs."""
+    page = opened.page(path, viewport=PHONE)
+    page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+
+
+def test_zooming_asks_for_more_and_stands_in_the_address(opened):
+    """A drag shows that part in more detail; the address leads a colleague to the same part."""
+    page = drawn(opened.page(valve_path(STICKY)))
+    box = page.locator(".plot-travel .u-over").bounding_box()
+    before = page.locator(".view b").inner_text()
+    with page.expect_response("**/signals?*") as asked:
+        page.mouse.move(box["x"] + 100, box["y"] + 60)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 200, box["y"] + 60, steps=4)
+        page.mouse.up()
+    assert asked.value.json()["bucket_s"] == 0.0
+    changed = "before => document.querySelector('.view b').textContent !== before"
+    page.wait_for_function(changed, arg=before)
+    fields = parse_qs(urlsplit(page.url).query)
+    first, last = float(fields["from"][0]), float(fields["to"][0])
+    assert 0 < last - first < 3600
+    assert fields["id"] == [STICKY]
+    again = drawn(opened.page(page.url.removeprefix(opened.base)))
+    assert again.locator(".view b").inner_text() == page.locator(".view b").inner_text()
+
+
+def test_the_keyboard_alone_moves_and_zooms_the_plots(opened):
+    """Arrow keys and plus and minus work where the plots have the focus."""
+    page = drawn(opened.page(valve_path(STICKY)))
+    page.locator(".live-plots .over-time").focus()
+    for key in ("+", "ArrowLeft", "ArrowRight", "-"):
+        with page.expect_response("**/signals?*"):
+            page.keyboard.press(key)
+    with page.expect_response("**/signals?*"):
+        page.get_by_role("button", name="1 h", exact=True).press("Enter")
+    shown = page.get_by_role("button", name="1 h", exact=True)
+    assert shown.get_attribute("aria-pressed") == "true"
+
+
+def test_the_theme_toggle_draws_the_plots_again(opened):
+    """Page and plots change together, and the choice holds on the next page."""
+    page = drawn(opened.page(valve_path(STICKY), color_scheme="light"))
+    read = "canvas => canvas.toDataURL()"
+    before = page.locator(".plot-travel canvas").evaluate(read)
+    page.get_by_role("button", name="Switch to the dark theme").click()
+    assert page.locator(".plot-travel canvas").evaluate(read) != before
+    page.get_by_role("link", name="All valves").click()
+    assert page.locator("html").get_attribute("data-theme") == "dark"
+
+
+def test_filters_act_at_once_and_stand_in_the_address(opened):
+    """Ticking a verdict narrows the ranking, the address keeps it, and back undoes it."""
+    page = opened.page("/")
+    assert page.locator("#ranking-table tbody tr").count() == 5
+    page.locator('input[value="sticky"]').check()
+    page.wait_for_url("**verdict=sticky*")
+    assert page.locator(".c-valve > a:first-child").all_inner_texts() == [STICKY]
+    assert "q=" not in page.url
+    page.go_back()
+    page.wait_for_function("document.querySelectorAll('#ranking-table tbody tr').length === 5")
+    page.locator("#ranking-table th a", has_text="S, %").click()
+    page.wait_for_url("**sort=S*")
+    assert page.locator("th.h-S").get_attribute("aria-sort") == "descending"
+
+
+def test_an_alert_is_acknowledged_from_the_valves_page(opened, live):
+    """Name and comment typed once, the count in the head goes down, the name is remembered."""
+    page = opened.page(valve_path(STICKY) + "#alerts")
+    assert page.locator("nav .badge").first.inner_text().startswith("2")
+    card = page.locator(".card").first
+    card.locator("summary").click()
+    card.locator('input[name="text"]').fill("packing is ordered")
+    card.locator('input[name="who"]').fill("K. Berg")
+    card.get_by_role("button", name="Acknowledge").click()
+    page.get_by_text("The alert is acknowledged.").wait_for()
+    assert page.locator("nav .badge").first.inner_text().startswith("1")
+    assert "packing is ordered" in page.locator(".card").first.inner_text()
+    assert live.store.alerts.open(valve=STICKY)[0].acknowledged_by == "K. Berg"
+    page.locator("summary", has_text="Add a note").click()
+    assert page.locator('form[action$="/valve/note"] input[name="who"]').input_value() == "K. Berg"
+
+
+def test_a_name_that_is_a_script_stays_a_name(opened):
+    """It is shown letter by letter, its page opens by its link, and nothing of it runs."""
+    page = opened.page("/")
+    page.locator(".c-valve a", has_text="<script>").first.click()
+    assert page.locator("h1").inner_text() == HOSTILE
+    page.locator(".view span").filter(has_text="plant file").wait_for()
+    assert page.locator("article img, article script").count() == 0
+
+
+def test_runs_refresh_by_themselves(opened, live):
+    """A run that begins while somebody looks appears without a reload."""
+    from stemwatch.service.store.queue import Wanted
+
+    page = opened.page("/runs")
+    assert "No run waits" in page.locator("#going").inner_text()
+    live.store.queue.put(Wanted(who="K. Berg"), software_version="0.1")
+    page.locator("#going .card").wait_for(timeout=15_000)
+
+
+def test_without_javascript_everything_but_the_plots_is_there(opened):
+    """Filters have a button, forms work, months stand in a table, and a sentence says why."""
+    page = opened.page(valve_path(STICKY), java_script_enabled=False)
+    assert page.locator(".reason").is_visible()
+    assert page.locator("noscript p").is_visible()
+    page.locator(".history summary").click()
+    assert page.locator(".history tbody tr").count() == 6
+    page.goto(opened.base + "/")
+    page.fill('input[name="q"]', "fic")
+    page.get_by_role("button", name="Show").click()
+    assert page.locator("#ranking-table tbody tr").count() == 2
+
+
+def test_the_keyboard_reaches_the_content_first(opened):
+    """The first tab stop skips the head; headings form one outline on every page."""
+    for path in ("/", valve_path(STICKY), "/alerts", "/runs", "/sources", "/settings"):
+        page = opened.page(path)
+        page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
+        levels = page.locator("h1, h2, h3, h4").evaluate_all(
+            "all => all.map(one => +one.tagName[1])"
+        )
+        assert levels.count(1) == 1
+        assert all(after <= before + 1 for before, after in pairwise(levels))
+
+
+def test_an_empty_database_is_no_empty_page(browser, store, tmp_path):
+    """The first start says what to do, and the page of a valve without data is whole."""
+    site = Site(store=store, plant=plant_of(tmp_path, store), clock=lambda: NOW)
+    with serving(site) as base:
+        at = Opened(browser, base)
+        assert at.page("/").get_by_text("No valve is known yet").is_visible()
+        page = at.page(valve_path(STICKY))
+        page.locator(".view span").filter(has_text="stemwatch serve").wait_for()
+        at.close()
+    assert at.errors == []
+    assert at.foreign == []
+
+
+def test_a_page_stays_when_the_service_goes(opened):
+    """With the network cut, what was drawn stays and a sentence says that it may be old."""
+    page = drawn(opened.page(valve_path(STICKY)))
+    page.context.set_offline(True)
+    page.get_by_role("button", name="Earlier").click()
+    page.locator(".view span").filter(has_text="does not answer").wait_for()
+    assert colours(page, ".plot-travel") > 8
+    opened.errors[:] = [one for one in opened.errors if "ERR_INTERNET_DISCONNECTED" not in one]

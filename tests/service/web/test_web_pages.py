@@ -1,0 +1,204 @@
+"""What the pages say: about a valve, about nothing at all, about the API itself."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from stemwatch.service.store.sources import SourceState, TakenFile
+from stemwatch.service.web.site import Site
+from tests.service.made_mismatch import named
+from tests.service.web.made_plant import BLIND, HOSTILE, NOW, SOURCE, STICKY, screening
+
+
+def page_of(client, valve: str) -> str:
+    """A valve's page as running text without tags."""
+    answer = client.get("/valve", params={"id": valve})
+    assert answer.status_code == 200
+    return " ".join(re.sub(r"<[^>]+>", " ", answer.text).split())
+
+
+def test_a_valves_page_says_what_was_found_and_what_is_known(client):
+    """Finding, numbers with intervals, alerts, notes, work, baseline, tags: all of it."""
+    text = page_of(client, STICKY)
+    for said in (
+        f"The stem of {STICKY} was looked at.",
+        "4.00 %",
+        "3.60 to 4.40",
+        "sticks: S 4.0 %",
+        "squeaks &lt;b&gt;loudly&lt;/b&gt;",
+        "packing renewed",
+        "Deadband plus stickband",
+        f"{STICKY}.ZT",
+        "2026-03-30 13:00 to 14:00 (Europe/Berlin)",
+    ):
+        assert said in text
+
+
+def test_a_valve_without_a_verdict_says_why(client):
+    """The reason stands where the numbers would, and no number looks like one."""
+    text = page_of(client, BLIND)
+    assert "Why there is no verdict" in text
+    assert "S and J are not known" in text
+
+
+def test_what_the_model_leaves_out_is_on_the_page(live, client):
+    """Named effects come back from the database with all they say."""
+    run = live.store.begin_run(software_version="0.1")
+    found = named()
+    live.store.save(screening(STICKY, mismatch=found), run)
+    text = page_of(client, STICKY)
+    assert "Where simulation and recording differ" in text
+    assert found.effects[0].check in text
+    assert "◆" in client.get("/").text
+
+
+def test_a_valve_of_the_plant_file_that_no_run_met_has_a_page(store, client_of, tmp_path):
+    """It says that nothing is known yet, and can be screened from there."""
+    from tests.service.web.made_plant import plant_of
+
+    client = client_of(Site(store=store, plant=plant_of(tmp_path, store)))
+    text = page_of(client, STICKY)
+    assert "No run has screened it" in text
+    assert "Run now" in text
+
+
+@pytest.mark.parametrize("valve", ["nobody", "", "\x00", "x" * 5000, "FIC-101 ", "fic-101"])
+def test_a_valve_that_is_not_there_is_not_found(client, valve):
+    """Names are taken letter by letter, and the page says so."""
+    answer = client.get("/valve", params={"id": valve})
+    assert answer.status_code == 404
+    assert "There is no valve" in answer.text
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/alerts", "/alerts?state=all", "/runs", "/sources", "/settings", "/api/docs"]
+)
+def test_an_empty_database_makes_pages_that_help(store, client_of, path):
+    """The first start shows what to do next on every page."""
+    client = client_of(Site(store=store))
+    answer = client.get(path)
+    assert answer.status_code == 200
+    if path == "/":
+        assert "stemwatch serve --plant plant.toml" in answer.text
+
+
+def test_sources_say_how_they_are(live, client):
+    """In order, at fault with its words, and files that were taken in or not."""
+    fault = "no answer within 1 s; tried again in 30 s"
+    state = SourceState(
+        source="gateway 2", kind="modbus", connected=False, fault=fault, updated=NOW
+    )
+    live.store.sources.note(state)
+    rejected = TakenFile(
+        digest="ab", name="<b>.pdf", source=SOURCE, accepted=False, note="It is not text."
+    )
+    live.store.sources.note_taken(rejected)
+    text = client.get("/sources").text
+    assert "in order" in text
+    assert fault in text
+    assert "&lt;b&gt;.pdf" in text
+    assert "rejected" in text
+
+
+def test_a_source_that_nobody_speaks_for_is_silent(live, client):
+    """The collector's last word is not taken for the present."""
+    from datetime import timedelta
+
+    object.__setattr__(live, "clock", lambda: NOW + timedelta(minutes=10))
+    assert ">silent<" in client.get("/sources").text
+
+
+def test_the_api_describes_every_operation_it_has(client):
+    """Each has a description, and the plain page shows every path and every shape."""
+    document = client.get("/api/openapi.json").json()
+    page = client.get("/api/docs").text
+    assert len(document["paths"]) >= 15
+    for path, methods in document["paths"].items():
+        assert path in page
+        for operation in methods.values():
+            assert len(operation["description"]) > 15
+    for name, shape in document["components"]["schemas"].items():
+        assert f'id="shape-{name}"' in page
+        assert shape["description"]
+
+
+def test_the_ranking_over_the_api_is_that_of_the_page(client):
+    """Same order, same numbers, the hostile name as it is."""
+    found = client.get("/api/v1/valves", params={"verdict": ["sticky", "watch"]}).json()
+    assert [line["valve"] for line in found["valves"]][:2] == [STICKY, HOSTILE]
+    assert found["valves"][0]["S"]["value"] == pytest.approx(4.0)
+    assert found["total"] == 3
+    assert found["counts"]["healthy"] == 1
+
+
+def test_unknown_numbers_are_null_with_their_reason(client):
+    """Neither NaN nor zero."""
+    found = client.get("/api/v1/valves", params={"q": BLIND}).json()["valves"][0]
+    assert found["S"]["value"] is None
+    assert found["S"]["reason"] == "OP moved less than 0.5 %"
+
+
+def test_the_history_has_limits_points_and_marks(client):
+    """What the months chart draws, oldest first."""
+    found = client.get("/api/v1/valve/history", params={"id": STICKY}).json()
+    S = [point["S"] for point in found["points"]]
+    assert S == sorted(S)
+    assert len(S) == 6
+    assert found["sticky_S_percent"] == 1.5
+    assert [mark["kind"] for mark in found["marks"]] == ["baseline", "maintenance", "note"]
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "said"),
+    [
+        ("2026-03-30T12:00:00Z", "2026-03-30T11:00:00Z", "at least a second"),
+        ("2026-01-01T00:00:00Z", "2026-03-30T11:00:00Z", "at most 31 days"),
+        ("0001-01-01T00:00:00+14:00", "0001-01-02T00:00:00Z", "between 1970 and 2200"),
+        ("2026-03-30T11:00:00", "2026-03-30T12:00:00Z", "timezone"),
+        ("yesterday", "2026-03-30T12:00:00Z", "start"),
+    ],
+)
+@pytest.mark.parametrize("what", ["signals", "loop"])
+def test_a_window_that_makes_no_sense_is_refused(client, what, start, stop, said):
+    """With a sentence that says which window is expected."""
+    fields = {"id": STICKY, "start": start, "stop": stop}
+    answer = client.get(f"/api/v1/valve/{what}", params=fields)
+    assert answer.status_code == 422
+    assert said in answer.json()["detail"]
+
+
+def test_json_of_the_api_is_strict(live, client):
+    """No NaN or Infinity stands in it, whatever a source's figures were."""
+    figures = {"lateness_s": float("nan"), "polls": 4.0}
+    live.store.sources.note(SourceState(source="odd", kind="modbus", figures=figures))
+
+    def refuse(word: str) -> float:
+        raise AssertionError(word)
+
+    found = json.loads(client.get("/api/v1/sources").text, parse_constant=refuse)
+    assert [one["figures"] for one in found if one["source"] == "odd"] == [
+        {"lateness_s": None, "polls": 4.0}
+    ]
+
+
+def test_behind_a_proxy_every_link_keeps_the_prefix(live):
+    """With a root path, no link leads out of it."""
+    import asyncio
+
+    import httpx
+
+    from stemwatch.service.web.app import create_app
+
+    transport = httpx.ASGITransport(create_app(live), root_path="/stem")
+
+    async def ask() -> str:
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            return (await client.get("/valve", params={"id": STICKY})).text
+
+    text = asyncio.run(ask())
+    inside = re.findall(r"""(?:href|src|action)="(/[^"]*)""", text)
+    assert len(inside) > 10
+    assert [one for one in inside if not one.startswith("/stem/")] == []

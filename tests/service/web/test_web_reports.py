@@ -1,0 +1,86 @@
+"""The report of a run on its page: all four files, and nothing beside them."""
+
+from __future__ import annotations
+
+import pytest
+
+from stemwatch.service.report import ReportContext, write_report
+from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.records import RunState
+from tests.service.web.made_plant import NOW, STICKY, screening, serving
+
+
+def finished(live, folder) -> int:
+    """A run whose report is said to lie in ``folder``."""
+    number = live.store.queue.put(Wanted(who="K"), software_version="0.1")
+    live.store.queue.claim("worker")
+    live.store.queue.finish(number, RunState.DONE, report=str(folder))
+    return number
+
+
+@pytest.fixture
+def reported(live) -> int:
+    """A run with a report where the plant keeps its reports."""
+    folder = live.plant.beside(live.plant.service.reports) / "run-000099"
+    write_report([screening(STICKY)], ReportContext(started=NOW), folder)
+    return finished(live, folder)
+
+
+def test_the_run_leads_to_its_report(client, reported):
+    """The page is shown, tables are offered as files named after the run."""
+    page = client.get(f"/run?id={reported}").text
+    for name in ("report.html", "valves.csv", "valves.xlsx", "valves.json"):
+        assert f"file={name}" in page
+        answer = client.get(f"/run/report?id={reported}&file={name}")
+        assert answer.status_code == 200
+        kept = answer.headers.get("content-disposition", "")
+        assert (f"run-{reported}-{name}" in kept) == (name != "report.html")
+    assert STICKY in client.get(f"/run/report?id={reported}").text
+
+
+def test_the_report_is_caged(client, reported):
+    """Without an origin it reaches neither the service nor its cookies."""
+    policy = client.get(f"/run/report?id={reported}").headers["content-security-policy"]
+    assert policy.startswith("sandbox ")
+    assert "allow-same-origin" not in policy
+    assert "connect-src" not in policy
+
+
+@pytest.mark.parametrize("name", ["../plant.toml", "plant.toml", "report.html/..", ""])
+def test_only_the_files_of_a_report_are_served(client, reported, name):
+    """No name leads anywhere else."""
+    answer = client.get("/run/report", params={"id": reported, "file": name})
+    assert answer.status_code == 404
+
+
+def test_a_report_outside_the_plants_folder_is_not_served(live, client, tmp_path):
+    """Whatever the database says, no other folder is read."""
+    elsewhere = tmp_path / "elsewhere"
+    write_report([screening(STICKY)], ReportContext(started=NOW), elsewhere)
+    number = finished(live, elsewhere)
+    assert client.get(f"/run/report?id={number}").status_code == 404
+    up = live.plant.beside(live.plant.service.reports) / ".." / "elsewhere"
+    assert client.get(f"/run/report?id={finished(live, up)}").status_code == 404
+
+
+@pytest.mark.parametrize("run", ["0", "-1", "x", "9" * 30, "1"])
+def test_a_run_without_a_report_says_so(client, run):
+    """Not found, with a sentence."""
+    answer = client.get("/run/report", params={"id": run})
+    assert answer.status_code == 404
+    assert "is not kept" in answer.text
+
+
+@pytest.mark.browser
+def test_the_report_works_in_its_cage(browser, live, reported):
+    """Its plots are drawn and nothing is logged, though it has no origin."""
+    with serving(live) as base:
+        page = browser.new_page()
+        errors: list[str] = []
+        page.on("console", lambda message: errors.append(message.text))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(f"{base}/run/report?id={reported}")
+        page.locator("#ranking-table tbody tr").wait_for()
+        page.locator(".plot-travel canvas").first.wait_for()
+        page.close()
+    assert errors == []
