@@ -53,7 +53,8 @@ READING = ("zero_shift", "span_error", "sensor_drift")
 LEAST_SIGMA = 1e-3  # percent
 # Cross-fitting needs blocks; of a short record they are shorter.
 FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
-MODEL_ERROR = 0.05  # of the level (S + J)/2, one sigma: no stem is exactly the element
+# One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
+MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
 
 
 @dataclass(frozen=True)
@@ -244,7 +245,7 @@ def _whole(bench: Bench, fitted: Fitted) -> tuple[Layout, Floats]:
 
 def _stiction(drawn: Floats, best: Floats) -> Stiction:
     S, J = best[at.S_PERCENT], best[at.S_PERCENT] * best[at.RATIO]
-    error = MODEL_ERROR * 0.5 * (S + J)
+    error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
     S_drawn = drawn[:, at.S_PERCENT]
     return Stiction(
         S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),

@@ -62,20 +62,19 @@ def explain(
     The residual is located, the effect named from a catalogue or left as candidates, the extended
     model fitted, and S and J restated with it. What the recording could not have shown is said.
     """
-    from stemwatch.service.cli.reading import read_options
-    from stemwatch.service.cli.screen import _load, _tags, _window
+    from stemwatch.service.cli.reading import loaded_plant, read_options, tags_of, window_of
     from stemwatch.service.gather import Request
 
-    loaded = _load(plant, recording)
+    loaded = loaded_plant(plant, recording)
     chosen = read_options(
         zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
     )
     request = Request(
         sources=tuple(recording or ()),
         plant=loaded,
-        tags=_tags(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
+        tags=tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
         valve=valve,
-        window=_window(from_, to, zone or (loaded.zone if loaded else None) or ""),
+        window=window_of(from_, to, zone or (loaded.zone if loaded else None) or ""),
         read_options=chosen,
     )
     _report(_explained(request, narx, workers), request, out, json_file)

@@ -1,12 +1,19 @@
-"""From command-line texts to ``ReadOptions``."""
+"""From command-line texts to what a run is asked for: options, plant, tags, window."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from stemwatch.connectors.historian import ReadOptions
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from stemwatch.service.plantfile import Plant
 
 
 def read_options(
@@ -33,3 +40,37 @@ def read_options(
         return ReadOptions(day_first=day_first, interval_s=interval_s, **given)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
+
+
+def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> Plant | None:
+    """The plant file, or ``None`` where only sources are given; neither is wrong usage."""
+    from stemwatch.service.plantfile import load_plant
+
+    if plant is None:
+        if not source:
+            raise typer.BadParameter("give a file, a folder or --plant plant.toml")
+        return None
+    return load_plant(o.need_file(plant, "--plant"))
+
+
+def tags_of(**named: str):  # type: ignore[no-untyped-def]  # Role is imported late, with numpy
+    """What was asked for, by role; a mapping without OP is wrong usage."""
+    from stemwatch.models.recording import Role
+
+    tags = {Role(name): tag for name, tag in named.items() if tag}
+    if tags and Role.OP not in tags:
+        raise typer.BadParameter(
+            "the controller output is needed: --op TAG (`stemwatch inspect` lists the tags)",
+            param_hint="--op",
+        )
+    return tags
+
+
+def window_of(from_: str, to: str, zone: str):  # type: ignore[no-untyped-def]
+    """The window between two times; one that ends before it begins is wrong usage."""
+    from stemwatch.connectors.connector import Window
+
+    start, stop = o.instant(from_, zone, "--from"), o.instant(to, zone, "--to")
+    if start is not None and stop is not None and start >= stop:
+        raise typer.BadParameter(f"--from {start} is not before --to {stop}", param_hint="--from")
+    return Window(start=start, stop=stop)

@@ -12,11 +12,8 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from stemwatch.models.findings import Screening
     from stemwatch.service.gather import Request
-    from stemwatch.service.plantfile import Plant
 
 MOST_REASONS = 5  # of a run in which nothing could be read
 TAGS = "Which tag is what (one valve per file)"
@@ -66,10 +63,10 @@ def screen(
     and --op the roles are taken from tags and descriptions where they leave no doubt. Screening
     the same window twice updates what is stored.
     """
-    from stemwatch.service.cli.reading import read_options
+    from stemwatch.service.cli.reading import loaded_plant, read_options, tags_of, window_of
     from stemwatch.service.gather import Request
 
-    loaded = _load(plant, source)
+    loaded = loaded_plant(plant, source)
     chosen = read_options(
         zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
     )
@@ -77,9 +74,9 @@ def screen(
     request = Request(
         sources=tuple(source or ()),
         plant=loaded,
-        tags=_tags(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
+        tags=tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
         valve=valve,
-        window=_window(from_, to, home),
+        window=window_of(from_, to, home),
         read_options=chosen,
     )
     screenings = _run(request, out, db, workers, new_baseline, json_file)
@@ -87,42 +84,12 @@ def screen(
         raise typer.Exit(1)
 
 
-def _load(plant: Path | None, source: Sequence[str] | None) -> Plant | None:
-    from stemwatch.service.plantfile import load_plant
-
-    if plant is None:
-        if not source:
-            raise typer.BadParameter("give a file, a folder or --plant plant.toml")
-        return None
-    return load_plant(o.need_file(plant, "--plant"))
-
-
-def _tags(**named: str):  # type: ignore[no-untyped-def]  # Role is imported late, with numpy
-    from stemwatch.models.recording import Role
-
-    tags = {Role(name): tag for name, tag in named.items() if tag}
-    if tags and Role.OP not in tags:
-        raise typer.BadParameter(
-            "the controller output is needed: --op TAG (`stemwatch inspect` lists the tags)",
-            param_hint="--op",
-        )
-    return tags
-
-
-def _window(from_: str, to: str, zone: str):  # type: ignore[no-untyped-def]
-    from stemwatch.connectors.connector import Window
-
-    start, stop = o.instant(from_, zone, "--from"), o.instant(to, zone, "--to")
-    if start is not None and stop is not None and start >= stop:
-        raise typer.BadParameter(f"--from {start} is not before --to {stop}", param_hint="--from")
-    return Window(start=start, stop=stop)
-
-
 def screen_plant(plant: Path, out: Path, workers: int | None) -> tuple[Screening, ...]:
     """Screen a plant file's own sources into its own database."""
+    from stemwatch.service.cli.reading import loaded_plant
     from stemwatch.service.gather import Request
 
-    return _run(Request(plant=_load(plant, None)), out, "", workers, False, None)
+    return _run(Request(plant=loaded_plant(plant, None)), out, "", workers, False, None)
 
 
 def _run(
