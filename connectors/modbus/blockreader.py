@@ -76,7 +76,8 @@ class _Alike:
         picked = words[self._index]
         if self._swaps:
             picked = picked.byteswap()
-        raw = picked.astype(">u2").view(self._dtype)[:, 0].astype(np.float64)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like any other
+            raw = picked.astype(">u2").view(self._dtype)[:, 0].astype(np.float64)
         with np.errstate(over="ignore", invalid="ignore"):
             values = raw * self._scale + self._offset
         quality = np.zeros(len(values), dtype=np.uint8)

@@ -128,8 +128,8 @@ def _compressed(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 
 def _slow_venting(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
     """A restricted exhaust and a command that comes late, in a loop that is moved."""
-    actuator = replace(loop.valve.actuator, air_lag_s=0.3, dead_time_s=1.8)
-    valve = replace(loop.valve, actuator=actuator, air_line=AirLine(vent_percent_per_s=0.9))
+    actuator = replace(loop.valve.actuator, air_lag_s=0.15, dead_time_s=2.5)
+    valve = replace(loop.valve, actuator=actuator, air_line=AirLine(vent_percent_per_s=0.5))
     return _set_points(replace(loop, valve=valve), rng)
 
 

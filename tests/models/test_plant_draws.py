@@ -68,7 +68,7 @@ def test_the_demo_plant_is_complete() -> None:
     assert {7200.0} == {loop.duration_s for loop in loops}
     assert all(loop.description and loop.area for loop in loops)
     assert {1, 2, 3} == {loop.criticality for loop in loops}
-    assert 9 == sum(loop.valve.healthy for loop in loops)
+    assert 10 == sum(loop.valve.healthy for loop in loops)
     assert set(Shape) == {loop.valve.shape for loop in loops if not loop.valve.healthy}
 
 

@@ -56,8 +56,17 @@ def test_the_demo_leaves_report_database_and_plant_file(demo: Path) -> None:
 def test_no_healthy_valve_of_the_demo_is_called_sticky(found, truth) -> None:
     """Bad tuning, disturbances, bad data and a frozen transmitter are not taken for stiction."""
     healthy = {tag for tag, valve in truth.items() if valve["healthy"]}
-    assert 9 == len(healthy)
+    assert 10 == len(healthy)
     assert set() == {tag for tag in healthy if found[tag]["verdict"] == "sticky"}
+
+
+def test_the_hidden_physics_of_the_demo_is_named(found) -> None:
+    """The valve that vents slowly and is told late: both are named, and the fit grows."""
+    mismatch = found["FIC-115"]["mismatch"]
+    named = {slug for effect in mismatch["effects"] for slug in effect["class"]}
+    assert {"dead_time", "asymmetric_rate_limit"} <= named
+    assert mismatch["stiction"]["restated"]["S"]["value"] < 1.0
+    assert mismatch["heldout"]["rmse_extended"] < 0.5 * mismatch["heldout"]["rmse_naive"]
 
 
 def test_every_sticking_valve_with_a_position_is_found(found, truth) -> None:

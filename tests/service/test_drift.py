@@ -241,7 +241,8 @@ def test_the_json_can_be_counted_again() -> None:
     watch = written["limits"]["watch limit"]
     (growing,) = [row for row in watch["alarms"] if row["of"] == "growing stiction"]
     counted = [r["score"] for r in written["followed"] if r["way"] == "growing stiction"]
-    assert growing["alarms"] == sum(score is not None and score > 3.0 for score in counted)
+    limit = Limits().baseline_ratio_watch
+    assert growing["alarms"] == sum(score is not None and score > limit for score in counted)
 
 
 def test_the_command_writes_its_json(tmp_path) -> None:
