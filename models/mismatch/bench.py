@@ -2,8 +2,8 @@
 
 Every hypothesis has the six coordinates of the base (S, J/S, the reading's zero and gain, a delay
 within the sampling interval, the speed below which a moving stem sticks again) and those of its
-terms. At a term's neutral values it is the base, so
-that a richer hypothesis can only win by what it adds on blocks of time that it was not fitted to.
+terms. At a term's neutral values it is the base (a ringing positioner alone has no neutral value),
+so that a richer hypothesis can only win by what it adds on blocks that it was not fitted to.
 """
 
 from __future__ import annotations

@@ -26,7 +26,6 @@ from stemwatch.models.mismatch.findings import (
     Mismatch,
     RecordEffect,
     ResidualMap,
-    Runs,
     Stiction,
     Untestable,
 )
@@ -220,16 +219,17 @@ def _told(case: _Case) -> Mismatch:
         open_end = open_end or (bool(effects) and not kept)
         effects = kept
     finding = _finding(effects, open_end)
+    before = _map(bench, shown.runs.naive)
     return Mismatch(
         finding=finding,
-        sentence=_sentence(finding, effects, case.refused),
+        sentence=_sentence(finding, effects, case.refused, before),
         naive=_stiction(draws(plain, simple, naive), naive),
         restated=_stiction(drawn, best),
         effects=effects,
         record_effects=case.settled.effects,
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=shown.heldout,
-        before=_map(bench, shown.runs.naive),
+        before=before,
         after=_map(bench, shown.runs.extended),
         runs=shown.runs,
         p_value=chance(max(one.evidence.strength for one in effects)) if effects else None,
@@ -339,15 +339,22 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
     return Finding.NAMED if single else Finding.CANDIDATES
 
 
-def _sentence(finding: Finding, effects: tuple[Effect, ...], refused: Mapping[str, str]) -> str:
+def _sentence(
+    finding: Finding,
+    effects: tuple[Effect, ...],
+    refused: Mapping[str, str],
+    before: ResidualMap,
+) -> str:
     if finding is Finding.NONE:
         tail = f" {len(refused)} effects could not be tested here." if refused else ""
         return f"S and J explain this recording; nothing else is needed.{tail}"
     if finding is Finding.UNKNOWN:
-        return (
-            "S and J do not explain this recording, and nothing in the catalogue does; the "
-            "residual map shows where it differs."
+        where = (
+            "the residual map shows where it differs"
+            if before.hot
+            else "it differs all over the record, in no single place"
         )
+        return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
     return " ".join(one.sentence for one in effects)
 
 
@@ -377,6 +384,3 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
     first: tuple[Score, ...] = named.stages[0].scores
     return {one.slug: (one.advantage.mean, one.advantage.t) for one in first}
-
-
-__all__ = ["Runs", "admissible", "explain", "look_of", "problem_of", "scores"]

@@ -336,8 +336,7 @@ def run_loop(
     without noise, position that the sensor's linkage has, all percent, and the number of times
     the stem came to rest.
     """
-    count = (steps.total - steps.record_phase + steps.record - 1) // steps.record
-    records = np.empty((count, 5))
+    records = np.empty(((steps.total - steps.record_phase + steps.record - 1) // steps.record, 5))
     outputs = np.full(scans.shape[1], c.output)
     delay_line = np.full(steps.process_delay + 1, c.output)
     stem, air, body = valve.stem, valve.air, valve.body
@@ -346,19 +345,20 @@ def run_loop(
     v, level, linked, push, factor = 0.0, stem.breakaway_n, x, 0.0, 1.0
     line_state, stem_state = np.array([pressure, 0.0, 0.0]), np.zeros(3)
     op = command = c.output
-    integral = op - c.gain * (scans[0, 0] - process.pv_percent)
-    pv, read, filtered = process.pv_percent, process.pv_percent, process.pv_percent
+    pv = read = filtered = process.pv_percent
+    integral = op - c.gain * (scans[0, 0] - pv)
     first, second, scan, record, standings, slot = 0.0, 0.0, 0, 0, 0, 0
     # A Karnopp stem comes to rest at zero; bristles settle for ever.
     rest_band = stem.rest_band_m_per_s if valve.packing.bristle_n_per_m > 0.0 else 0.0
     for i in range(steps.total):
         if i % steps.record == steps.record_phase:
-            per = 100.0 / stem.stroke_m
-            records[record], record = (per * x, op, read, pv, per * linked), record + 1
+            sensed = 100.0 * linked / stem.stroke_m
+            records[record] = (100.0 * x / stem.stroke_m, op, read, pv, sensed)
+            record += 1
         if i % steps.scan == 0:
             read, slope, filtered = controller_reading(pv + scans[2, scan], filtered, c)
-            automatic, hold = np.isnan(scans[1, scan]), scans[1, scan]
-            hold = op if np.isinf(hold) else hold
+            automatic, manual = np.isnan(scans[1, scan]), scans[1, scan]
+            hold = op if np.isinf(manual) else manual
             error = scans[0, scan] - read
             op, integral = controller_scan(error, slope, integral, automatic, hold, c)
             outputs[scan] = op
@@ -380,7 +380,7 @@ def run_loop(
         delayed = delay_line[slot]
         delay_line[slot] = 100.0 * x / stem.stroke_m
         slot = slot + 1 if slot < steps.process_delay else 0
-        entered = delayed - process.balance_percent + load[i // steps.load]
-        first, second = process_step(entered, first, second, dt, process)
+        inflow = delayed - process.balance_percent + load[i // steps.load]
+        first, second = process_step(inflow, first, second, dt, process)
         pv = process.pv_percent + second
     return records, standings
