@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,10 @@ STRICT = os.environ.get("STRICT", "") not in ("", "0")
 MUST_RUN = ("browser", "postgres")
 RECORDINGS = "STEMWATCH_RECORDINGS"
 BESIDE_THE_CHECKOUT = Path(__file__).parent.parent.parent / "shared" / "recordings"
+
+# A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
