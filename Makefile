@@ -3,6 +3,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 OUT ?= demo
+BENCH ?= bench
+LIVE ?= demo-live
 # An editable install sees every change of the sources; EDITABLE=no installs as a plant would.
 EDITABLE ?= yes
 # STRICT=1 turns skipped browser and database tests into failures.
@@ -32,11 +34,14 @@ define step
 	else echo 'failed:'; cat $(LOG); exit 1; fi
 endef
 
-.PHONY: demo test check clean help
+.PHONY: demo test check live bench clean help
 .DEFAULT_GOAL := help
 
 demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write its report into demo/
 	@$(BIN)/stemwatch demo --out $(OUT)
+
+live: $(VENV)/can-run ## The live demo: a plant whose valve wears, the service, and its mails; Ctrl-C ends it
+	@$(BIN)/stemwatch demo --live --out $(LIVE)
 
 test: check ## All checks and all tests; sets up what they need
 	@echo 'Running the tests ...'
@@ -47,6 +52,9 @@ check: $(VENV)/can-test .typed/stemwatch ## Style, import rules and types, witho
 	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports --no-cache)
 	$(call step,Checking the types of the packages (mypy),$(BIN)/mypy)
 	$(call step,Checking the types of the tests (mypy),$(BIN)/mypy tests)
+
+bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; FULL=yes takes longer
+	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)
 
 clean: ## Remove the environment, caches and build folders
 	rm -rf $(VENV) .typed build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

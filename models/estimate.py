@@ -36,7 +36,17 @@ class Estimate:
     def __str__(self) -> str:
         if self.value is None:
             return f"not known: {self.reason}"
-        text = f"{self.value:.3g}"
-        if self.low is not None and self.high is not None:
-            text += f" ({self.low:.3g} to {self.high:.3g})"
-        return f"{text} {self.unit}".rstrip()
+        if self.low is None or self.high is None:
+            return f"{self.value:.3g} {self.unit}".rstrip()
+        digits = _digits(self.value)
+        ends = f"{self.low:{digits}} to {self.high:{digits}}"
+        return f"{self.value:{digits}} ({ends}) {self.unit}".rstrip()
+
+
+def _digits(value: float) -> str:
+    """Three significant digits of ``value``, and of its ends as many decimals: 5.23 (4.70 to 5.95).
+    Very large and very small numbers have three digits each."""
+    size = abs(value)
+    if not 0.1 <= size < 1000.0:
+        return ".3g"
+    return f".{3 if size < 1.0 else 2 if size < 10.0 else 1 if size < 100.0 else 0}f"

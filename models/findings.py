@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.findings import Mismatch, Runs
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.recording import Floats, Provenance, Recording
+from stemwatch.models.recording import Floats, Provenance, Recording, Role
 from stemwatch.models.verdict import Shape, Verdict
 
 
@@ -63,6 +63,40 @@ class Traces:
     heldout_from: int | None = None  # first sample of the part that no model was fitted to
 
 
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """What stays known of a recording when samples are let go.
+
+    ``tags`` has (tag, unit) of each role; ``zone`` is how times became UTC.
+    """
+
+    start: datetime | None
+    end: datetime | None
+    interval_s: float
+    samples: int
+    usable_share: float
+    tags: Mapping[Role, tuple[str, str]]
+    zone: str = ""
+
+    @classmethod
+    def of(cls, recording: Recording) -> Seen:
+        """What is known of ``recording``."""
+        return cls(
+            start=recording.start,
+            end=recording.end,
+            interval_s=recording.interval_s,
+            samples=len(recording),
+            usable_share=float(np.mean(recording.usable)) if len(recording) else 0.0,
+            tags={role: (one.tag, one.unit) for role, one in recording.signals.items()},
+            zone=recording.clock.zone,
+        )
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first sample to just after the last."""
+        return self.samples * self.interval_s
+
+
 def _empty_traces() -> Traces:
     return Traces()
 
@@ -87,7 +121,8 @@ class Screening:
     network: NarxNetwork | None = None
     baseline_note: str = ""  # which baseline the comparison refers to, or that there is none
     traces: Traces = field(default_factory=_empty_traces)
-    recording: Recording | None = None  # None where the source could not be read at all
+    recording: Recording | None = None  # None where nothing could be read, or it was let go
+    kept: Seen | None = None  # what the whole was, where samples were let go
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
     seconds: float = 0.0
@@ -95,10 +130,59 @@ class Screening:
     @property
     def window(self) -> tuple[datetime | None, datetime | None]:
         """UTC start and end, ``None`` where the source does not tell."""
-        if self.recording is None:
-            return None, None
-        return self.recording.start, self.recording.end
+        seen = self.recording if self.kept is None else self.kept
+        return (None, None) if seen is None else (seen.start, seen.end)
+
+    @property
+    def seen(self) -> Seen | None:
+        """What is known of the recording; ``None`` where the source could not be read at all."""
+        if self.kept is not None or self.recording is None:
+            return self.kept
+        return Seen.of(self.recording)
 
     def finite_share(self) -> float:
         """Share of samples a fit could use."""
-        return 0.0 if self.recording is None else float(np.mean(self.recording.usable))
+        seen = self.seen
+        return 0.0 if seen is None else seen.usable_share
+
+    def without_samples(self) -> Screening:
+        """The same result without a single sample: no recording, no traces, no free runs.
+
+        A day of a valve at 1 s is some 6 MB, what was found in it some 30 KB.
+        """
+        short = self.excerpt(0, 0)
+        return replace(short, recording=None, traces=Traces())
+
+    def excerpt(self, first: int, last: int) -> Screening:
+        """The same result with samples ``first`` (inclusive) to ``last`` (exclusive) only.
+
+        ``kept`` then says what the whole was.
+        """
+        if self.recording is None:
+            return self
+        traces, mismatch = self.traces, self.mismatch
+        runs = None if mismatch is None else mismatch.runs
+        if mismatch is not None and runs is not None:
+            part = Runs(
+                naive=_copy(runs.naive, first, last),
+                extended=_copy(runs.extended, first, last),
+                heldout_from=max(runs.heldout_from - first, 0),
+            )
+            mismatch = replace(mismatch, runs=part if last > first else None)
+        heldout = traces.heldout_from
+        return replace(
+            self,
+            recording=self.recording.part(first, last),
+            kept=self.seen,
+            traces=Traces(
+                stiction=None if traces.stiction is None else _copy(traces.stiction, first, last),
+                narx=None if traces.narx is None else _copy(traces.narx, first, last),
+                heldout_from=None if heldout is None else max(heldout - first, 0),
+            ),
+            mismatch=mismatch,
+        )
+
+
+def _copy(trace: Floats, first: int, last: int) -> Floats:
+    """A part that does not hold on to the whole."""
+    return trace[first:last].copy()

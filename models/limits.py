@@ -23,6 +23,9 @@ class Limits:
     min_samples: float = 200.0
     max_bad_share: float = 0.3  # share of OP, MV pairs that may be unusable
     max_interpolated_share: float = 0.35  # share of samples that a historian drew, not measured
+    # Of a record of more than twice as many samples only the most telling so many are fitted: what
+    # a fit costs grows with the samples, what it learns does not (see ``models.telling``).
+    fitted_samples: float = 3600.0
     min_fit_percent: float = 40.0  # held-out fit below which S and J describe nothing
     # How much worse than in its baseline window a valve may follow its baseline network before it
     # is watched. On the safe side of what `stemwatch drift` prints: a loop that is run quite
@@ -34,4 +37,9 @@ class Limits:
             raise ValueError(
                 "expected 0 < watch_S_percent <= sticky_S_percent, received "
                 f"{self.watch_S_percent} and {self.sticky_S_percent}"
+            )
+        if not self.fitted_samples >= self.min_samples:
+            raise ValueError(
+                "expected fitted_samples of at least min_samples, received "
+                f"{self.fitted_samples} and {self.min_samples}"
             )

@@ -3,7 +3,8 @@
     recording -> quality -> stick-slip fit -> NARX fit -> mismatch -> baseline -> verdict
 
 Each valve stands alone: one that fails is a result with a reason and the rest goes on. The
-networks of all valves in a call train together.
+networks of all valves in a call train together. A long recording is fitted on its most telling
+stretch (``models.telling``); what needs no fit is taken from all of it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from stemwatch.models.judge import Evidence, Judgement, judge, undetermined
 from stemwatch.models.limits import Limits
 from stemwatch.models.loop import loop_oscillation
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.findings import Mismatch, Runs
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess
@@ -29,10 +30,12 @@ from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording, R
 from stemwatch.models.sight import still_seen
 from stemwatch.models.slowness import beside_friction, slowness
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.events import slip_events
+from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
+from stemwatch.models.stickslip.problem import make_problem
+from stemwatch.models.telling import Stretch, most_telling, on_whole_clock, said
 from stemwatch.models.verdict import Verdict
 
 
@@ -60,10 +63,17 @@ DEFAULTS = Options()
 
 @dataclass(frozen=True, kw_only=True)
 class _Fitted:
-    """A case on its way: assessed, and fitted where nothing stood in the way."""
+    """A case on its way: assessed, and fitted where nothing stood in the way.
+
+    ``recording`` is what was fitted: all of the case's, or its ``stretch``; ``masked`` the same
+    without what record effects spoilt.
+    """
 
     case: Case
-    assessment: Assessment
+    assessment: Assessment  # of the whole recording
+    recording: Recording
+    masked: Recording
+    stretch: Stretch | None
     fit: StickSlipFit | None
     sample: StickSlipSample | None
     seconds: float
@@ -118,21 +128,42 @@ def _fit_or_reason(case: Case, limits: Limits) -> _Fitted | Screening:
 def _fit(case: Case, limits: Limits) -> _Fitted:
     began = time.perf_counter()
     assessment = assess(case.recording, limits)
-    fit = None if assessment.obstacles else fit_stickslip(assessment.recording)
+    recording, masked, stretch = case.recording, assessment.recording, None
+    if not assessment.obstacles:
+        recording, masked, stretch = _to_fit(case.recording, assessment, limits)
+    fit = None if assessment.obstacles else fit_stickslip(masked)
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
         case=case,
         assessment=assessment,
+        recording=recording,
+        masked=masked,
+        stretch=stretch,
         fit=fit,
         sample=sample,
         seconds=time.perf_counter() - began,
     )
 
 
+def _to_fit(
+    recording: Recording, assessment: Assessment, limits: Limits
+) -> tuple[Recording, Recording, Stretch | None]:
+    """What to fit, as it is and masked: the shortest telling stretch that carries a verdict as the
+    whole does, each twice as long as the one before; else all."""
+    samples = round(limits.fitted_samples)
+    while (stretch := most_telling(recording, samples)) is not None:
+        part = recording.part(stretch.first, stretch.last)
+        found = assess(part, limits)
+        if not found.obstacles:
+            return part, found.recording, stretch
+        samples *= 2
+    return recording, assessment.recording, None
+
+
 def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[NarxFit | None]:
     """A network for each case that has a fit, all trained together."""
     ready = [
-        (at, one.fit, one.assessment.recording)
+        (at, one.fit, one.masked)
         for at, one in enumerate(fitted)
         if isinstance(one, _Fitted) and one.fit is not None
     ]
@@ -192,7 +223,7 @@ def _conclude(one: _Fitted, network: NarxFit | None, options: Options) -> Screen
         screening = _without_verdict(one)
     else:
         ceiling = network.simulated if network is not None else None
-        left_out = explain(one.case.recording, ceiling=ceiling) if options.mismatch else None
+        left_out = explain(one.recording, ceiling=ceiling) if options.mismatch else None
         screening = _with_verdict(one, one.fit, one.sample, network, left_out, options.limits)
     seconds = one.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
@@ -206,7 +237,7 @@ def _screening(
     residuals: dict[str, Residual | None],
     found: list[Indicator],
 ) -> Screening:
-    recording = one.case.recording
+    recording = _remembering(one.case.recording, one.stretch)
     seen = judgement.verdict is Verdict.UNDETERMINED
     return Screening(
         valve=recording.valve,
@@ -226,6 +257,14 @@ def _screening(
         recording=recording,
         provenance=recording.provenance,
     )
+
+
+def _remembering(recording: Recording, stretch: Stretch | None) -> Recording:
+    """The recording with the sentence that says what of it was fitted."""
+    if stretch is None:
+        return recording
+    decisions = (*recording.provenance.decisions, said(stretch, recording))
+    return replace(recording, provenance=replace(recording.provenance, decisions=decisions))
 
 
 def _without_verdict(one: _Fitted) -> Screening:
@@ -260,14 +299,14 @@ def _with_verdict(
     limits: Limits,
 ) -> Screening:
     S, J, S_draws = _stiction(fit, sample, left_out)
-    compared = residual.of_baseline(one.case.baseline, one.assessment.recording)
+    compared = residual.of_baseline(one.case.baseline, one.masked)
     residuals = {
         "stiction": residual.of_stiction(fit, resynced=False),
         "narx": residual.of_narx(network),
         "baseline": compared.residual,
     }
     events = slip_events(fit)
-    cycle = loop_oscillation(one.case.recording).get(Role.OP)
+    cycle = loop_oscillation(one.recording).get(Role.OP)
     evidence = Evidence(
         S=S,
         J=J,
@@ -289,19 +328,50 @@ def _with_verdict(
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
     found = [
         *indicators.of_recording(one.assessment.recording),
-        *indicators.of_movement(fit.bench.problem, events),
+        *_movement(one, fit, events),
         *indicators.of_friction(fit, S, J),
         *indicators.of_residuals(residuals, compared.ratio),
     ]
     screening = _screening(one, judgement, S, J, residuals, found)
     return replace(
         screening,
-        mismatch=left_out,
+        mismatch=_on_whole_clock(left_out, one),
         baseline_note=" ".join(filter(None, (one.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
-        traces=Traces(
-            stiction=fit.heldout(),
-            narx=network.simulated if network is not None else None,
-            heldout_from=fit.first_heldout,
-        ),
+        traces=_traces(one, fit, network),
     )
+
+
+def _movement(one: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[Indicator]:
+    """How the stem moved in the whole recording, whatever part of it was fitted."""
+    if one.stretch is None:
+        return indicators.of_movement(fit.bench.problem, events)
+    whole = make_problem(one.assessment.recording)
+    bench = replace(fit.bench, problem=whole)
+    return indicators.of_movement(whole, slip_events(replace(fit, bench=bench)))
+
+
+def _traces(one: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:
+    """The free runs on the clock of the whole recording."""
+    stiction, narx = fit.heldout(), network.simulated if network is not None else None
+    if one.stretch is None:
+        return Traces(stiction=stiction, narx=narx, heldout_from=fit.first_heldout)
+    first, samples = one.stretch.first, len(one.case.recording)
+    return Traces(
+        stiction=on_whole_clock(stiction, first, samples),
+        narx=None if narx is None else on_whole_clock(narx, first, samples),
+        heldout_from=first + fit.first_heldout,
+    )
+
+
+def _on_whole_clock(left_out: Mismatch | None, one: _Fitted) -> Mismatch | None:
+    """The mismatch with its free runs on the clock of the whole recording."""
+    if left_out is None or left_out.runs is None or one.stretch is None:
+        return left_out
+    first, samples, runs = one.stretch.first, len(one.case.recording), left_out.runs
+    on_clock = Runs(
+        naive=on_whole_clock(runs.naive, first, samples),
+        extended=on_whole_clock(runs.extended, first, samples),
+        heldout_from=first + runs.heldout_from,
+    )
+    return replace(left_out, runs=on_clock)

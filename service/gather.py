@@ -15,9 +15,11 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
+from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
-from stemwatch.service.plantfile import Plant
-from stemwatch.service.tasks import InStore, Task, open_file
+from stemwatch.service.heading import headed_tags
+from stemwatch.service.plantfile import Plant, Valve
+from stemwatch.service.tasks import InStore, Task, open_archive, open_file
 
 MOST_NAMED = 12  # tags of a file that are listed
 NO_VALVE = (
@@ -50,8 +52,9 @@ def gather(request: Request) -> Gathered:
     """The tasks of a request. Raises ``UnreadableSource`` where a source names nothing."""
     if request.plant is not None and not request.sources:
         return _of_plant(request, request.plant)
-    found = find_sources(request.sources)
-    tasks: list[Task] = []
+    archives, others = split_archives(request.sources)
+    found = find_sources(others)
+    tasks = [task for path in archives for task in _of_archive(request, path)]
     for path in found.paths:
         tasks += _of_file(request, str(path))
     skipped = tuple((str(path), reason) for path, reason in found.skipped)
@@ -64,6 +67,7 @@ def _of_plant(request: Request, plant: Plant) -> Gathered:
     not_read: list[tuple[str, str]] = []
     live = [valve for valve in plant.valves.values() if plant.is_live(valve)]
     tasks += [live_task(plant, valve.id, request.window) for valve in live]
+    tasks += [archive_task(plant, v.id, request.window) for v in _archived(plant)]
     for source in plant.sources.values():
         if source.folder is not None:
             continue
@@ -84,6 +88,16 @@ def live_task(plant: Plant, valve: str, window: Window) -> Task:
     return Task(path=source, tags=plant.valve_tags(valve), stored=stored, window=window)
 
 
+def archive_task(plant: Plant, valve: str, window: Window) -> Task:
+    """The task of a valve that is read from an archive, by whoever does the work."""
+    address = plant.archive_of(valve)
+    return Task(path=str(address), tags=plant.valve_tags(valve), archive=address, window=window)
+
+
+def _archived(plant: Plant) -> list[Valve]:
+    return [valve for valve in plant.valves.values() if valve.source in plant.archives]
+
+
 def tasks_of_files(
     valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, window: Window
 ) -> list[Task]:
@@ -91,9 +105,12 @@ def tasks_of_files(
     tasks: list[Task] = []
     seen: set[str] = set()
     broken: list[str] = []
+    wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
     for path in files:
         try:
-            there = {info.tag for info in open_file(path, options).tags()}
+            there = headed_tags(path, wanted) or {
+                info.tag for info in open_file(path, options).tags()
+            }
         except ConnectorError as error:
             broken.append(str(error))
             continue
@@ -145,6 +162,30 @@ def _of_file(request: Request, path: str) -> list[Task]:
     return [_task(path, valve, options, window) for valve in proposed]
 
 
+def _of_archive(request: Request, path: str) -> list[Task]:
+    """The tasks of Parquet files: by the plant, by the tags given, or by what they tell."""
+    options = request.read_options
+    if request.plant is not None:
+        options = _plant_options(request.plant, path, options)
+    address = ParquetAddress(path, options)
+    try:
+        if request.plant is not None:
+            there = {info.tag for info in open_archive(address).tags()}
+            tagged = [request.plant.valve_tags(valve) for valve in request.plant.valves.values()]
+            valves = [valve for valve in tagged if valve.tags[Role.OP].tag in there]
+            reason = f"{path}: none of the plant's OP tags is in it"
+        elif request.tags:
+            tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
+            valves = [ValveTags(valve=request.valve or Path(path).stem, tags=tags)]
+        else:
+            valves, reason = propose_valves(open_archive(address)), NO_VALVE
+    except ConnectorError as error:
+        return [_hopeless(path, Path(path).stem, str(error))]
+    if not valves:
+        return [_hopeless(path, Path(path).stem, reason)]
+    return [Task(path=path, tags=tags, archive=address, window=request.window) for tags in valves]
+
+
 def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
     """How the plant says its exports are written, with what the command line says laid over it.
 
@@ -186,4 +227,12 @@ def _hopeless(path: str, valve: str, reason: str) -> Task:
     return Task(path=path, tags=tags, reason=reason)
 
 
-__all__ = ["Gathered", "Request", "UnreadableSource", "gather", "live_task", "tasks_of_files"]
+__all__ = [
+    "Gathered",
+    "Request",
+    "UnreadableSource",
+    "archive_task",
+    "gather",
+    "live_task",
+    "tasks_of_files",
+]

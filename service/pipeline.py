@@ -7,23 +7,29 @@ Nothing here knows how a file is read or how a valve is judged.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import accumulate
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.findings import Residual, Screening
 from stemwatch.models.limits import Limits
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
+from stemwatch.service.alerts.held_back import hold_back
 from stemwatch.service.executors import Executor
 from stemwatch.service.gather import Gathered, Request, gather
+from stemwatch.service.maintenance import write_maintenance
+from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.context import PreviousFinding, SourceNotRead, ValveFacts
+from stemwatch.service.report.page import MOST_PLOTTED
+from stemwatch.service.report.shelf import Shelf
 from stemwatch.service.store.address import masked_command
 from stemwatch.service.store.store import Store
-from stemwatch.service.tasks import StoredBaseline, Task, in_chunks, screen_chunk
+from stemwatch.service.tasks import StoredBaseline, Task, in_chunks, screen_packed
 
 # Valves that one worker takes at a time. Their networks train together, which is quicker; but every
 # worker should have some, and progress should be seen.
@@ -48,16 +54,26 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """What came out: screenings in the tasks' order, the report, and what was not saved or read."""
+    """What came out.
 
-    screenings: tuple[Screening, ...]
+    ``screenings`` are those of the tasks in their order, without their samples (an excerpt is left
+    of valves that need work); they are read from a disk when they are asked for. ``brief`` are the
+    same in memory, with as much as a line of text needs.
+    """
+
+    screenings: Sequence[Screening]
+    brief: tuple[Screening, ...]
     report: ReportFiles
     not_read: tuple[tuple[str, str], ...]
     not_saved: tuple[tuple[str, str], ...]
 
 
 def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
-    """Screen everything a request names. Raises ``UnreadableSource`` and ``StoreError``."""
+    """Screen everything a request names. Raises ``UnreadableSource`` and ``StoreError``.
+
+    Each piece of work is saved and its samples let go as soon as it is done, so that memory does
+    not grow with the valves.
+    """
     started = datetime.now(UTC)
     gathered = gather(request)
     digest = request.plant.settings_digest if request.plant else ""
@@ -79,13 +95,18 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
         saved = how.store.save_many(screenings, number, compared)
         not_saved.extend((failure.valve, failure.reason) for failure in saved.failures)
 
-    screenings = screen_all(tasks, how, tell, keep)
-    _keep_networks(screenings, how)
+    shelf, brief = screen_all(tasks, how, tell, keep)
+    _keep_networks(shelf, how)
+    hold_back(how.store, number)
     how.store.finish_run(number)
     context = _context(request, how, gathered, previous, started, digest)
+    report = write_report(shelf, context, how.out, shelf.evidence)
+    background = background_of(how.store, request.plant, number)
+    write_maintenance(shelf, context, how.out, background)
     return RunResult(
-        screenings=tuple(screenings),
-        report=write_report(screenings, context, how.out),
+        screenings=shelf,
+        brief=brief,
+        report=report,
         not_read=gathered.not_read,
         not_saved=tuple(not_saved),
     )
@@ -93,22 +114,30 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
 
 def screen_all(
     tasks: Sequence[Task], how: Run, tell: Told, keep: Callable[[Sequence[Screening]], None]
-) -> list[Screening]:
+) -> tuple[Shelf, tuple[Screening, ...]]:
     """A screening for each task, in the tasks' order, whatever order they were done in.
 
     ``keep`` gets each chunk's screenings as soon as they are there.
     """
     share = -(-len(tasks) // (CHUNKS_PER_WORKER * how.executor.workers))
     chunks = in_chunks(tasks, how.limits, max(1, min(CHUNK, share)))
-    done: dict[int, list[Screening]] = {}
-    count = 0
-    for place, screenings in how.executor.map(screen_chunk, chunks):
-        done[place] = screenings
-        keep(screenings)
-        for screening in screenings:
-            count += 1
-            tell(screening, count, len(tasks))
-    return [screening for place in sorted(done) for screening in done[place]]
+    firsts = list(accumulate((len(chunk.tasks) for chunk in chunks), initial=0))
+    shelf, brief = Shelf(MOST_PLOTTED), dict[int, Screening]()
+    for number, found in how.executor.map(screen_packed, chunks):
+        keep([screening for screening, _ in found])
+        for place, (screening, evidence) in enumerate(found, start=firsts[number]):
+            shelf.add(place, screening, evidence)
+            brief[place] = in_brief(screening)
+            tell(brief[place], len(brief), len(tasks))
+    return shelf, tuple(brief[place] for place in sorted(brief))
+
+
+def in_brief(screening: Screening) -> Screening:
+    """As much of a result as a line of text needs: 2 KB."""
+    nothing: dict[str, Residual | None] = {}
+    return replace(
+        screening.without_samples(), indicators={}, residuals=nothing, mismatch=None, network=None
+    )
 
 
 def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
@@ -137,7 +166,7 @@ def baselines_of(tasks: Sequence[Task]) -> dict[str, int]:
     }
 
 
-def _keep_networks(screenings: Sequence[Screening], how: Run) -> None:
+def _keep_networks(screenings: Iterable[Screening], how: Run) -> None:
     """Keep each valve's fitted network, and make it the baseline where one is due.
 
     A valve's first window with a network is its first baseline; a healthy one replaces a baseline
@@ -232,5 +261,6 @@ def facts_of(plant: Plant | None, valve: str, previous: PreviousFinding | None) 
         description=entry.description,
         area=entry.area,
         criticality=str(entry.criticality),
+        stroke=entry.stroke or "",
         previous=previous,
     )

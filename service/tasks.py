@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -9,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stemwatch.connectors.archive.address import Archive, ArchiveAddress
 from stemwatch.connectors.connector import (
     WHOLE,
     Connector,
@@ -19,10 +21,11 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
-from stemwatch.models.recording import Provenance
+from stemwatch.models.recording import Provenance, Recording
 from stemwatch.service.store import Address, StoreError
 
 if TYPE_CHECKING:
+    from stemwatch.service.report.evidence import Evidence
     from stemwatch.service.store.store import Store
 
 
@@ -51,12 +54,14 @@ class InStore:
 class Task:
     """Screen ``tags`` as read from ``path``; ``reason`` is set where that is already hopeless.
 
-    Where ``stored`` is given the samples come from there, and ``path`` only names the source.
+    Where ``stored`` or ``archive`` is given the samples come from there, and ``path`` only names
+    the source.
     """
 
     path: str  # as the user gave it
     tags: ValveTags
     stored: InStore | None = None
+    archive: ArchiveAddress | None = None
     read_options: ReadOptions = field(default_factory=ReadOptions)
     window: Window = WHOLE
     baseline: StoredBaseline | None = None
@@ -66,10 +71,14 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class Chunk:
-    """Tasks that are done together: their files are opened once, their networks train together."""
+    """Tasks that are done together: their files are opened once, their networks train together.
+
+    ``folder`` is where relative paths begin, for a worker that was started elsewhere.
+    """
 
     tasks: tuple[Task, ...]
     limits: Limits
+    folder: str = field(default_factory=os.getcwd)
 
 
 @lru_cache(maxsize=2)
@@ -95,6 +104,20 @@ def _open_store(address: Address) -> Store:
     return open_store(address)
 
 
+@lru_cache(maxsize=4)
+def open_archive(address: ArchiveAddress) -> Archive:
+    """The archive, opened once in each process: its footers are read once."""
+    return address.open()
+
+
+def _recording(task: Task) -> Recording:
+    """What the task's source has of its valve, read in this process, next to the data."""
+    if task.archive is None:
+        return _connector(task).read(task.tags, task.window)
+    archive = open_archive(task.archive)
+    return archive.read(archive.present(task.tags), task.window)
+
+
 def _connector(task: Task) -> Connector:
     if task.stored is None:
         return open_file(task.path, task.read_options)
@@ -102,6 +125,25 @@ def _connector(task: Task) -> Connector:
 
     store = _open_store(task.stored.address)
     return StoredSamples(store.samples, task.stored.source, str(task.stored.address))
+
+
+def screen_packed(chunk: Chunk) -> list[tuple[Screening, Evidence]]:
+    """What ``screen_chunk`` finds, as it travels: plots instead of samples."""
+    from stemwatch.service.report.evidence import packed
+
+    _stand_in(chunk.folder)
+    screenings = screen_chunk(chunk)
+    found = []
+    while screenings:  # the samples of one are let go before the next is drawn
+        found.append(packed(screenings.pop(0)))
+    return found
+
+
+def _stand_in(folder: str) -> None:
+    """Relative paths mean to a worker what they mean to who asked: the worker of a cluster was
+    started anywhere. A folder that is not on its machine changes nothing."""
+    if os.getcwd() != folder and os.path.isdir(folder):
+        os.chdir(folder)
 
 
 def screen_chunk(chunk: Chunk) -> list[Screening]:
@@ -125,7 +167,7 @@ def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late,
     if task.reason:
         return replace(_unread(task, task.reason), still_seen=task.seen)
     try:
-        recording = _connector(task).read(task.tags, task.window)
+        recording = _recording(task)
     except (ConnectorError, StoreError) as error:
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:
@@ -148,6 +190,8 @@ def _unread(task: Task, reason: str) -> Screening:
     from stemwatch.models.screening import failed
 
     advice = "Run `stemwatch inspect` on the file: it shows what was understood of it."
+    if task.archive is not None:
+        advice = "Look at the source in the plant file: whether it has the tags and the window."
     if task.stored is not None:
         advice = "Look at the source's state: whether it is reached, and what it last delivered."
     return failed(task.tags.valve, reason, advice, Provenance(source=task.path))

@@ -54,7 +54,7 @@ def test_the_wheel_holds_every_file_of_the_three_folders(wheel: zipfile.ZipFile)
 def test_every_kind_of_file_the_product_needs_is_among_them(wheel: zipfile.ZipFile) -> None:
     """The list above is not empty by accident: each kind has at least one file in the wheel."""
     kinds = {Path(name).suffix for name in wheel.namelist()}
-    assert {".py", ".html", ".css", ".js", ".json", ".mako", ".typed"} <= kinds
+    assert {".py", ".html", ".css", ".js", ".json", ".mako", ".ttf", ".typed"} <= kinds
 
 
 def test_the_wheel_carries_the_licences(wheel: zipfile.ZipFile) -> None:
@@ -62,6 +62,7 @@ def test_the_wheel_carries_the_licences(wheel: zipfile.ZipFile) -> None:
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert "stemwatch/service/report/vendor/uPlot-LICENSE.txt" in names
+    assert "stemwatch/service/maintenance/fonts/DejaVu-LICENSE.txt" in names
 
 
 def test_the_command_is_an_entry_point_that_loads() -> None:

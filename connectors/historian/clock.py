@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.columns import Column, distinct_times, middle
 from stemwatch.connectors.historian.timefields import Ints
 from stemwatch.models.recording import ClockFacts, Floats, Quality
 
@@ -48,14 +48,14 @@ class Grid:
 def clock_facts(file_ns: Ints, zone: str) -> ClockFacts:
     """What the times of one series, in file order, were like."""
     steps = np.diff(file_ns)
-    ordered = np.unique(file_ns)
+    ordered = distinct_times(file_ns)
     forward = np.diff(ordered).astype(np.float64)
     if not forward.size:
         return ClockFacts(zone=zone, repeated_times=int(file_ns.size - ordered.size))
-    interval = float(np.median(forward))
+    interval = middle(forward)
     gaps = forward[forward > _GAP * interval]
     return ClockFacts(
-        jitter_s=float(np.median(np.abs(forward - interval))) / 1e9,
+        jitter_s=middle(np.abs(forward - interval)) / 1e9,
         gaps=int(gaps.size),
         longest_gap_s=float(gaps.max()) / 1e9 if gaps.size else 0.0,
         repeated_times=int(file_ns.size - ordered.size),
@@ -66,10 +66,12 @@ def clock_facts(file_ns: Ints, zone: str) -> ClockFacts:
 
 def by_exception(ns: Ints) -> bool:
     """Whether a tag's samples come when it changes, not at even steps."""
-    steps = np.diff(np.unique(ns)).astype(np.float64)
+    steps = np.diff(distinct_times(ns)).astype(np.float64)
     if steps.size < 10:
         return False
-    usual = float(np.median(steps))
+    usual = middle(steps)
+    if usual == steps.max() == steps.min():
+        return False
     off = np.abs(steps - usual) > 0.2 * usual
     return bool(np.percentile(steps, 90) > _EXCEPTION_SPREAD * usual or off.mean() > 0.5)
 
@@ -82,10 +84,10 @@ def interval_ns(ns: Ints) -> float:
     would drift half an interval away from the samples (33, 33, 34 ms). Of a tag reported by
     exception its 10th percentile step, rounded to 1, 2 or 5.
     """
-    steps = np.diff(np.unique(ns)).astype(np.float64)
+    steps = np.diff(distinct_times(ns)).astype(np.float64)
     if by_exception(ns):
         return _round_125(float(np.percentile(steps, 10)))
-    median = float(np.median(steps))
+    median = middle(steps)
     even = steps[steps <= _GAP * median]
     mean = float(even.mean())
     simple = float(f"{mean:.4g}")
@@ -102,7 +104,7 @@ def _round_125(value: float) -> float:
 
 def make_grid(ns: Ints, tag: str, source: str, window_ns: tuple[int | None, int | None]) -> Grid:
     """The even grid of ``ns``, cut to the window. Raises ``ConnectorError`` where there is none."""
-    distinct = np.unique(ns)
+    distinct = distinct_times(ns)
     if distinct.size < 2:
         raise ConnectorError(
             f"{source}: {tag}: {distinct.size} samples; at least two at different times are "
@@ -144,8 +146,8 @@ def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> Laid:
 
 
 def _median_step(ns: Ints, grid: Grid) -> float:
-    distinct = np.unique(ns)
-    return float(np.median(np.diff(distinct))) if distinct.size > 1 else grid.interval_ns
+    distinct = distinct_times(ns)
+    return middle(np.diff(distinct)) if distinct.size > 1 else grid.interval_ns
 
 
 def _lay_nearest(column: Column, grid: Grid) -> Laid:
@@ -214,4 +216,4 @@ def _hold_limit(ns: Ints, own: float, exception: bool) -> float:
     """A few of the tag's own intervals; by exception as long as it usually stays silent."""
     if not exception:
         return _HOLD * own
-    return max(_HOLD * own, float(np.percentile(np.diff(np.unique(ns)), 99)))
+    return max(_HOLD * own, float(np.percentile(np.diff(distinct_times(ns)), 99)))

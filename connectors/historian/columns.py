@@ -40,6 +40,28 @@ class Column:
     decisions: tuple[str, ...] = ()
 
 
+def own_interval_s(column: Column, *, command: bool) -> float | None:
+    """Seconds between the tag's own samples where slower than its rows."""
+    distinct = distinct_times(column.ns)
+    if distinct.size < 2:
+        return None
+    step = middle(np.diff(distinct))
+    ticks = np.round((column.ns - distinct[0]) / step).astype(np.int64)
+    own = faults.own_interval(ticks, column.values, command=command)
+    return None if own is None else own * step / 1e9
+
+
+def distinct_times(ns: Ints) -> Ints:
+    """``ns`` in order, each time once; without a sort where it is so already."""
+    return ns if ns.size and bool((np.diff(ns) > 0).all()) else np.unique(ns)
+
+
+def middle(steps: Floats | Ints) -> float:
+    """The median; without looking for it where all are equal, as those of a good clock are."""
+    low = steps.min()
+    return float(low if low == steps.max() else np.median(steps))
+
+
 def convert(
     raw: RawColumn,
     instants: Instants,
@@ -61,13 +83,42 @@ def convert(
     quality = _coded(raw, quality, good, name, notes, reasons)
     quality = _held(raw, quality)
     rows = slice(None) if raw.rows is None else raw.rows
-    ns, ok = instants.ns[rows], instants.ok[rows]
+    return finished(
+        raw.tag,
+        raw.unit,
+        raw.description,
+        instants.ns[rows],
+        instants.ok[rows],
+        values,
+        quality,
+        notes=notes,
+        reasons=reasons,
+    )
+
+
+def finished(
+    tag: str,
+    unit: str,
+    description: str,
+    ns: Ints,
+    ok: Bools,
+    values: Floats,
+    quality: NDArray[np.uint8],
+    *,
+    notes: Notes,
+    reasons: Counter[str],
+) -> Column:
+    """The column of one tag from its rows in the source's order, all (n,).
+
+    ``ok`` is false for rows without a time, which are left out; so are rows that are MISSING.
+    ``notes`` and ``reasons`` hold what was said of the cells before.
+    """
     ns, values, quality, file_ns = _in_order(ns, ok, values, quality)
-    quality = _faulty(raw.tag, values, quality, notes, reasons)
+    quality = _faulty(tag, values, quality, notes, reasons)
     return Column(
-        tag=raw.tag,
-        unit=raw.unit,
-        description=raw.description,
+        tag=tag,
+        unit=unit,
+        description=description,
         ns=ns,
         values=np.where(quality <= Quality.HELD, values, np.nan),
         quality=quality,

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stemwatch.connectors.connector import WHOLE, TagInfo, TagMapping, ValveTags, Window
+from stemwatch.connectors.connector import WHOLE, Connector, TagInfo, TagMapping, ValveTags, Window
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.recording import Recording, Role
 
@@ -79,8 +79,8 @@ class HistorianFile:
         return inspect_file(self._opened)
 
 
-def propose_valves(source: HistorianFile) -> list[ValveTags]:
-    """The valves of a file whose OP leaves no doubt, with every other role that leaves none.
+def propose_valves(source: Connector) -> list[ValveTags]:
+    """The valves of a source whose OP leaves no doubt, with every other role that leaves none.
 
     Sorted by name. A valve without a position tag is proposed without MV: which tag is the
     position is never guessed.

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.columns import Column, convert
+from stemwatch.connectors.historian.columns import Column, convert, own_interval_s
 from stemwatch.connectors.historian.document import open_document
-from stemwatch.connectors.historian.faults import own_interval
 from stemwatch.connectors.historian.layouts import parse_source
 from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.numbers import decide_decimal
@@ -37,6 +36,41 @@ class OpenedFile:
     notes: Notes
     _columns: dict[tuple[str, bool], Column] = field(default_factory=dict)
     _roles: list[Candidate] | None = None
+
+    @property
+    def where(self) -> str:
+        """The path, for messages."""
+        return str(self.path)
+
+    @property
+    def names(self) -> list[str]:
+        """Every tag, in the file's order."""
+        return [column.tag for column in self.table.columns]
+
+    @property
+    def known(self) -> bool:
+        """Whether the times are instants in UTC."""
+        return self.instants.known
+
+    @property
+    def zone(self) -> str:
+        """How times became UTC, in one sentence."""
+        return self.instants.zone
+
+    @property
+    def layout(self) -> str:
+        """The layout in words."""
+        return self.table.layout
+
+    @property
+    def decisions(self) -> list[str]:
+        """What the reader decided."""
+        return self.notes.decisions
+
+    @property
+    def problems(self) -> list[str]:
+        """What it had to leave out."""
+        return self.notes.problems
 
     def column(self, tag: str, *, as_mode: bool = False) -> Column:
         """The tag's samples. Raises ``KeyError`` for a tag that is not there."""
@@ -66,17 +100,6 @@ class OpenedFile:
     def _own(self, raw: RawColumn) -> float | None:
         command = parse_tag(raw.tag).role in (Role.OP, Role.SP, Role.MODE)
         return own_interval_s(self.column(raw.tag), command=command)
-
-
-def own_interval_s(column: Column, *, command: bool) -> float | None:
-    """Seconds between the tag's own samples where slower than its rows."""
-    distinct = np.unique(column.ns)
-    if distinct.size < 2:
-        return None
-    step = float(np.median(np.diff(distinct)))
-    ticks = np.round((column.ns - distinct[0]) / step).astype(np.int64)
-    own = own_interval(ticks, column.values, command=command)
-    return None if own is None else own * step / 1e9
 
 
 def open_file(path: Path, options: ReadOptions) -> OpenedFile:

@@ -16,8 +16,8 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian.clock import Grid, Laid, clock_facts, lay_column, make_grid
-from stemwatch.connectors.historian.columns import Column
-from stemwatch.connectors.historian.opened import OpenedFile, own_interval_s
+from stemwatch.connectors.historian.columns import Column, own_interval_s
+from stemwatch.connectors.historian.holding import Holding
 from stemwatch.connectors.historian.units import canonical
 from stemwatch.models.recording import (
     PERCENT,
@@ -37,7 +37,7 @@ _MOST_OUTSIDE = 0.05  # more than this means that the range is wrong, not the sa
 _PLAIN_PERCENT = (-15.0, 115.0)
 
 
-def assemble(opened: OpenedFile, valve: ValveTags, window: Window) -> Recording:
+def assemble(opened: Holding, valve: ValveTags, window: Window) -> Recording:
     """The recording of ``valve`` in ``window``. Raises ``UnknownTag`` or ``ConnectorError``."""
     _check_roles(opened, valve)
     columns = {
@@ -46,7 +46,7 @@ def assemble(opened: OpenedFile, valve: ValveTags, window: Window) -> Recording:
     }
     _check_samples(opened, columns[Role.OP])
     op = columns[Role.OP]
-    grid = make_grid(_clock_ns(op), op.tag, str(opened.path), _window_ns(opened, window))
+    grid = make_grid(_clock_ns(op), op.tag, opened.where, _window_ns(opened, window))
     if grid.size == 0:
         raise ConnectorError(_outside_window(opened, op, window))
     notes: list[str] = []
@@ -60,31 +60,31 @@ def assemble(opened: OpenedFile, valve: ValveTags, window: Window) -> Recording:
         signals=signals,
         interval_s=grid.interval_s,
         start=_EPOCH + timedelta(microseconds=round(grid.start_ns / 1000))
-        if opened.instants.known
+        if opened.known
         else None,
-        clock=clock_facts(op.file_ns, opened.instants.zone),
+        clock=clock_facts(op.file_ns, opened.zone),
         provenance=_provenance(opened, columns, notes),
     )
 
 
-def _check_roles(opened: OpenedFile, valve: ValveTags) -> None:
+def _check_roles(opened: Holding, valve: ValveTags) -> None:
     if Role.OP not in valve.tags:
         raise MappingNeeded(
-            f"{opened.path}: {valve.valve}: no tag is given for OP, the controller output; a "
+            f"{opened.where}: {valve.valve}: no tag is given for OP, the controller output; a "
             "recording needs one"
         )
     mv = valve.tags.get(Role.MV)
     if mv is not None and find_tag(opened, mv.tag) == find_tag(opened, valve.tags[Role.OP].tag):
         raise ConnectorError(
-            f"{opened.path}: {valve.valve}: {mv.tag!r} is given for both OP and MV; a valve that "
+            f"{opened.where}: {valve.valve}: {mv.tag!r} is given for both OP and MV; a valve that "
             "is compared with its own command looks perfect. Give the tag of the measured "
             "position, or none"
         )
 
 
-def find_tag(opened: OpenedFile, wanted: str) -> str:
-    """The file's tag for what a user wrote. Raises ``UnknownTag`` with the nearest ones."""
-    tags = [column.tag for column in opened.table.columns]
+def find_tag(opened: Holding, wanted: str) -> str:
+    """The source's tag for what a user wrote. Raises ``UnknownTag`` with the nearest ones."""
+    tags = list(opened.names)
     if wanted in tags:
         return wanted
     plain = wanted.strip().lower()
@@ -96,16 +96,16 @@ def find_tag(opened: OpenedFile, wanted: str) -> str:
         return with_unit[0]
     near = difflib.get_close_matches(wanted, tags, n=3, cutoff=0.4) or tags[:5]
     raise UnknownTag(
-        f"{opened.path}: there is no tag {wanted!r} among {len(tags)}; the nearest are "
+        f"{opened.where}: there is no tag {wanted!r} among {len(tags)}; the nearest are "
         f"{', '.join(repr(tag) for tag in near)}"
     )
 
 
-def _check_samples(opened: OpenedFile, op: Column) -> None:
+def _check_samples(opened: Holding, op: Column) -> None:
     if not np.isfinite(op.values).any():
         why = ", ".join(f"{text!r} {n} times" for text, n in list(op.reasons.items())[:4])
         raise ConnectorError(
-            f"{opened.path}: {op.tag}: no sample of the controller output can be used"
+            f"{opened.where}: {op.tag}: no sample of the controller output can be used"
             f"{f' ({why})' if why else ''}; check the tag"
         )
 
@@ -115,12 +115,12 @@ def _clock_ns(op: Column) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     return op.file_ns if op.ns.size >= 0.5 * op.file_ns.size else op.ns
 
 
-def _window_ns(opened: OpenedFile, window: Window) -> tuple[int | None, int | None]:
+def _window_ns(opened: Holding, window: Window) -> tuple[int | None, int | None]:
     if window.start is None and window.stop is None:
         return None, None
-    if not opened.instants.known:
+    if not opened.known:
         raise ConnectorError(
-            f"{opened.path}: a window was asked for, but the file's times have no zone; give the "
+            f"{opened.where}: a window was asked for, but the file's times have no zone; give the "
             "zone, such as 'Europe/Berlin', or read the whole file"
         )
     return _ns(window.start), _ns(window.stop)
@@ -132,10 +132,10 @@ def _ns(instant: datetime | None) -> int | None:
     return ((instant - _EPOCH) // timedelta(microseconds=1)) * 1000
 
 
-def _outside_window(opened: OpenedFile, op: Column, window: Window) -> str:
+def _outside_window(opened: Holding, op: Column, window: Window) -> str:
     first, last = (_EPOCH + timedelta(seconds=int(ns) // 10**9) for ns in (op.ns[0], op.ns[-1]))
     return (
-        f"{opened.path}: {op.tag}: no samples between {window.start} and {window.stop}; the file "
+        f"{opened.where}: {op.tag}: no samples between {window.start} and {window.stop}; the file "
         f"covers {first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
     )
 
@@ -219,8 +219,8 @@ def _remark_same_values(signals: dict[Role, Signal], notes: list[str]) -> None:
         )
 
 
-def _provenance(opened: OpenedFile, columns: dict[Role, Column], notes: list[str]) -> Provenance:
-    said = list(opened.notes.decisions)
+def _provenance(opened: Holding, columns: dict[Role, Column], notes: list[str]) -> Provenance:
+    said = list(opened.decisions)
     for column in columns.values():
         said += column.decisions
         words = {text: n for text, n in column.reasons.items() if n}
@@ -228,10 +228,10 @@ def _provenance(opened: OpenedFile, columns: dict[Role, Column], notes: list[str
             shown = ", ".join(f"{text!r} {n}" for text, n in sorted(words.items())[:6])
             said.append(f"{column.tag}: left out as no measurement: {shown}.")
     said += notes
-    said += [f"Problem: {problem}." for problem in opened.notes.problems]
+    said += [f"Problem: {problem}." for problem in opened.problems]
     return Provenance(
-        source=str(opened.path),
+        source=opened.where,
         digest=opened.digest,
-        layout=opened.table.layout,
+        layout=opened.layout,
         decisions=tuple(dict.fromkeys(said)),
     )

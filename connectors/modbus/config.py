@@ -7,8 +7,9 @@ is left out and the others run.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -21,6 +22,7 @@ from stemwatch.connectors.modbus.faulty import Mistake
 from stemwatch.connectors.modbus.link import link_of
 from stemwatch.connectors.modbus.mapping import register_of
 from stemwatch.connectors.modbus.register import Register
+from stemwatch.connectors.modbus.register_list import ListUnusable, read_register_list
 from stemwatch.connectors.modbus.tables import DeviceTable, RegisterTable
 
 KeyPath = tuple[str | int, ...]
@@ -54,7 +56,12 @@ class DeviceMap:
 class _Reader:
     file: str
     line_of: LineOf
+    folder: Path = Path()  # that names of files are relative to
     problems: list[MapProblem] = field(default_factory=list)
+
+    def at(self, file: str, line: int | None) -> _Reader:
+        """A reader that notes its mistakes with this one's, all of them at ``line`` of ``file``."""
+        return _Reader(file, lambda path: line, self.folder, self.problems)
 
     def say(self, path: KeyPath, shown: str, found: str, expected: str) -> None:
         """Note a mistake at ``path``, which readers see as ``shown``."""
@@ -100,14 +107,17 @@ def read_devices(
     line_of: LineOf = lambda path: None,
     file: str = "plant.toml",
     at: KeyPath = ("devices",),
+    folder: Path | None = None,
 ) -> DeviceMap:
     """The devices that ``tables`` (the value of ``[[devices]]``) describe.
 
     ``line_of`` gives the line of a key path such as ``("devices", 0, "registers", 3, "address")``;
-    ``at`` is where ``tables`` stand in it. Nothing is raised for what is wrong in them: it is left
-    out, and stands in ``problems`` with its line, what was found and what was expected.
+    ``at`` is where ``tables`` stand in it; ``folder`` is where lists of registers are looked for
+    (``registers = "registers.csv"``), the current one if left out. Nothing is raised for what is
+    wrong in them: it is left out, and stands in ``problems`` with its file and line, what was found
+    and what was expected.
     """
-    reader = _Reader(file, line_of)
+    reader = _Reader(file, line_of, folder or Path())
     devices: dict[str, Device] = {}
     for place, table in enumerate(tables):
         path = (*at, place)
@@ -125,6 +135,11 @@ def read_devices(
 
 
 def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str) -> Device | None:
+    rows = _rows(reader, table, path, shown)
+    if rows is None:
+        return None
+    if isinstance(table.get("registers"), str):
+        table = {**table, "registers": [dict(row.table) for row in rows]}
     read: DeviceTable | None = reader.table(DeviceTable, table, path, shown)
     if read is None:
         return None
@@ -133,7 +148,7 @@ def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str
     except Mistake as mistake:
         reader.say((*path, mistake.key), f"{shown}.{mistake.key}", mistake.found, mistake.expected)
         return None
-    registers = _registers(reader, read, path, shown)
+    registers = _registers(rows, read)
     if not registers:
         reader.say(path, shown, "no register that can be read", "at least one")
         return None
@@ -148,32 +163,84 @@ def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str
     return device if _can_keep_pace(reader, device, path, shown) else None
 
 
-def _registers(
-    reader: _Reader, device: DeviceTable, path: KeyPath, shown: str
-) -> tuple[Register, ...]:
+@dataclass(frozen=True)
+class _Row:
+    """A table of a register, who notes its mistakes, where it stands and how readers see it."""
+
+    table: Mapping[str, Any]
+    reader: _Reader
+    path: KeyPath
+    label: str
+
+
+def _rows(
+    reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str
+) -> list[_Row] | None:
+    """The registers of a device, from its tables or its list; ``None`` where the list is of no
+    use, which is said."""
+    listed = table.get("registers")
+    if isinstance(listed, str) and listed.strip():
+        return _listed(reader, listed.strip(), path, shown)
+    tables = listed if isinstance(listed, list) else []
+    return [
+        _Row(one, reader, (*path, "registers", place), f"{shown}.registers[{_name(one, place)}]")
+        for place, one in enumerate(tables)
+        if isinstance(one, Mapping)
+    ]
+
+
+def _listed(reader: _Reader, name: str, path: KeyPath, shown: str) -> list[_Row] | None:
+    try:
+        found = read_register_list(reader.folder / name)
+    except ListUnusable as mistake:
+        if mistake.line is None:
+            key = f"{shown}.registers"
+            reader.say((*path, "registers"), key, f"{name!r}: {mistake.found}", mistake.expected)
+        else:
+            key = f"column {mistake.key}" if mistake.key else "row"
+            reader.at(name, mistake.line).say((), key, mistake.found, mistake.expected)
+        return None
+    for line, what, expected in found.faulty:
+        reader.at(name, line).say((), "row", what, expected)
+    if not found.rows:
+        reader.say((*path, "registers"), f"{shown}.registers", f"no row in {name!r}", "one or more")
+        return None
+    return [
+        _Row(row.table, reader.at(name, row.line), (), f"registers[{_name(row.table, place)}]")
+        for place, row in enumerate(found.rows)
+    ]
+
+
+def _name(table: Mapping[str, Any], place: int) -> str | int:
+    tag = table.get("tag")
+    return tag if isinstance(tag, str) and tag.strip() else place + 1
+
+
+def _registers(rows: Sequence[_Row], device: DeviceTable) -> tuple[Register, ...]:
     registers: dict[str, Register] = {}
-    for place, table in enumerate(device.registers):
-        inner = (*path, "registers", place)
-        tag = table.get("tag")
-        name = tag if isinstance(tag, str) and tag.strip() else place + 1
-        label = f"{shown}.registers[{name}]"
-        read: RegisterTable | None = reader.table(RegisterTable, table, inner, label)
+    for register, row in _each(rows, device):
+        if register.tag in registers:
+            found = f"{register.tag!r}, which an earlier register of this device has already"
+            row.reader.say((*row.path, "tag"), f"{row.label}.tag", found, "a tag of its own")
+        else:
+            registers[register.tag] = register
+    return tuple(registers.values())
+
+
+def _each(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register, _Row]]:
+    """Each register that is right, with its row."""
+    for row in rows:
+        say, inner, label = row.reader.say, row.path, row.label
+        read: RegisterTable | None = row.reader.table(RegisterTable, row.table, inner, label)
         if read is None:
             continue
         try:
-            register = register_of(read, device)
+            yield register_of(read, device), row
         except Mistake as mistake:
             key = (*inner, mistake.key)
-            reader.say(key, f"{label}.{mistake.key}", mistake.found, mistake.expected)
+            say(key, f"{label}.{mistake.key}", mistake.found, mistake.expected)
         except AddressError as error:
-            reader.say((*inner, "address"), f"{label}.address", error.found, error.expected)
-        else:
-            if register.tag in registers:
-                found = f"{register.tag!r}, which an earlier register of this device has already"
-                reader.say((*inner, "tag"), f"{label}.tag", found, "a tag of its own")
-            else:
-                registers[register.tag] = register
-    return tuple(registers.values())
+            say((*inner, "address"), f"{label}.address", error.found, error.expected)
 
 
 def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, shown: str) -> bool:

@@ -131,7 +131,9 @@ class DevicePoller:
         try:
             batch = await self.poll(at_us)
         except Exception as error:
-            log.exception("device %s: a poll failed in an unforeseen way", self.device.name)
+            about = {"device": self.device.name}
+            text = "device %s: a poll failed in an unforeseen way"
+            log.exception(text, self.device.name, extra=about)
             self._line.close()
             self._reconnect()
             batch = self._all_bad(at_us, f"unforeseen: {type(error).__name__}", Quality.BAD)
@@ -172,7 +174,8 @@ class DevicePoller:
                     await self._read(half, poll)
                 return
             self._plan.rest(block, fault)
-            log.warning("device %s: %s: %s", self.device.name, block, fault.reason)
+            about = {"device": self.device.name}
+            log.warning("device %s: %s: %s", self.device.name, block, fault.reason, extra=about)
         elif fault.unit_is_silent:
             self._leave_alone(block.unit_id, fault)
         if not self._line.connected:
@@ -229,6 +232,7 @@ class DevicePoller:
                 "device %s: the computer's clock was set back; samples of times that are in the "
                 "store already are not taken again",
                 self.device.name,
+                extra={"device": self.device.name},
             )
         self.state.missed += len(slot.missed_us)
         for at_us in slot.missed_us[:_MARKED_MISSES]:

@@ -121,5 +121,7 @@ class DeviceTable(_Table):
     )
     byte_order: Order | None = Field(default=None, description=_ORDERS)
     registers: list[dict[str, Any]] = Field(
-        description="tables, each headed [[devices.registers]]", min_length=1
+        description="tables, each headed [[devices.registers]], or the name of a CSV file such as "
+        '"registers.csv"',
+        min_length=1,
     )

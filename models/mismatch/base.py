@@ -28,6 +28,7 @@ GAIN_REACH = (-0.25, 0.3)
 RESTICK_REACH = 4.0  # percent per second; from there on a stem sticks at every sample
 CLEARLY = 0.97  # share of the canonical reading's loss that another one must reach
 LEAST_DELTA = 0.05  # percent
+FIRST_OF_DRAWN = 0.5  # percent; what an archive left open gives a wider one nothing to tell
 LEAST_SCATTER = 0.03  # percent
 SCATTER_REACH = (0.03, 0.09)  # of the level
 FEWEST_BREAKAWAYS = 8
@@ -78,7 +79,7 @@ def suggested_zero(problem: Problem) -> float:
 def scale(bench: Bench, simulated: Floats) -> float:
     """Scale of the robust loss: three times the noise or the bulk of the residual, percent."""
     problem = bench.problem
-    residual = (problem.mv - simulated)[problem.scored]
+    residual = bench.residual(simulated)[bench.measured]
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return max(3.0 * problem.sigma, spread, LEAST_DELTA)
 
@@ -98,12 +99,16 @@ def breakaway_scatter(early_late: Floats, level: float, sigma: float) -> float:
     return max(min(max(spread, low * level), high * level), sigma, LEAST_SCATTER)
 
 
-def fit_base(problem: Problem, look: Look, *, own_reading: bool = True) -> Base:
+def fit_base(
+    problem: Problem, look: Look, slack: Floats | None = None, *, own_reading: bool = True
+) -> Base:
     """The base on both folds, its reading of when a stem sticks again, and the loss's scale."""
     spread = float(np.std(problem.mv[problem.scored]))
     first = max(3.0 * problem.sigma, 0.1 * spread, LEAST_DELTA)
+    if slack is not None and slack.any():
+        first = min(first, FIRST_OF_DRAWN)
     bounds = base_bounds(problem, look, own_reading=own_reading)
-    bench = make_bench(problem, look, bounds, first, CANONICAL, first_scatter(look))
+    bench = make_bench(problem, look, bounds, first, CANONICAL, first_scatter(look), slack)
     starts = bounds.clip(grid(look, suggested_zero(problem), RESTICKS))
     readings = [bench]
     if repeat_share(problem.op) >= COARSE_COMMAND:
@@ -121,7 +126,8 @@ def fit_base(problem: Problem, look: Look, *, own_reading: bool = True) -> Base:
     scatter = breakaway_scatter(early_late, float(level), problem.sigma)
     chosen = replace(chosen, delta=delta, scatter=scatter, _layouts={})
     layout = chosen.layout(Hypothesis())
-    near = np.vstack((starts[:: max(starts.shape[0] // 60, 1)], found[best].candidate))
+    every = 1 if chosen.slack.any() else max(starts.shape[0] // 60, 1)
+    near = np.vstack((starts[::every], found[best].candidate))
     fitted = crossfit(chosen, layout, near, CAREFUL)
     seen = fitted.candidates.mean(axis=0)
     S = float(seen[at.S_PERCENT])

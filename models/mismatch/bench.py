@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.onsets import Onsets, Samples, onsets
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.stickslip.kernel import Marks
+from stemwatch.models.stickslip.kernel import RESYNC, Marks
 from stemwatch.models.stickslip.parameters import Bounds
 from stemwatch.models.stickslip.problem import Problem
 from stemwatch.models.stickslip.search import Loss
@@ -31,6 +31,7 @@ WITHIN_SAMPLE = 0.6
 DEAD_TIME = "dead_time"
 # How far from its level a breakaway may come, a share: three times a normal scatter and more.
 WINDOW = 0.35
+EVENT_OF_DRAWN = 0.7  # samples that a breakaway counts for where most samples are drawn
 FIRST_SCATTER = 0.08  # of the level (S + J)/2
 
 
@@ -79,6 +80,15 @@ class Layout:
         return int(self.bounds.low.size)
 
 
+@dataclass
+class _Force:
+    """The ``force`` (n,) that was computed last, what it was ``made`` of, and a spare buffer."""
+
+    made: tuple[object, ...]
+    force: Floats
+    spare: Floats
+
+
 @dataclass(frozen=True)
 class Bench:
     """One recording with everything that a search over hypotheses shares."""
@@ -92,10 +102,13 @@ class Bench:
     onsets: Onsets
     scatter: float  # of the breakaway level, percent of span
     window: float  # how far from its level a breakaway may come, a share; 0: free runs
+    event: float  # samples that a breakaway counts for
+    slack: Floats  # (n,) how far the true value may lie from a drawn one, percent; 0: measured
     _upcoming: tuple[Samples, Samples]
     _early_late: Floats
     _stem: Stem
-    _buffers: tuple[Floats, Floats, Floats]
+    _last: _Force
+    _out: Floats
     _layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
 
     def layout(self, hypothesis: Hypothesis) -> Layout:
@@ -126,23 +139,33 @@ class Bench:
 
     def assimilated(self, layout: Layout, candidate: Floats) -> tuple[Floats, Floats]:
         """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each came."""
-        out = np.empty(self.problem.op.size)
+        out, early_late = self.run(layout, candidate)
+        return out.copy(), early_late.copy()
+
+    def run(self, layout: Layout, candidate: Floats) -> tuple[Floats, Floats]:
+        """As ``assimilated``, in buffers that the next run writes over."""
+        out = self._out
         self._run(layout, candidate, self.marks, self.window, out)
-        return out, self._early_late.copy()
+        return out, self._early_late
 
     def block_losses(self, layout: Layout, candidates: Floats) -> Floats:
         """(m, n_blocks) sums of the robust loss of candidates (m, size)."""
+        return self._losses(layout, candidates, self.problem.block)
+
+    def _losses(self, layout: Layout, candidates: Floats, block: Samples) -> Floats:
+        """``block_losses`` of the samples that ``block`` (n,) gives to a block."""
         losses = np.empty((candidates.shape[0], self.problem.n_blocks))
-        out = self._buffers[2]
         for row, candidate in zip(losses, candidates, strict=True):
-            self._run(layout, candidate, self.marks, self.window, out)
+            out, early_late = self.run(layout, candidate)
             at.block_loss(
                 out,
                 self.problem.mv,
-                self.problem.block,
+                self.slack,
+                block,
                 self.delta,
-                self._early_late,
+                early_late,
                 self.scatter,
+                self.event,
                 row,
             )
         return losses
@@ -150,9 +173,10 @@ class Bench:
     def loss(self, layout: Layout, blocks: Bools) -> Loss:
         """The mean robust loss over some blocks as a function of candidates."""
         samples = max(float(self.counts[blocks].sum()), 1.0)
+        block = np.where(np.append(blocks, False)[self.problem.block], self.problem.block, -1)
 
         def value(candidates: Floats) -> Floats:
-            return np.asarray(self.block_losses(layout, candidates)[:, blocks].sum(1) / samples)
+            return np.asarray(self._losses(layout, candidates, block).sum(1) / samples)
 
         return value
 
@@ -162,12 +186,27 @@ class Bench:
         block = self.problem.block
         return np.bincount(block[block >= 0], minlength=self.problem.n_blocks).astype(np.float64)
 
+    def residual(self, simulated: Floats) -> Floats:
+        """(n,) how far a run lies from what was recorded, less what the archive leaves open."""
+        off = self.problem.mv - simulated
+        return np.asarray(off - np.clip(off, -self.slack, self.slack))
+
+    @property
+    def measured(self) -> Bools:
+        """(n,) scored samples that were really measured."""
+        return np.asarray(self.problem.scored & (self.slack == 0.0))
+
+    @cached_property
+    def told(self) -> Floats:
+        """(n_blocks,) scored samples that were really measured."""
+        block = self.problem.block[self.measured]
+        return np.bincount(block, minlength=self.problem.n_blocks).astype(np.float64)
+
     def _run(
         self, layout: Layout, candidate: Floats, marks: Marks, window: float, out: Floats
     ) -> None:
-        p, spare, _ = self._buffers
         problem, stem = self.problem, self._stem
-        delayed(problem.op, marks, candidate[DELAY] / problem.interval_s, p)
+        p = self._force(layout, candidate, marks)
         stem.clear()
         q = stem.numbers
         q[at.S] = candidate[S_PERCENT]
@@ -175,20 +214,55 @@ class Bench:
         q[at.ZERO], q[at.GAIN] = candidate[ZERO], 1.0 + candidate[GAIN]
         q[at.RESTICK] = candidate[RESTICK] if candidate[RESTICK] > 0.0 else self.restick
         for term in layout.hypothesis.terms:
-            values = candidate[layout.places[term.slug]]
-            if term.way is Way.COMMAND:
-                term.shape(p, marks, problem.interval_s, values, spare)
-                p, spare = spare, p
-            else:
-                term.fill(stem, values)
+            if term.way is not Way.COMMAND:
+                term.fill(stem, candidate[layout.places[term.slug]])
         up, down = self._upcoming
         tables = stem.friction, stem.force, stem.breakaway, stem.wander
         late = self._early_late
         at.run(p, problem.mv, marks, problem.interval_s, q, *tables, up, down, window, late, out)
 
+    def _force(self, layout: Layout, candidate: Floats, marks: Marks) -> Floats:
+        """(n,) the force on the stem, percent; most runs differ from the last in nothing of it."""
+        shaping = [term for term in layout.hypothesis.terms if term.way is Way.COMMAND]
+        values = [candidate[layout.places[term.slug]] for term in shaping]
+        made = (
+            marks is self.marks,
+            float(candidate[DELAY]),
+            layout.hypothesis.slugs,
+            *(one.tobytes() for one in values),
+        )
+        last = self._last
+        if last.made == made:
+            return last.force
+        p, spare = last.force, last.spare
+        problem = self.problem
+        delayed(problem.op, marks, candidate[DELAY] / problem.interval_s, p)
+        for term, one in zip(shaping, values, strict=True):
+            term.shape(p, marks, problem.interval_s, one, spare)
+            p, spare = spare, p
+        last.made, last.force, last.spare = made, p, spare
+        return p
+
     def spread(self, layout: Layout, scale: float) -> Floats:
         """(size,) widths of a search over all coordinates."""
         return np.asarray((layout.bounds.high - layout.bounds.low) * scale)
+
+
+def _at_measured(marks: Marks, slack: Floats) -> Marks:
+    """``marks`` with each resynchronisation at the first sample after a measured one.
+
+    A value that the archive drew is no place to put a resting stem.
+    """
+    if not slack.any():
+        return marks
+    measured = np.flatnonzero(slack == 0.0)
+    begins = np.flatnonzero(marks == RESYNC)
+    place = np.searchsorted(measured, begins - 1)
+    begins = measured[place[place < measured.size]] + 1
+    moved = np.where(marks == RESYNC, 0, marks).astype(marks.dtype)
+    begins = begins[begins < marks.size]
+    moved[begins[moved[begins] == 0]] = RESYNC
+    return moved
 
 
 def make_bench(
@@ -198,9 +272,11 @@ def make_bench(
     delta: float,
     restick: float,
     scatter: float,
+    slack: Floats | None = None,
 ) -> Bench:
-    """The workbench of a recording."""
+    """The workbench of a recording; without ``slack`` all of it was measured."""
     n = problem.op.size
+    slack = np.zeros(n) if slack is None else slack
     usable = np.isfinite(problem.mv)
     seen = onsets(problem.mv, usable, problem.sigma, problem.interval_s)
     return Bench(
@@ -209,12 +285,15 @@ def make_bench(
         delta=delta,
         restick=restick,
         base_bounds=base_bounds,
-        marks=problem.resynced_marks(),
+        marks=_at_measured(problem.resynced_marks(), slack),
         onsets=seen,
         scatter=scatter,
         window=WINDOW,
+        event=EVENT_OF_DRAWN if slack.any() else at.EVENT,
+        slack=slack,
         _upcoming=seen.upcoming(n),
         _early_late=np.zeros(n),
         _stem=Stem.neutral(n, problem.interval_s),
-        _buffers=(np.empty(n), np.empty(n), np.empty(n)),
+        _last=_Force((), np.empty(n), np.empty(n)),
+        _out=np.empty(n),
     )

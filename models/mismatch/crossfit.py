@@ -24,20 +24,25 @@ SEED = 1977
 
 @dataclass(frozen=True)
 class Effort:
-    """How long a search goes on: starts kept, rounds of descent, then a population about it."""
+    """How long a search goes on: starts kept, of which some go on after the first rounds; rounds of
+    descent, then a population about it."""
 
     keep: int
     rounds: int
+    go_on: int = 1
     population: int = 0
     width: float = 0.01
 
 
 LOOK = Effort(keep=2, rounds=5)
-CAREFUL = Effort(keep=3, rounds=10, population=24)
+CAREFUL = Effort(keep=3, rounds=10, go_on=2, population=24)
+FIRST_ROUNDS = 2  # after these, the worse of several starts are dropped
+HOPELESS = 1.05  # times the loss without the term, after the first rounds: no use to go on
 POLISH = Effort(keep=1, rounds=8, population=24, width=0.006)
 POPULATION_ROUNDS = 2
 RESTICKS = (0.0, 0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 4.0)  # percent per second
 AFTER_RESTICK = 4  # rounds of descent
+DISAGREE = 0.1  # percent per second between the folds' speeds of sticking again
 
 
 @dataclass(frozen=True)
@@ -75,12 +80,25 @@ def search(bench: Bench, layout: Layout, blocks: Bools, starts: Floats, effort: 
 
 
 def _refined(
-    bench: Bench, layout: Layout, blocks: Bools, begun: list[Found], effort: Effort
+    bench: Bench,
+    layout: Layout,
+    blocks: Bools,
+    begun: list[Found],
+    effort: Effort,
+    simple: float = np.inf,
 ) -> Found:
-    reached = [descend(bench, layout, blocks, one.candidate, effort.rounds) for one in begun]
-    best = min(reached, key=lambda one: one.loss)
+    """The best that is found from ``begun``; no further where the loss ``simple`` of a poorer
+    hypothesis is out of reach."""
+    reached = begun
+    if len(begun) > 1:
+        reached = _descended(bench, layout, blocks, begun, FIRST_ROUNDS)
+    if reached[0].loss > HOPELESS * simple:
+        return reached[0]
+    left = effort.rounds - (FIRST_ROUNDS if len(begun) > 1 else 0)
+    best = _descended(bench, layout, blocks, reached[: effort.go_on], left)[0]
+    # Always: what makes the command late stands only with another speed of sticking again.
     best = _resticking(bench, layout, blocks, best)
-    if not effort.population:
+    if not effort.population or best.loss > simple:
         return best
     around = refine(
         bench.loss(layout, blocks),
@@ -92,6 +110,14 @@ def _refined(
         population=effort.population,
     )
     return min(best, around, key=lambda one: one.loss)
+
+
+def _descended(
+    bench: Bench, layout: Layout, blocks: Bools, begun: list[Found], rounds: int
+) -> list[Found]:
+    """Where ``begun`` lead to, the best first."""
+    reached = [descend(bench, layout, blocks, one.candidate, rounds) for one in begun]
+    return sorted(reached, key=lambda one: one.loss)
 
 
 def _resticking(bench: Bench, layout: Layout, blocks: Bools, best: Found) -> Found:
@@ -107,17 +133,45 @@ def _resticking(bench: Bench, layout: Layout, blocks: Bools, best: Found) -> Fou
     return descend(bench, layout, blocks, found.candidate, AFTER_RESTICK)
 
 
-def crossfit(bench: Bench, layout: Layout, starts: Floats, effort: Effort) -> Fitted:
-    """Fit ``layout``'s hypothesis to each fold; ``starts`` (m, size) must not depend on them."""
-    losses = bench.block_losses(layout, starts)
-    counts = bench.counts
+def crossfit(
+    bench: Bench,
+    layout: Layout,
+    starts: Floats,
+    effort: Effort,
+    simple: tuple[float, float] = (np.inf, np.inf),
+) -> Fitted:
+    """Fit ``layout``'s hypothesis to each fold; ``starts`` (m, size) must not depend on them.
+
+    ``simple`` are the losses of a poorer hypothesis on both folds: what does not come near them
+    is not searched further.
+    """
     candidates = np.empty((2, layout.size))
-    for i, fold in enumerate(folds(bench)):
-        totals = losses[:, fold].sum(axis=1) / max(float(counts[fold].sum()), 1.0)
-        order = np.argsort(totals, kind="stable")[: effort.keep]
-        begun = [Found(starts[j].copy(), float(totals[j])) for j in order]
-        candidates[i] = _refined(bench, layout, fold, begun, effort).candidate
+    ordered = ranked(bench, layout, starts)
+    for i, (fold, begun) in enumerate(zip(folds(bench), ordered, strict=True)):
+        kept = begun[: effort.keep]
+        candidates[i] = _refined(bench, layout, fold, kept, effort, simple[i]).candidate
     return scored(bench, layout, candidates)
+
+
+def ranked(bench: Bench, layout: Layout, starts: Floats) -> tuple[list[Found], list[Found]]:
+    """The ``starts`` (m, size) for the even and for the odd blocks, the best first."""
+    losses = bench.block_losses(layout, starts)
+    found = []
+    for fold in folds(bench):
+        totals = losses[:, fold].sum(axis=1) / max(float(bench.counts[fold].sum()), 1.0)
+        order = np.argsort(totals, kind="stable")
+        found.append([Found(starts[j].copy(), float(totals[j])) for j in order])
+    return found[0], found[1]
+
+
+def own_losses(bench: Bench, fitted: Fitted) -> tuple[float, float]:
+    """The mean loss of each fold by the fit to that fold."""
+    losses = bench.block_losses(fitted.layout, fitted.candidates)
+    even, odd = (
+        float(row[fold].sum()) / max(float(bench.counts[fold].sum()), 1.0)
+        for row, fold in zip(losses, folds(bench), strict=True)
+    )
+    return even, odd
 
 
 def again(bench: Bench, fitted: Fitted, effort: Effort, *more: Floats) -> Fitted:
@@ -175,6 +229,11 @@ def widened(
     """(m, size) starts of ``rich`` = simple + ``term``: the term's own grid over ``beginnings``."""
     layout, grid = bench.layout(rich), term.starts(bench.look)
     centre = simple.candidates.mean(axis=0)
+    slow, fast = np.sort(simple.candidates[:, at.RESTICK])
+    if fast - slow > DISAGREE:
+        # The canonical end of it: a lag stands beside no other, and a higher speed is tried after
+        # the descent.
+        centre[at.RESTICK] = slow
     rows = []
     for one in beginnings:
         base = np.zeros(layout.size)

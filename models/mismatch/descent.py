@@ -8,11 +8,14 @@ like any other.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numba import njit
 
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.bench import Bench, Layout
-from stemwatch.models.mismatch.stem import EVENT
+from stemwatch.models.mismatch.onsets import Samples
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.search import Found
 
@@ -26,13 +29,13 @@ _BASE_STEPS = np.array([0.02, 0.015, 0.04, 0.004, 0.04, 0.05])
 def descend(bench: Bench, layout: Layout, blocks: Bools, start: Floats, rounds: int) -> Found:
     """The candidate (size,) reached from ``start`` by at most ``rounds``; never worse than it."""
     loss = bench.loss(layout, blocks)
-    inside = np.append(blocks, False)[bench.problem.block]  # block -1 is the False at the end
+    seen = _seen(bench, blocks)
     best = Found(start.copy(), float(loss(start[None, :])[0]))
     free = layout.bounds.high > layout.bounds.low
     free[at.RESTICK] = False  # a stem sticks or does not: there is nothing to differentiate
     for _ in range(rounds):
         steps = _steps(layout, best.candidate)
-        normal, slope = _linearised(bench, layout, inside, best.candidate, steps, free)
+        normal, slope = _linearised(bench, layout, seen, best.candidate, steps, free)
         trial = _trials(layout, best.candidate, normal, slope, free)
         values = loss(trial)
         i = int(np.argmin(values))
@@ -44,6 +47,21 @@ def descend(bench: Bench, layout: Layout, blocks: Bools, start: Floats, rounds: 
     return best
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """What a descent is fitted to: scored ``samples`` (m,), and the breakaways (e,) on them."""
+
+    samples: Samples
+    events: Samples
+
+
+def _seen(bench: Bench, blocks: Bools) -> _Seen:
+    """The samples of some blocks; a run is early or late only where the recorded stem lets go."""
+    inside = np.append(blocks, False)[bench.problem.block]  # block -1 is the False at the end
+    at_onsets = bench.onsets.at[inside[bench.onsets.at]]
+    return _Seen(np.flatnonzero(inside), at_onsets)
+
+
 def _steps(layout: Layout, candidate: Floats) -> Floats:
     """(size,) steps of the differences, turned inwards at an upper limit."""
     low, high = layout.bounds.low, layout.bounds.high
@@ -53,28 +71,70 @@ def _steps(layout: Layout, candidate: Floats) -> Floats:
     return np.where(candidate + steps > high, -steps, steps)
 
 
-def _rows(bench: Bench, layout: Layout, inside: Bools, candidate: Floats) -> Floats:
-    """(2 m,) residuals on the chosen samples, then the breakaways', scaled to the same loss."""
-    simulated, early_late = bench.assimilated(layout, candidate)
-    residual = (bench.problem.mv - simulated)[inside]
-    return np.concatenate((residual, early_late[inside] * (bench.delta / bench.scatter)))
+@njit(cache=True)
+def _residuals(
+    simulated: Floats,
+    mv: Floats,
+    slack: Floats,
+    samples: Samples,
+    early_late: Floats,
+    events: Samples,
+    event_scale: float,
+    row: Floats,
+) -> None:
+    """Residuals at ``samples`` (m,), then at the breakaways ``events`` (e,), into ``row``."""
+    for i in range(samples.size):
+        k = samples[i]
+        off = mv[k] - simulated[k]
+        row[i] = off - min(max(off, -slack[k]), slack[k])
+    for i in range(events.size):
+        row[samples.size + i] = early_late[events[i]] * event_scale
+
+
+@njit(cache=True)
+def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -> None:
+    """Rows (1 + k, m + e) of residuals, the first one's and after each step, to differences.
+
+    Each becomes the derivative by its coordinate, negative, times the root of Cauchy's weight;
+    from column ``m`` on they are breakaways, which count for ``event`` samples.
+    """
+    root = np.empty(rows.shape[1])
+    for i in range(root.size):
+        share = rows[0, i] / delta
+        root[i] = np.sqrt((event if i >= m else 1.0) / (1.0 + share * share))
+    for j in range(1, rows.shape[0]):
+        for i in range(root.size):
+            rows[j, i] = (rows[0, i] - rows[j, i]) / steps[j - 1] * root[i]
+    for i in range(root.size):
+        rows[0, i] *= root[i]
 
 
 def _linearised(
-    bench: Bench, layout: Layout, inside: Bools, candidate: Floats, steps: Floats, free: Bools
+    bench: Bench, layout: Layout, seen: _Seen, candidate: Floats, steps: Floats, free: Bools
 ) -> tuple[Floats, Floats]:
     """(k, k) normal matrix and (k,) right-hand side over the free coordinates."""
-    rows = _rows(bench, layout, inside, candidate)
-    weight = 1.0 / (1.0 + (rows / bench.delta) ** 2)
-    weight[rows.size // 2 :] *= EVENT
     index = np.flatnonzero(free)
-    jacobian = np.empty((index.size, rows.size))
-    for row, i in zip(jacobian, index, strict=True):
+    m = seen.samples.size
+    rows = np.empty((index.size + 1, m + seen.events.size))
+    problem, scale = bench.problem, bench.delta / bench.scatter
+    for row, i in zip(rows, (-1, *index), strict=True):
         moved = candidate.copy()
-        moved[i] += steps[i]
-        row[:] = (rows - _rows(bench, layout, inside, moved)) / steps[i]
-    weighted = jacobian * weight
-    return weighted @ jacobian.T, weighted @ rows
+        if i >= 0:
+            moved[i] += steps[i]
+        simulated, early_late = bench.run(layout, moved)
+        _residuals(
+            simulated,
+            problem.mv,
+            bench.slack,
+            seen.samples,
+            early_late,
+            seen.events,
+            scale,
+            row,
+        )
+    _weighted(rows, steps[index], m, bench.event, bench.delta)
+    product = rows @ rows.T
+    return product[1:, 1:], product[1:, 0]
 
 
 def _trials(

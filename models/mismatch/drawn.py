@@ -22,6 +22,7 @@ LEAST_REPORTS, HELD_SHARE = 30, 0.3
 LEAST_DEVIATION, FINE_DEVIATION = 0.05, 0.3  # percent
 JUST_ABOVE = 0.3  # share of the reports within 30 % of the smallest
 IMPOSSIBLE = 0.03  # share of the reports that no stem could make
+NARROWEST_DOOR, WIDEST_DOOR = 0.05, 0.5  # percent
 _RELATIVE_ZERO = 1e-9
 
 
@@ -86,7 +87,25 @@ def drawn_lines(values: Floats, other: Floats) -> Drawn | None:
         return None
     # The archive draws short lines as well, and flat ones.
     stored = finite & ~straight
-    return Drawn(stored=stored, kept=float(stored.sum() / finite.sum()), held=False)
+    kept = float(stored.sum() / finite.sum())
+    return Drawn(stored=stored, kept=kept, held=False, deviation=door(values, stored))
+
+
+def door(values: Floats, stored: Bools) -> float:
+    """The deviation of the archive that drew the lines, percent, or a little more.
+
+    A point that was stored between two neighbours that were stored too was no nearer to the line
+    between them than that, else it would have been dropped.
+    """
+    at = np.flatnonzero(stored)
+    if at.size < 3:
+        return WIDEST_DOOR
+    first, middle, last = at[:-2], at[1:-1], at[2:]
+    share = (middle - first) / (last - first)
+    bend = np.abs(values[middle] - values[first] - share * (values[last] - values[first]))
+    close = bend[last - first == 2]
+    least = float(close.min()) if close.size else WIDEST_DOOR
+    return float(np.clip(min(least, float(np.median(bend))), NARROWEST_DOOR, WIDEST_DOOR))
 
 
 def _long(flags: Bools, least: int) -> Bools:

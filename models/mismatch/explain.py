@@ -18,6 +18,7 @@ from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.audit import NO_POSITION, audit
 from stemwatch.models.mismatch.base import Base, fit_base, fit_naive, naive_bench, naive_layout
 from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch.bend import bend
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search
 from stemwatch.models.mismatch.findings import (
     Effect,
@@ -30,13 +31,20 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
-from stemwatch.models.mismatch.limits import MEAN_WHERE_MUCH_IS_LEFT, chance, much_left
+from stemwatch.models.mismatch.limits import (
+    MEAN_OF_A_LINE,
+    MEAN_WHERE_MUCH_IS_LEFT,
+    chance,
+    convincing,
+    much_left,
+    not_little_left,
+)
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.naming import Named, Needed, Score, name
 from stemwatch.models.mismatch.reading import Off, findings, values_of
 from stemwatch.models.mismatch.record import RecordSettled, settle
 from stemwatch.models.mismatch.show import show
-from stemwatch.models.mismatch.telling import Directions, directions, effect
+from stemwatch.models.mismatch.telling import Directions, by_events, directions, effect
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
@@ -47,9 +55,11 @@ FEWEST_SAMPLES = 60
 WORSE = 1.15
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 STRAIGHT_LINE = ("zero_shift", "span_error")
+BEND = "bend"  # is not in the catalogue; its limits are those of a term
 MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
 READING = ("zero_shift", "span_error", "sensor_drift")
 LEAST_SIGMA = 1e-3  # percent
+DOOR_NOISE = 0.17  # of the archive's deviation
 # Cross-fitting needs blocks; of a short record they are shorter.
 FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 # One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
@@ -128,13 +138,21 @@ def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
 
 
 def problem_of(recording: Recording, settled: RecordSettled) -> Problem:
-    """The fitting problem, scored on samples that were really measured."""
+    """The fitting problem, scored on samples that were measured, or drawn near what was."""
     problem = make_problem(recording)
     n = problem.op.size
     n_blocks = max(problem.n_blocks, min(FEWEST_BLOCKS, n // LEAST_BLOCK_SAMPLES))
-    block = np.where(problem.scored & settled.real, np.arange(n) * n_blocks // n, -1)
-    sigma = max(quiet_sigma(_measured(recording, settled)), settled.sigma_floor, LEAST_SIGMA)
+    told = settled.real | (settled.slack > 0.0)
+    block = np.where(problem.scored & told, np.arange(n) * n_blocks // n, -1)
+    sigma = max(_noise(recording, settled), settled.sigma_floor, LEAST_SIGMA)
     return replace(problem, block=block.astype(np.int64), n_blocks=n_blocks, sigma=sigma)
+
+
+def _noise(recording: Recording, settled: RecordSettled) -> float:
+    """Noise of MV, percent; stored knots are where the signal bends and tell nothing of it."""
+    if settled.slack.any():
+        return DOOR_NOISE * float(settled.slack.max())
+    return quiet_sigma(_measured(recording, settled))
 
 
 def _measured(recording: Recording, settled: RecordSettled) -> Floats:
@@ -169,7 +187,7 @@ def _fitted(
     own_reading: bool = True,
 ) -> _Case:
     problem = problem_of(recording, settled)
-    base = fit_base(problem, look_of(problem), own_reading=own_reading)
+    base = fit_base(problem, look_of(problem), settled.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.bench.simulate(base.fitted.layout, candidate)
     look = base.bench.look
@@ -202,22 +220,13 @@ def _told(case: _Case) -> Mismatch:
     layout, best = _whole(bench, fitted)
     drawn = draws(bench, layout, best)
     found = _effects(case.recording, named, off, layout, best, drawn)
-    effects = tuple(one for one in found if one.evidence.share >= LEAST_SHARE)
-    # An archive that drew lines, or a flow, leaves no noise to compare with.
-    noise_known = case.own_reading and not _compressed(case.settled)
-    open_end = noise_known and much_left(bench, fitted)
-    if open_end:
-        effects = tuple(one for one in effects if one.evidence.mean >= MEAN_WHERE_MUCH_IS_LEFT)
+    large = tuple(one for one in found if _matters(one))
     everything = np.ones(bench.problem.n_blocks, dtype=bool)
     plain = naive_bench(bench)
     simple = naive_layout(plain)
     naive = fit_naive(plain, everything)
     shown = show(bench, layout, [one.term for one in named.needed], case.ceiling)
-    if _refuted(shown.heldout):
-        # A straight line through the reading is what many other things look like for a while.
-        kept = tuple(one for one in effects if one.slug not in STRAIGHT_LINE)
-        open_end = open_end or (bool(effects) and not kept)
-        effects = kept
+    effects, open_end = _standing(case, bench, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = _map(bench, shown.runs.naive)
     return Mismatch(
@@ -234,6 +243,30 @@ def _told(case: _Case) -> Mismatch:
         runs=shown.runs,
         p_value=chance(max(one.evidence.strength for one in effects)) if effects else None,
     )
+
+
+def _standing(
+    case: _Case, bench: Bench, fitted: Fitted, effects: tuple[Effect, ...], heldout: HeldOut
+) -> tuple[tuple[Effect, ...], bool]:
+    """The effects that stand although something is left, and whether it must be said to be unknown.
+
+    Where much is left, an effect must explain a good part of it; a straight line through the
+    reading must do so nearly alone, predict the rest of the record, and leave no bend.
+    """
+    # An archive that drew lines, or a flow, leaves no noise to compare with.
+    noise_known = case.own_reading and not _compressed(case.settled)
+    open_end = noise_known and not_little_left(bench, fitted)
+    if noise_known and much_left(bench, fitted):
+        effects = tuple(one for one in effects if one.evidence.mean >= _least_mean(one))
+    lines = [one for one in effects if one.slug in STRAIGHT_LINE]
+    if lines and (_refuted(heldout) or convincing(bend(bench, fitted), bench.told, BEND)):
+        effects = tuple(one for one in effects if one.slug not in STRAIGHT_LINE)
+        open_end = open_end or not effects
+    return effects, open_end
+
+
+def _least_mean(effect: Effect) -> float:
+    return MEAN_OF_A_LINE if effect.slug in STRAIGHT_LINE else MEAN_WHERE_MUCH_IS_LEFT
 
 
 def _whole(bench: Bench, fitted: Fitted) -> tuple[Layout, Floats]:
@@ -290,7 +323,7 @@ def _needed_effect(
     named: Named, one: Needed, layout: Layout, best: Floats, drawn: Floats, way: Directions
 ) -> Effect:
     place = layout.places[one.term.slug]
-    return effect(
+    told = effect(
         named.bench,
         one.term,
         one.members,
@@ -301,6 +334,12 @@ def _needed_effect(
         (one.without.layout, one.without.candidates.mean(axis=0)),
         way,
     )
+    return told if one.events is None else by_events(told, one.events, one.term, way)
+
+
+def _matters(effect: Effect) -> bool:
+    """True where it removes a good share of the residual; events that tell it are few samples."""
+    return effect.evidence.share >= LEAST_SHARE or effect.evidence.events_z > 0.0
 
 
 def _share(bench: Bench, before: Fitted, after: Fitted) -> float:
@@ -314,7 +353,7 @@ def _map(bench: Bench, simulated: Floats) -> ResidualMap:
         problem.op,
         problem.mv,
         simulated,
-        problem.scored,
+        bench.measured,
         problem.block,
         problem.interval_s,
         problem.sigma,

@@ -33,6 +33,7 @@ class Evidence:
     t: float
     share: float
     strength: float = 1.0  # how far beyond the limits, 1 at the limits
+    events_z: float = 0.0  # normal score of the events that told it; 0 where the residual did
     note: str = ""
 
 

@@ -28,8 +28,12 @@ NULL_RATE = 0.025
 # What is left in the worst tenth of the blocks, in noise variances, from which a recording is not
 # explained; a short record has few blocks, and its worst tenth is one of them.
 MUCH_LEFT = 9.6
+# Less than that is systematic too, where nothing was named at all.
+NOT_LITTLE_LEFT = 8.4
 # Where much is left, a term must explain a good part of it to be more than its accomplice.
 MEAN_WHERE_MUCH_IS_LEFT = 0.35
+# A straight line through the reading is what many other things look like for a while.
+MEAN_OF_A_LINE = 1.0
 
 
 def shortness(counts: Floats) -> float:
@@ -77,4 +81,9 @@ def left(bench: Bench, fitted: Fitted) -> float:
 
 def much_left(bench: Bench, fitted: Fitted) -> bool:
     """True where what is left is systematic, and nothing in the hypothesis explains it."""
-    return left(bench, fitted) > MUCH_LEFT * shortness(bench.counts) ** 2
+    return left(bench, fitted) > MUCH_LEFT * shortness(bench.told) ** 2
+
+
+def not_little_left(bench: Bench, fitted: Fitted) -> bool:
+    """True where too much is left to say that nothing else is needed."""
+    return left(bench, fitted) > NOT_LITTLE_LEFT * shortness(bench.told) ** 2

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch import dwell
 from stemwatch.models.mismatch.base import Base
 from stemwatch.models.mismatch.beginnings import beginnings
 from stemwatch.models.mismatch.bench import Bench, Hypothesis
@@ -27,6 +28,8 @@ from stemwatch.models.mismatch.crossfit import (
     better,
     crossfit,
     gain,
+    own_losses,
+    ranked,
     scored,
     widened,
 )
@@ -39,6 +42,7 @@ MOST_TERMS = 3
 PLAY = "lost_motion"
 LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3
 REFINED = 6  # candidates of a stage that are searched with care
+PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
 AS_GOOD = 1.5  # paired t below which two explanations cannot be told apart
 ATTEMPTS = 2
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
@@ -81,6 +85,7 @@ class Needed:
     stage: Stage
     without: Fitted
     advantage: Advantage
+    events: dwell.Dwelling | None = None  # that told it, where the trajectories did not
 
     @property
     def term(self) -> Term:
@@ -107,10 +112,11 @@ def screened(bench: Bench, simple: Fitted, terms: Iterable[Term], effort: Effort
     found = []
     middle = simple.candidates.mean(axis=0)
     S, J = float(middle[at.S_PERCENT]), float(middle[at.S_PERCENT] * middle[at.RATIO])
+    own = own_losses(bench, simple)
     for term in terms:
         rich = simple.layout.hypothesis.plus(term)
         starts = widened(bench, rich, simple, term, beginnings(term, S, J))
-        fitted = crossfit(bench, bench.layout(rich), starts, effort)
+        fitted = crossfit(bench, bench.layout(rich), starts, effort, own)
         fitted = better(bench, neutral(bench, simple, rich), fitted)
         found.append(Score(term, fitted, gain(bench, simple, fitted)))
     return _ordered(found)
@@ -166,13 +172,25 @@ def refined(bench: Bench, simple: Fitted, terms: Sequence[Term]) -> tuple[Fitted
 
 
 def _careful(bench: Bench, simple: Fitted, scores: list[Score]) -> list[Score]:
-    """The best scores searched with care, then the others."""
+    """The best scores that promise something searched with care, then the others.
+
+    The first look began from the best starts; this also begins from those that come next.
+    """
     careful = []
-    for one in scores[:REFINED]:
-        (wide,) = screened(bench, simple, (one.term,), CAREFUL)
-        fitted = better(bench, again(bench, one.fitted, CAREFUL), wide.fitted)
+    middle = simple.candidates.mean(axis=0)
+    S, J = float(middle[at.S_PERCENT]), float(middle[at.S_PERCENT] * middle[at.RATIO])
+    promising = [one for one in scores[:REFINED] if one.advantage.mean >= PROMISING]
+    for one in promising:
+        layout = one.fitted.layout
+        starts = widened(bench, layout.hypothesis, simple, one.term, beginnings(one.term, S, J))
+        even, odd = ranked(bench, layout, starts)
+        more = [
+            np.vstack((a.candidate, b.candidate))
+            for a, b in zip(even[LOOK.keep :], odd[LOOK.keep :], strict=True)
+        ]
+        fitted = again(bench, one.fitted, CAREFUL, *more[: CAREFUL.keep - 1])
         careful.append(Score(one.term, fitted, one.advantage))
-    return [*careful, *scores[REFINED:]]
+    return [*careful, *scores[len(promising) :]]
 
 
 def _nested(bench: Bench, simple: Fitted, one: Score) -> Score:
@@ -184,7 +202,7 @@ def _nested(bench: Bench, simple: Fitted, one: Score) -> Score:
 
 def passes(score: Score, bench: Bench, stage: int) -> bool:
     """True where the gain is beyond what nothing hidden shows, and the size matters."""
-    enough = convincing(score.advantage, bench.counts, score.slug, stage)
+    enough = convincing(score.advantage, bench.told, score.slug, stage)
     return enough and _tells(score, bench) and score.term.material(score.values, bench.look)
 
 
@@ -222,7 +240,7 @@ def _as_good(bench: Bench, rival: Score, best: Score) -> bool:
     return gain(bench, rival.fitted, best.fitted).t < AS_GOOD
 
 
-def name(base: Base, terms: Iterable[Term]) -> Named:
+def name(base: Base, terms: Sequence[Term]) -> Named:
     """Build the hypothesis up from the base with the ``terms`` that the recording can show."""
     bench, simple = base.bench, base.fitted
     left = list(terms)
@@ -239,7 +257,23 @@ def name(base: Base, terms: Iterable[Term]) -> Named:
         simple = again(bench, found[0].fitted, POLISH)
         left = [term for term in left if term.slug != found[0].slug]
     fitted, needed = pruned(bench, simple, [stage for stage in stages if stage.accepted])
+    if not needed:
+        fitted, needed = told_by_events(bench, fitted, terms)
     return Named(bench=bench, base=first, fitted=fitted, needed=tuple(needed), stages=tuple(stages))
+
+
+def told_by_events(
+    bench: Bench, simple: Fitted, terms: Sequence[Term]
+) -> tuple[Fitted, list[Needed]]:
+    """Dwell, where no trajectory needs a term but the breakaways together show it."""
+    term = next((term for term in terms if term.slug == dwell.SLUG), None)
+    seen = dwell.dwelling(bench, simple) if term is not None else None
+    if term is None or seen is None or not seen.convincing:
+        return simple, []
+    plain = neutral(bench, simple, simple.layout.hypothesis.plus(term))
+    fitted = dwell.begun(bench, plain, seen)
+    score = Score(term, fitted, gain(bench, simple, fitted))
+    return fitted, [Needed(Stage(simple, (score,), (score,)), simple, score.advantage, seen)]
 
 
 def pruned(bench: Bench, fitted: Fitted, stages: list[Stage]) -> tuple[Fitted, list[Needed]]:
@@ -256,7 +290,7 @@ def pruned(bench: Bench, fitted: Fitted, stages: list[Stage]) -> tuple[Fitted, l
         begun = scored(bench, bench.layout(lacking), reduced(bench, fitted, lacking))
         without = again(bench, begun, CAREFUL)
         advantage = gain(bench, without, fitted)
-        if convincing(advantage, bench.counts, stage.accepted[0].slug, 1):
+        if convincing(advantage, bench.told, stage.accepted[0].slug, 1):
             needed.append(Needed(stage, without, advantage))
         else:
             fitted = without

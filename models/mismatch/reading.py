@@ -93,6 +93,6 @@ def _dropped(bench: Bench, fitted: Fitted, term: Term, coordinate: int, most: fl
         return None
     plain = without(bench, fitted, coordinate, most)
     advantage = gain(bench, plain, fitted)
-    if not convincing(advantage, bench.counts, term.slug):
+    if not convincing(advantage, bench.told, term.slug):
         return None
     return Off(term, advantage, plain)

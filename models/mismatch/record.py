@@ -32,13 +32,15 @@ class RecordSettled:
     held reports, and no frozen sample. ``sigma_floor`` is the least noise of MV that the recorder's
     steps leave, percent: ``step / sqrt(12)``, or ``deviation / sqrt(3)`` of held reports.
     ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
-    averaged or the position was scanned slowly.
+    averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
+    drew may lie from the one it dropped, percent, and 0 at all others.
     """
 
     effects: tuple[RecordEffect, ...]
     real: Bools
     sigma_floor: float
     spacing_s: float
+    slack: Floats
 
 
 def settle(recording: Recording) -> RecordSettled:
@@ -59,6 +61,7 @@ def settle(recording: Recording) -> RecordSettled:
     op_step = _coarse_step(op[of_op.stored] if of_op is not None else op)
     period, fresh = _refreshed(recording)
     spacing_s = period * recording.interval_s
+    door = of_mv.deviation if of_mv is not None and not of_mv.held else 0.0
     found = (
         _quantisation(step, op_step),
         _compression(of_mv, of_op),
@@ -71,6 +74,7 @@ def settle(recording: Recording) -> RecordSettled:
         real=np.asarray(real & stored & ~frozen & fresh),
         sigma_floor=float(max(step / np.sqrt(12.0), deviation / np.sqrt(3.0))),
         spacing_s=spacing_s,
+        slack=np.where(real & ~stored & ~frozen, door, 0.0),
     )
 
 
@@ -130,7 +134,9 @@ def _compression(of_mv: Drawn | None, of_op: Drawn | None) -> RecordEffect | Non
     if not said:
         return None
     text = "; ".join(said)
-    advice = "A model is scored on the stored samples only; export with compression off."
+    drawn_mv = of_mv is not None and not of_mv.held
+    bound = " and held to the lines within the archive's deviation" if drawn_mv else ""
+    advice = f"A model is scored on the stored samples{bound}; export with compression off."
     return RecordEffect(
         slug="historian_compression",
         sentence=f"{text[0].upper()}{text[1:]}. {advice}",

@@ -42,7 +42,7 @@ def show(bench: Bench, layout: Layout, terms: Sequence[Term], ceiling: Floats | 
     naive = plain.simulate(naive_layout(plain), fit_naive(plain, train))
     extended = bench.simulate(layout, _trained(bench, layout, terms, train))
     first = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
-    late = problem.scored & (np.arange(problem.op.size) >= first)
+    late = bench.measured & (np.arange(problem.op.size) >= first)
     runs = Runs(naive=naive, extended=extended, heldout_from=first)
     return Shown(_heldout(bench, runs, late, ceiling), runs)
 

@@ -55,6 +55,8 @@ from stemwatch.models.stickslip.kernel import Marks
 ) = range(16)
 N_NUMBERS = 16
 
+_NEUTRAL = np.zeros(N_NUMBERS)
+_NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH]] = 1.0, -np.inf, np.inf
 EVENT = 3.0  # samples that a breakaway counts for
 PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 _START, _RESYNC = 1, 2
@@ -99,8 +101,7 @@ class Stem:
             self.breakaway[:] = 0.0
         if q[BY_TIME] != 0.0:
             self.wander[:] = 0.0
-        q[:] = 0.0
-        q[GAIN], q[STOP_LOW], q[STOP_HIGH] = 1.0, -np.inf, np.inf
+        q[:] = _NEUTRAL
 
 
 def places() -> Floats:
@@ -176,7 +177,7 @@ def _lets_go(
 
 
 @njit(cache=True)
-def run(  # one loop; what it calls is inlined
+def run(
     p: Floats,
     mv: Floats,
     marks: Marks,
@@ -200,32 +201,60 @@ def run(  # one loop; what it calls is inlined
     far from ``fs`` it may do so, and ``early_late`` (n,) receives how far the force was below
     (negative) or beyond ``fs`` at each assimilated breakaway, percent, else 0.
     """
+    early_late[:] = 0.0
+    tables, upcoming = (friction, force, breakaway, wander), (next_up, next_down)
+    _follow(p, mv, marks, dt, q, tables, upcoming, window, early_late, out)
+    _read(q[GAIN], 50.0 + q[ZERO], q[DRIFT] / p.size, wander, q[BY_TIME] != 0.0, out)
+
+
+@njit(cache=True)
+def _follow(  # one loop; what it calls is inlined
+    p: Floats,
+    mv: Floats,
+    marks: Marks,
+    dt: float,
+    q: Floats,
+    tables: tuple[Floats, Floats, Floats, Floats],
+    upcoming: tuple[NDArray[np.int64], NDArray[np.int64]],
+    window: float,
+    early_late: Floats,
+    out: Floats,
+) -> None:
+    """``run`` without the reading: ``out`` is the place of the reading's end of the stem."""
+    (friction, force, breakaway, wander), (next_up, next_down) = tables, upcoming
     n, share, least = p.size, _share(dt, q), _least(dt, q)
     # Copies: the compiler cannot know that nothing here writes to ``q``.
     s_half, j_half, asymmetry, growth = 0.5 * q[S], 0.5 * q[J], q[ASYMMETRY], q[GROWTH] / n
     half, creep, low, high = 0.5 * q[PLAY], q[CREEP] * dt, q[STOP_LOW], q[STOP_HIGH]
     gain, zero, drift, patience = q[GAIN], 50.0 + q[ZERO], q[DRIFT] / n, int(_PATIENCE_S / dt)
     by_place, by_rest, by_time = q[BY_PLACE] != 0.0, q[BY_REST] != 0.0, q[BY_TIME] != 0.0
+    steady = growth == 0.0 and creep == 0.0 and not by_rest  # at rest nothing changes but ``p``
     x = z = p[0]
-    moving, d, rest, before = False, 1.0, 0, 0.0
+    moving, resting, d, rest, before, near = False, False, 1.0, 0, 0.0, 1.0 - window
+    level = pushed = was = up = down = 0.0
+    rise, fall = j_half * (1.0 + asymmetry), j_half * (1.0 - asymmetry)
     for k in range(n):
-        mark, grown = marks[k], 1.0 + growth * k
-        early_late[k] = 0.0
-        offset = zero + drift * (k - 0.5 * n) + (wander[k] if by_time else 0.0)
+        mark = marks[k]
+        if resting and mark == 0:
+            f = p[k] - x - pushed
+            if -down <= f <= up:
+                out[k], before = z, f + x - x
+                rest += 1
+                continue
+        grown = 1.0 + growth * k
         if mark == _START or (mark == _RESYNC and not moving):
+            offset = zero + drift * (k - 0.5 * n) + (wander[k] if by_time else 0.0)
             z = ((mv[k] if mark == _START else mv[k - 1]) - offset) / gain + 50.0
             band = abs(s_half + j_half) * (1.0 + abs(growth) * k) + half
-            if by_place:
-                band += abs(_at(friction, z)) + abs(_at(force, z))
+            band += abs(_at(friction, z)) + abs(_at(force, z)) if by_place else 0.0
             z = _clip(z, p[k] - band, p[k] + band)
-            if mark == _START:
-                x, moving, d, rest = z, False, 1.0, 0
-            else:
-                x = _clip(x, z - half, z + half)  # it rests within the play of its reading
+            # At a RESYNC it rests within the play of its reading.
+            x = z if mark == _START else _clip(x, z - half, z + half)
+            moving, rest = False, 0 if mark == _START else rest
         if mark != _START:
             level = s_half * grown + (_at(friction, x) if by_place else 0.0)
-            f = p[k] - x - (_at(force, x) if by_place else 0.0)
-            was = x
+            pushed = _at(force, x) if by_place else 0.0
+            f, was = p[k] - x - pushed, x
             if moving and d * f - _sliding(level, j_half * grown, d, asymmetry) <= least:
                 moving, rest = False, 0
             if not moving:
@@ -237,32 +266,50 @@ def run(  # one loop; what it calls is inlined
                     abs(f), side * before, fs, window, seen_at - k, seen_at < n, patience
                 )
                 d = side if moving else d
-                rest += 1
-                x += 0.0 if moving else creep
+                rest, x = rest + 1, x + (0.0 if moving else creep)
             if moving:
                 gap = d * f - _sliding(level, j_half * grown, d, asymmetry)
                 x += share * d * max(gap, 0.0)  # friction never pushes the stem back
             before = f + was - x
             x = _clip(x, low, high)
             z = _clip(z, x - half, x + half)
-        out[k] = gain * (z - 50.0) + offset
+        out[k] = z
+        # Until the force comes near a breakaway, or the record begins anew, it just rests.
+        resting = steady and not moving and mark != _START and x == was
+        if resting:
+            up, down = near * (level + rise), near * (level + fall)
+
+
+@njit(cache=True)
+def _read(
+    gain: float, zero: float, drift: float, wander: Floats, by_time: bool, out: Floats
+) -> None:
+    """Places of the reading's end, in ``out`` (n,), to what is read, percent of MV."""
+    n = out.size
+    for k in range(n):
+        offset = zero + drift * (k - 0.5 * n) + (wander[k] if by_time else 0.0)
+        out[k] = gain * (out[k] - 50.0) + offset
 
 
 @njit(cache=True)
 def block_loss(
     simulated: Floats,
     mv: Floats,
+    slack: Floats,
     block: NDArray[np.int64],
     delta: float,
     early_late: Floats,
     scatter: float,
+    event: float,
     losses: Floats,
 ) -> None:
     """Sums of the Cauchy loss ``delta^2 log(1 + (r/delta)^2)`` per block into ``losses`` (b,).
 
     ``block`` (n,) is the block number of a sample, negative where it is not scored; neighbours
-    must be grouped. One logarithm serves many samples. An assimilated breakaway ``early_late``
-    percent from its level costs ``EVENT`` times ``delta^2 log(1 + (early_late/scatter)^2)``.
+    must be grouped. ``slack`` (n,) is how far a value may lie from ``mv`` at no cost, percent: 0
+    where it was measured. One logarithm serves many samples. A breakaway that was assimilated
+    ``early_late`` percent from its level costs ``event`` times
+    ``delta^2 log(1 + (early_late/scatter)^2)``.
     """
     losses[:] = 0.0
     scale = 1.0 / (delta * delta)
@@ -275,10 +322,10 @@ def block_loss(
             if current >= 0:
                 losses[current] += np.log(product) / scale
             product, current = 1.0, b
-        r = mv[k] - simulated[k]
+        r = max(abs(mv[k] - simulated[k]) - slack[k], 0.0)
         product *= 1.0 + r * r * scale
         if early_late[k] != 0.0:
             e = early_late[k] / scatter
-            losses[current] += EVENT * np.log(1.0 + e * e) / scale
+            losses[current] += event * np.log(1.0 + e * e) / scale
     if current >= 0:
         losses[current] += np.log(product) / scale

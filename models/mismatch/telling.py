@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch.dwell import LEAST_Z, Dwelling
 from stemwatch.models.mismatch.findings import Effect, Evidence
 from stemwatch.models.mismatch.limits import strength
 from stemwatch.models.mismatch.locate import locate
@@ -87,10 +88,27 @@ def effect(
             mean=advantage.mean,
             t=advantage.t,
             share=share,
-            strength=strength(advantage, bench.counts, term.slug),
+            strength=strength(advantage, bench.told, term.slug),
             note=_note(advantage, members),
         ),
     )
+
+
+def by_events(told: Effect, seen: Dwelling, term: Term, way: Directions) -> Effect:
+    """``told`` with the evidence and the interval of its events in place of the residual's."""
+    note = (
+        f"The {seen.events} breakaways together tell it ({seen.z:.1f} standard errors); in the "
+        "residual it is small, for each of them scatters as well."
+    )
+    evidence = replace(told.evidence, events_z=seen.z, strength=seen.z / LEAST_Z, note=note)
+    fitted = told.parameters["b"]
+    assert fitted.low is not None
+    assert fitted.high is not None
+    either = 2.0 * seen.error
+    low, high = min(fitted.low, seen.rise - either), max(fitted.high, seen.rise + either)
+    parameters = {**told.parameters, "b": replace(fitted, low=max(low, 0.0), high=high)}
+    sentence = term.sentence(parameters, way.rising, way.falling)
+    return replace(told, sentence=sentence, evidence=evidence, parameters=parameters)
 
 
 def _where(bench: Bench, layout: Layout, candidate: Floats) -> str:
@@ -101,7 +119,7 @@ def _where(bench: Bench, layout: Layout, candidate: Floats) -> str:
         problem.op,
         problem.mv,
         simulated,
-        problem.scored,
+        bench.measured,
         problem.block,
         problem.interval_s,
         problem.sigma,

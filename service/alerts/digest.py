@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
+from urllib.parse import urlencode
 
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.store.alerts import AlertSeverity, StoredAlert
@@ -11,6 +12,7 @@ from stemwatch.service.store.store import Store
 
 _ORDER = list(AlertSeverity)
 SHOWN = 50
+_LONGEST_SUBJECT = 200
 
 
 def tell(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
@@ -23,22 +25,29 @@ def tell(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
         least = _ORDER.index(AlertSeverity(notifier.least_severity))
         wanted = [one for one in alerts if _ORDER.index(one.severity) <= least]
         if wanted:
-            messages[notifier.name] = message_of(wanted, plant.name, run_id)
+            messages[notifier.name] = message_of(wanted, plant.name, run_id, plant.service.address)
     numbers = sorted(one.id for one in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
     return store.deliveries.put(messages, key, numbers)
 
 
-def message_of(alerts: Sequence[StoredAlert], plant: str, run_id: int | None) -> dict[str, Any]:
-    """The message about ``alerts``: ``subject``, ``text``, and each alert as JSON."""
+def message_of(
+    alerts: Sequence[StoredAlert], plant: str, run_id: int | None, address: str = ""
+) -> dict[str, Any]:
+    """The message about ``alerts``: ``subject``, ``text``, and each alert as JSON.
+
+    ``address`` is where people reach the pages; without it the message holds no links.
+    """
     where = f"{plant}: " if plant else ""
     first = alerts[0].text.split(". ")[0]
     many = f"{len(alerts)} new alerts, the first: " if len(alerts) > 1 else ""
-    lines = [f"[{one.severity.value}] {one.text}" for one in alerts[:SHOWN]]
+    lines = [_line(one, address) for one in alerts[:SHOWN]]
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
+    if address:
+        lines.append(f"Acknowledge, put off or mark as false: {address.rstrip('/')}/alerts")
     return {
-        "subject": f"{where}{many}{first}"[:200],
+        "subject": _cut(f"{where}{many}{first}"),
         "text": "\n\n".join(lines) + "\n",
         "plant": plant,
         "run": run_id,
@@ -50,9 +59,31 @@ def message_of(alerts: Sequence[StoredAlert], plant: str, run_id: int | None) ->
                 "valve": one.valve,
                 "source": one.source,
                 "text": one.text,
+                "link": _link(one, address),
                 "opened": one.opened.isoformat(),
                 "evidence": dict(one.evidence),
             }
             for one in alerts
         ],
     }
+
+
+def _line(alert: StoredAlert, address: str) -> str:
+    """What is said of an alert, with the way to its page where there is one."""
+    link = _link(alert, address)
+    return f"[{alert.severity.value}] {alert.text}" + (f"\n{link}" if link else "")
+
+
+def _link(alert: StoredAlert, address: str) -> str:
+    """The page of the alert's valve; empty without an address or without a valve."""
+    if not address or not alert.valve:
+        return ""
+    return f"{address.rstrip('/')}/valve?{urlencode({'id': alert.valve})}"
+
+
+def _cut(subject: str) -> str:
+    """At most ``_LONGEST_SUBJECT`` letters, cut between words."""
+    if len(subject) <= _LONGEST_SUBJECT:
+        return subject
+    head, _, _ = subject[:_LONGEST_SUBJECT].rpartition(" ")
+    return f"{head or subject[: _LONGEST_SUBJECT - 2]} \N{HORIZONTAL ELLIPSIS}"

@@ -6,17 +6,16 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from stemwatch.models.estimate import Estimate
 from stemwatch.service.alerts.aftermath import note_aftermath
-from stemwatch.service.alerts.rules import RATIO, Seen, look
+from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
+from stemwatch.service.alerts.rules import look
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.records import StoredScreening, StoredValve
 from stemwatch.service.store.store import Store
 
 _NAMED = 12  # valves of a common alert that are listed
+_AT_ONCE = 500  # causes closed by one statement
 CLEARED = "not found in the last runs any more"
-JOINED = "joined with others of one cause"
 
 
 @dataclass(frozen=True)
@@ -35,57 +34,30 @@ class _Group:
 def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     """Raise and close alerts by what ``run_id`` found; the numbers of the new ones.
 
-    It looks at what is stored alone, so that doing it twice changes nothing.
+    It looks at what is stored alone, so that doing it twice changes nothing. The valves are read
+    some hundreds at a time. Raises ``StoreError``.
     """
+    done = store.queue.valves_done(run_id)
+    open_before = store.alerts.open_causes()
     raised: list[Raised] = []
-    closed: list[str] = []
-    for valve in store.queue.valves_done(run_id):
-        of_valve, over = look(_seen(store, plant, valve), plant.alerts)
+    over: list[str] = []
+    for seen in gathered(store, plant, done):
+        of_valve, closed = look(seen, plant.alerts)
         raised += of_valve
-        closed += over
+        over += [cause for cause in closed if cause in open_before]
+    for valve in awaiting_aftermath(store, done):
         note_aftermath(store, valve)
-    store.alerts.clear(closed, CLEARED)
     groups = _groups(raised, plant)
     common = [_common(group, found, run_id) for group, found in groups.items()]
-    open_now = store.alerts.open_causes((AlertKind.COMMON.value + ":",))
     still = {one.cause for one in common}
-    store.alerts.clear(sorted(_over(open_now - still, run_id, store, plant)), CLEARED)
+    was = {cause for cause in open_before if cause.startswith(AlertKind.COMMON.value + ":")}
+    over += sorted(_over(was - still, set(done), plant))
+    for first in range(0, len(over), _AT_ONCE):
+        store.alerts.clear(over[first : first + _AT_ONCE], CLEARED)
     joined = {one.cause for found in groups.values() for one in found}
     # What was raised alone before and is part of a common cause now is told once, by that.
     new = [one for one in raised if one.cause not in joined]
     return store.alerts.raise_all([*common, *new])
-
-
-def _seen(store: Store, plant: Plant, valve: str) -> Seen:
-    rules = plant.alerts
-    screenings = store.screenings(valve, max(rules.of_runs, rules.clear_after_runs) * 3)
-    entry = plant.valves.get(valve)
-    facts = (
-        StoredValve(id=valve)
-        if entry is None
-        else StoredValve(
-            id=valve,
-            description=entry.description,
-            area=entry.area,
-            criticality=entry.criticality,
-        )
-    )
-    return Seen(
-        valve=facts,
-        screenings=screenings,
-        at_baseline=_at_baseline(store, valve),
-        ratios=store.indicator_of(RATIO, [one.id for one in screenings]),
-        ratio_limit=plant.limits.baseline_ratio_watch,
-    )
-
-
-def _at_baseline(store: Store, valve: str) -> Estimate | None:
-    """S in the window that the valve's baseline was fitted to."""
-    kept = store.baseline(valve)
-    if kept is None or kept.window[1] is None:
-        return None
-    found: StoredScreening | None = store.screening_of(valve, kept.window)
-    return None if found is None else found.S
 
 
 def _groups(raised: Iterable[Raised], plant: Plant) -> dict[_Group, list[Raised]]:
@@ -153,9 +125,8 @@ def _common(group: _Group, found: Sequence[Raised], run_id: int) -> Raised:
     )
 
 
-def _over(causes: set[str], run_id: int, store: Store, plant: Plant) -> set[str]:
-    """Common causes that this run saw enough valves of to say that they are over."""
-    seen = set(store.queue.valves_done(run_id))
+def _over(causes: set[str], seen: set[str], plant: Plant) -> set[str]:
+    """Common causes that a run saw enough valves of to say that they are over."""
     over: set[str] = set()
     for cause in causes:
         *_, what, name = cause.split(":", 3)

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.plantfile.live import AlertRules
 from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.records import StoredScreening, StoredValve
+from stemwatch.service.store.records import StoredValve
 
 RATIO = "baseline_ratio"
 
@@ -30,6 +31,26 @@ class Standing(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What the rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
+
+    ``named``: an effect beside S and J has a name and stands among all valves of the run;
+    ``mismatch`` holds its words, of the newest screening alone.
+    """
+
+    id: int
+    run_id: int
+    window: tuple[datetime | None, datetime | None]
+    verdict: Verdict
+    advice: str
+    severity: float
+    S: Estimate
+    J: float | None
+    named: bool = False
+    mismatch: Mismatch | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Seen:
     """What is known of a valve when the rules look at it.
 
@@ -38,17 +59,24 @@ class Seen:
     """
 
     valve: StoredValve
-    screenings: Sequence[StoredScreening]
+    screenings: Sequence[Judged]
     at_baseline: Estimate | None = None
     ratios: Mapping[int, float] = field(default_factory=dict)
     ratio_limit: float = 3.0
 
 
-def standing(present: Sequence[bool], rules: AlertRules) -> Standing:
-    """What a finding's presence in the last judged screenings (newest first) asks for."""
-    if present and present[0] and sum(present[: rules.of_runs]) >= rules.raise_after_runs:
+def standing(present: Sequence[bool | None], rules: AlertRules) -> Standing:
+    """What a finding's presence in the last judged screenings (newest first) asks for.
+
+    ``None`` is a screening that cannot tell and counts for neither; while the newest cannot, what
+    is open stays open and nothing is raised.
+    """
+    if not present or present[0] is None:
+        return Standing.LEAVE
+    told = [one for one in present if one is not None]
+    if told[0] and sum(told[: rules.of_runs]) >= rules.raise_after_runs:
         return Standing.RAISE
-    last = present[: rules.clear_after_runs]
+    last = told[: rules.clear_after_runs]
     if len(last) == rules.clear_after_runs and not any(last):
         return Standing.CLEAR
     return Standing.LEAVE
@@ -73,7 +101,7 @@ def cause(kind: AlertKind, valve: str) -> str:
     return f"{kind.value}:{valve}"
 
 
-_Finding = tuple[AlertKind, Callable[[StoredScreening], bool], Callable[[StoredScreening], str]]
+_Finding = tuple[AlertKind, Callable[[Judged], bool | None], Callable[[Judged], str]]
 
 
 def _findings(seen: Seen, rules: AlertRules) -> list[_Finding]:
@@ -86,10 +114,10 @@ def _findings(seen: Seen, rules: AlertRules) -> list[_Finding]:
         ),
         (
             AlertKind.BASELINE,
-            lambda one: seen.ratios.get(one.id, 0.0) > seen.ratio_limit,
-            lambda one: _departed(seen.ratios.get(one.id, 0.0)),
+            lambda one: seen.ratios[one.id] > seen.ratio_limit if one.id in seen.ratios else None,
+            lambda one: _departed(seen.ratios[one.id]),
         ),
-        (AlertKind.MISMATCH, _is_named, _mismatch),
+        (AlertKind.MISMATCH, lambda one: one.named, _mismatch),
     ]
 
 
@@ -103,15 +131,11 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
     return now.value - before.value >= least_percent and now.low > before.high
 
 
-def _is_named(one: StoredScreening) -> bool:
-    return one.mismatch is not None and one.mismatch.finding is Finding.NAMED
-
-
-def _sticky(one: StoredScreening) -> str:
+def _sticky(one: Judged) -> str:
     return f"It sticks: S is {one.S} of OP span. {one.advice}"
 
 
-def _grown(one: StoredScreening, before: Estimate | None) -> str:
+def _grown(one: Judged, before: Estimate | None) -> str:
     return f"S has grown from {before} at its baseline to {one.S} of OP span. {one.advice}"
 
 
@@ -122,20 +146,20 @@ def _departed(ratio: float) -> str:
     )
 
 
-def _mismatch(one: StoredScreening) -> str:
+def _mismatch(one: Judged) -> str:
     if one.mismatch is None or not one.mismatch.effects:
         return "Something beside stiction was found."
     effect = one.mismatch.effects[0]
     return f"{effect.sentence} {effect.check}".strip()
 
 
-def _raised(valve: StoredValve, kind: AlertKind, text: str, one: StoredScreening) -> Raised:
+def _raised(valve: StoredValve, kind: AlertKind, text: str, one: Judged) -> Raised:
     name = f"{valve.id} ({valve.description})" if valve.description else valve.id
     evidence = {
         "S": one.S.value,
         "S_low": one.S.low,
         "S_high": one.S.high,
-        "J": one.J.value,
+        "J": one.J,
         "severity": one.severity,
         "screening": one.id,
         "window": [None if end is None else end.isoformat() for end in one.window],

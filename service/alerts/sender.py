@@ -43,19 +43,21 @@ class Sender:
             self._failed(delivery, error)
             return False
         self._store.deliveries.sent(delivery.id)
-        log.info("message %s was taken by %s", delivery.key, delivery.notifier)
+        about = {"notifier": delivery.notifier}
+        log.info("message %s was taken by %s", delivery.key, delivery.notifier, extra=about)
         return True
 
     def _failed(self, delivery: StoredDelivery, error: Exception) -> None:
         words = str(error) if isinstance(error, NotSent) else f"{type(error).__name__}: {error}"
         words = masked(" ".join(words.split()))[:500]
-        now = datetime.now(UTC)
+        now, about = datetime.now(UTC), {"notifier": delivery.notifier}
         final = isinstance(error, NotSent) and error.final
         if final or now - delivery.created > GIVE_UP_AFTER:
-            log.error("message %s for %s is given up: %s", delivery.key, delivery.notifier, words)
+            text = "message %s for %s is given up: %s"
+            log.error(text, delivery.key, delivery.notifier, words, extra=about)
             self._store.deliveries.failed(delivery.id, words, None)
             return
-        log.warning("message %s for %s: %s", delivery.key, delivery.notifier, words)
+        log.warning("message %s for %s: %s", delivery.key, delivery.notifier, words, extra=about)
         self._store.deliveries.failed(delivery.id, words, now + wait(delivery.attempts))
 
 

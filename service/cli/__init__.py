@@ -6,13 +6,17 @@ import sys
 
 import typer
 
+from stemwatch.service.cli.accounts import accounts_app
+from stemwatch.service.cli.archive import simulate_archive
 from stemwatch.service.cli.calibrate import calibrate_mismatch
 from stemwatch.service.cli.compare import compare
+from stemwatch.service.cli.db import db_app
 from stemwatch.service.cli.demo import demo
 from stemwatch.service.cli.drift import drift
 from stemwatch.service.cli.explain import explain
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
+from stemwatch.service.cli.maintenance_report import maintenance_report
 from stemwatch.service.cli.modbus import modbus_app
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.reproduce import reproduce
@@ -62,12 +66,14 @@ for command in (
     explain,
     compare,
     simulate,
+    simulate_archive,
     demo,
     trial,
     prove,
     calibrate_mismatch,
     drift,
     maintenance,
+    maintenance_report,
     reproduce,
     serve,
     run_now,
@@ -75,6 +81,8 @@ for command in (
     app.command()(command)
 
 
+app.add_typer(db_app, name="db")
+app.add_typer(accounts_app, name="accounts")
 app.add_typer(modbus_app, name="modbus")
 
 

@@ -1,28 +1,68 @@
-"""``stemwatch demo``: the main job on a simulated plant, from nothing to a report."""
+"""``stemwatch demo``: the main job on a simulated plant, from nothing to a report; or live."""
 
 from __future__ import annotations
 
+import asyncio
+import signal
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stemwatch.service.cli import options as o
 
+if TYPE_CHECKING:
+    from stemwatch.service.live_demo import LiveDemo
+
 ZONE = "Europe/Berlin"
+LIVE = "The live demo"
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path("demo"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for everything the demo makes: demo, or demo-live where live."),
+    ] = None,
     seed: o.Seed = 1,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Run the service on a plant that wears, until Ctrl-C.")
+    ] = False,
+    port: Annotated[
+        int,
+        typer.Option(
+            min=0, max=65535, help="Port of the pages; 0 takes a free one.", rich_help_panel=LIVE
+        ),
+    ] = 8300,
+    speed: Annotated[
+        float,
+        typer.Option(
+            min=1.0,
+            max=4.0,
+            help="Seconds of the plant in one of the clock.",
+            rich_help_panel=LIVE,
+        ),
+    ] = 1.0,
+    open_page: Annotated[
+        bool, typer.Option("--open", help="Open the pages in a browser.", rich_help_panel=LIVE)
+    ] = False,
 ) -> None:
     """Simulate a small plant, screen its export into SQLite, and leave a report.
 
     Fifteen valves in closed loops: healthy ones, four shapes of stiction, a badly tuned loop, an
     oscillating disturbance, a quiet loop, and data that is bad in the usual ways.
+
+    With --live: three valves behind Modbus, one of which wears within minutes, the service that
+    watches them, and a catcher for its mails. Record maintenance of the valve, and it is repaired.
     """
+    if live:
+        _live(out or Path("demo-live"), port, speed, seed, open_page)
+        return
+    _report(out or Path("demo"), seed, workers)
+
+
+def _report(out: Path, seed: int, workers: int | None) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.screen import screen_plant
     from stemwatch.service.cli.simulate import START, What, simulated
@@ -35,3 +75,30 @@ def demo(
     views.say("2/3  Screening the export ...")
     screen_plant(written.plant_toml, out / "report", workers)
     views.say(f"3/3  Done in {time.perf_counter() - began:.0f} s. Open the report in a browser.")
+
+
+def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> None:
+    import webbrowser
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.live_demo import LiveDemo, Pace
+
+    def say(text: str) -> None:
+        # With soft_wrap an address stays on one line, whatever reads it.
+        views.out.print(views.escape(text), highlight=False, soft_wrap=True)
+
+    def ready(address: str) -> None:
+        if open_page:
+            webbrowser.open(address)
+
+    made = LiveDemo(out, Pace(speed=speed), port, say=say, ready=ready, seed=seed)
+    asyncio.run(_until_asked(made))
+
+
+async def _until_asked(made: LiveDemo) -> None:
+    """Run the demo until SIGTERM or Ctrl-C."""
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Not add_signal_handler, which Windows does not have.
+        signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop.set))
+    await made.run(stop)

@@ -157,7 +157,7 @@ def _devices(file: Path, wanted: str) -> list[Device]:
     data, lines = read_toml(options.need_file(file, "--map"))
     tables = data.get("devices", [])
     tables = [table for table in tables if isinstance(table, dict)] if tables else []
-    found = read_devices(tables, lines.of, file.name)
+    found = read_devices(tables, lines.of, file.name, folder=file.absolute().parent)
     for problem in found.problems:
         views.say_error(str(problem))
     chosen = [one for one in found.devices if wanted in ("", one.name)]

@@ -49,6 +49,15 @@ Interval = Annotated[
 JsonFile = Annotated[
     Path | None, typer.Option("--json", help="Write everything that was found to this file.")
 ]
+Executor = Annotated[
+    str,
+    typer.Option(
+        "--executor",
+        metavar="WHERE",
+        help="Where the work is done: local (--workers processes), in-process, or "
+        "dask://HOST:PORT for the workers of a Dask scheduler.",
+    ),
+]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same result.")]
 
 

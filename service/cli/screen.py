@@ -45,6 +45,7 @@ def screen(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Processes; by default one per core.")
     ] = None,
+    executor: o.Executor = "local",
     new_baseline: Annotated[
         bool, typer.Option("--new-baseline", help="Make this window each valve's baseline.")
     ] = False,
@@ -79,7 +80,7 @@ def screen(
         window=window_of(from_, to, home),
         read_options=chosen,
     )
-    screenings = _run(request, out, db, workers, new_baseline, json_file)
+    screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
     if fail_on is not None and any(one.verdict is fail_on for one in screenings):
         raise typer.Exit(1)
 
@@ -89,14 +90,15 @@ def screen_plant(plant: Path, out: Path, workers: int | None) -> tuple[Screening
     from stemwatch.service.cli.reading import loaded_plant
     from stemwatch.service.gather import Request
 
-    return _run(Request(plant=loaded_plant(plant, None)), out, "", workers, False, None)
+    request = Request(plant=loaded_plant(plant, None))
+    return _run(request, out, "", (workers, "local"), False, None)
 
 
 def _run(
     request: Request,
     out: Path,
     db: str,
-    workers: int | None,
+    workers: tuple[int | None, str],
     new_baseline: bool,
     json_file: Path | None,
 ) -> tuple[Screening, ...]:
@@ -106,6 +108,7 @@ def _run(
     from stemwatch.service.pipeline import Run, RunResult, run
     from stemwatch.service.store.store import open_store
 
+    executor = choose_executor(*workers)
     plant = request.plant
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
@@ -114,7 +117,7 @@ def _run(
     with open_store(address) as store, views.screening_progress(0) as tell:
         how = Run(
             store=store,
-            executor=choose_executor(workers),
+            executor=executor,
             out=out,
             limits=plant.limits if plant else Limits(),
             command=("stemwatch", *sys.argv[1:]),
@@ -122,32 +125,27 @@ def _run(
         )
         result: RunResult = run(request, how, tell)
     show(result, json_file)
-    return result.screenings
+    return result.brief
 
 
 def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def]
     """The summary, what was left out, and where the report is; 2 where nothing could be read."""
-    import json
-
     from stemwatch.service.cli import views
-    from stemwatch.service.report import to_contracts
 
-    views.out.print(views.summary(result.screenings))
-    for line in views.undetermined_lines(result.screenings):
+    views.out.print(views.summary(result.brief))
+    for line in views.undetermined_lines(result.brief):
         views.out.print(line, highlight=False)
     for place, reason in (*result.not_read, *result.not_saved):
         views.say(f"left out: {place}: {reason}")
     if json_file is not None:
-        objects = to_contracts(views.ranked(result.screenings))
-        text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
-        json_file.write_text(text + "\n", encoding="utf-8")
+        json_file.write_bytes(result.report.json.read_bytes() + b"\n")
     views.out.print(
         f"Report: {views.escape(str(result.report.html.resolve()))}",
         highlight=False,
         soft_wrap=True,
     )
-    if not any(one.recording is not None or one.still_seen for one in result.screenings):
-        for one in result.screenings[:MOST_REASONS]:
+    if not any(one.seen is not None or one.still_seen for one in result.brief):
+        for one in result.brief[:MOST_REASONS]:
             views.say_error(one.reason)
         views.say_error("nothing could be screened: no source could be read as it was asked for")
         raise typer.Exit(2)

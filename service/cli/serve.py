@@ -36,14 +36,16 @@ def serve(
     """Run the service: collect, screen on schedule, raise alerts, serve the pages.
 
     It stops in order on SIGTERM and Ctrl-C. Killed at any moment it loses nothing: the next start
-    finishes what was begun. Pages that other machines can reach need STEMWATCH_WEB_TOKEN.
+    finishes what was begun. Where nobody can sign in yet it prints a one-time link for the
+    first admin.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.serve import Service, Where
-    from stemwatch.service.serve.logs import set_up_logs
+    from stemwatch.service.serve.logs import hide_secrets, set_up_logs
 
     loaded = _load(plant)
     set_up_logs(as_json=json_logs)
+    hide_secrets(loaded)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
@@ -53,7 +55,12 @@ def serve(
         # With soft_wrap the address stays on one line, whatever reads it.
         views.out.print(f"Serving {address}", highlight=False, soft_wrap=True)
 
-    Service(loaded, where, logs_as_json=json_logs).run(stop, ready)
+    def invite(link: str) -> None:
+        said = "Nobody can sign in yet. Within 24 hours this link makes the first admin, once:"
+        views.out.print(said, highlight=False)
+        views.out.print(views.escape(link), highlight=False, soft_wrap=True)
+
+    Service(loaded, where, logs_as_json=json_logs).run(stop, ready, invite)
 
 
 def run_now(

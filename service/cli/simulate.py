@@ -1,4 +1,4 @@
-"""``stemwatch simulate``: recordings with known truth from the plant simulator."""
+"""``stemwatch simulate``: recordings with known truth from the plant simulator, or a live plant."""
 
 from __future__ import annotations
 
@@ -15,6 +15,38 @@ if TYPE_CHECKING:
     from stemwatch.models.plant import PlantLoop, SimulatedLoop
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
+LIVE = "A live plant behind Modbus"
+
+Modbus = Annotated[
+    bool, typer.Option("--modbus", help="Serve the loops until Ctrl-C.", rich_help_panel=LIVE)
+]
+Host = Annotated[str, typer.Option(help="Address to listen on.", rich_help_panel=LIVE)]
+Port = Annotated[
+    int, typer.Option(min=0, max=65535, help="Port; 0 takes a free one.", rich_help_panel=LIVE)
+]
+Speed = Annotated[
+    float,
+    typer.Option(
+        min=0.1, max=10.0, help="Seconds of the plant in one of the clock.", rich_help_panel=LIVE
+    ),
+]
+Wears = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="A valve that wears and the S and J it gets, percent: FIC-101=6/2.5.",
+        rich_help_panel=LIVE,
+    ),
+]
+WearOver = Annotated[
+    float, typer.Option(min=1.0, help="Seconds of the plant it wears for.", rich_help_panel=LIVE)
+]
+Repairs = Annotated[
+    str,
+    typer.Option(
+        help="Database of a service: a valve is as new once maintenance is recorded there.",
+        rich_help_panel=LIVE,
+    ),
+]
 
 
 class What(StrEnum):
@@ -34,13 +66,42 @@ def simulate(
     seed: o.Seed = 1,
     start: Annotated[str, typer.Option(help="Time of the first sample, ISO.")] = "",
     zone: o.Zone = "Europe/Berlin",
+    modbus: Modbus = False,
+    host: Host = "127.0.0.1",
+    port: Port = 5020,
+    speed: Speed = 1.0,
+    wear: Wears = None,
+    wear_over_s: WearOver = 3600.0,
+    repairs: Repairs = "",
 ) -> None:
     """Write a historian export of simulated valves, its plant.toml, and the truth beside it.
 
     The simulator integrates the force balance of each valve at one millisecond inside a closed
     loop; it shares no code with the models that are fitted. truth.json is for whoever wants to mark
     the result: S, J, shape, whether the valve is healthy, and everything that was drawn.
+
+    With --modbus the loops run on behind a Modbus server that only answers requests to read, and
+    the plant.toml that reads them is written. The first valve wears unless --wear names others.
     """
+    if modbus:
+        from stemwatch.service.cli.simulate_modbus import serve_modbus
+
+        serve_modbus(
+            _loops(what, count, seed),
+            out,
+            host=host,
+            port=port,
+            speed=speed,
+            seed=seed,
+            wear=wear,
+            wear_over_s=wear_over_s,
+            repairs=repairs,
+        )
+        return
+    _export(out, what, count, seed, start, zone)
+
+
+def _export(out: Path, what: What, count: int, seed: int, start: str, zone: str) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.export import write_export
 

@@ -103,7 +103,8 @@ class Collector:
             log.error("the spool cannot be written: %s; samples wait in memory", error)
             return False
         except Exception:  # a mistake of ours may cost this batch, never those behind it
-            log.exception("a batch of %s cannot be kept", batch.source)
+            about = {"device": batch.source}
+            log.exception("a batch of %s cannot be kept", batch.source, extra=about)
             self._drop(batch)
             return True
         self._more.set()
@@ -116,6 +117,7 @@ class Collector:
             len(batch),
             batch.source,
             self.dropped,
+            extra={"device": batch.source},
         )
 
 

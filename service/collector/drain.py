@@ -130,4 +130,5 @@ class Drain:
                 row = (batch.source, tag, at.isoformat(), *numbers, batch.reasons[place])
                 writer.writerow(row)
         self.state.refused += len(batch)
-        log.error("the store refused %d samples for good (%s): see %s", len(batch), why, path)
+        text = "the store refused %d samples for good (%s): see %s"
+        log.error(text, len(batch), why, path, extra={"device": batch.source})

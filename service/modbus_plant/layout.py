@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +24,37 @@ def tag(loop: PlantLoop, role: Role) -> str:
 def signals(loop: PlantLoop) -> tuple[Role, ...]:
     """The signals that the loop has."""
     return tuple(role for role in PLACE if role is not Role.MV or loop.transmitters.has_position)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Register:
+    """Where one signal is: its first holding register, counted from 0."""
+
+    tag: str
+    role: Role
+    address: int
+    kind: str  # FLOAT32 or UINT16
+    unit: str
+
+
+def registers(loops: Sequence[PlantLoop]) -> Iterator[Register]:
+    """The registers of ``loops``, which stand one behind the other from 0 on."""
+    for place, loop in enumerate(loops):
+        for role in signals(loop):
+            yield Register(
+                tag=tag(loop, role),
+                role=role,
+                address=STRIDE * place + PLACE[role],
+                kind="UINT16" if role is Role.MODE else "FLOAT32",
+                unit=unit(loop, role),
+            )
+
+
+def unit(loop: PlantLoop, role: Role) -> str:
+    """The unit that a signal is served in; none for the mode."""
+    if role is Role.MODE:
+        return ""
+    return "%" if role in (Role.OP, Role.MV) else loop.pv_range.unit
 
 
 def words(rows: Sequence[Floats]) -> list[int]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import signal
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 
 from stemwatch.models.plant import PlantLoop
 from stemwatch.models.recording import Floats
+from stemwatch.service.children import begin_child, quiet_start
 from stemwatch.service.modbus_plant.layout import MOST_LOOPS
 from stemwatch.service.modbus_plant.tape import Stretch, Tape, simulate_stretch
 from stemwatch.service.modbus_plant.wear import Wear
@@ -35,9 +37,10 @@ class LivePlant:
     """What every loop's signals are at a plant time that only goes forward.
 
     ``wear`` names, by tag, the valves that get worse. The simulation runs ``stretch_s`` seconds of
-    plant time at once in another process, so that serving never waits for it; a joint between two
-    stretches looks like a short upset of the loop. Raises ``ValueError`` for no loops, for more
-    than the registers hold, for a tag that is there twice and for wear of a loop that is not there.
+    plant time at once in another process, so that serving never waits for it, and less where wear
+    begins or ends in between; a joint between two stretches looks like a short upset of the loop.
+    Raises ``ValueError`` for no loops, for more than the registers hold, for a tag that is there
+    twice and for wear of a loop that is not there.
     """
 
     def __init__(
@@ -53,14 +56,23 @@ class LivePlant:
         self._stretch_s = stretch_s
         # Neither fork nor a thread: the server runs threads, and a kernel would hold its lock.
         context = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(max_workers=1, mp_context=context)
+        self._pool = ProcessPoolExecutor(
+            max_workers=1, mp_context=context, initializer=_leave_ctrl_c
+        )
         seeds = [seed + 100_003 * place for place in range(len(loops))]
-        first = [
-            self._pool.submit(
-                simulate_stretch, loop, wear.get(loop.tag), 0.0, 0.0, stretch_s, own_seed
-            )
-            for loop, own_seed in zip(loops, seeds, strict=True)
-        ]
+        with quiet_start():  # it is here that the process begins
+            first = [
+                self._pool.submit(
+                    simulate_stretch,
+                    loop,
+                    wear.get(loop.tag),
+                    0.0,
+                    0.0,
+                    _length_s(wear.get(loop.tag), 0.0, stretch_s),
+                    own_seed,
+                )
+                for loop, own_seed in zip(loops, seeds, strict=True)
+            ]
         self._running = {
             loop.tag: _Running(loop, own_seed, wear.get(loop.tag), Tape(stretch.result()))
             for loop, own_seed, stretch in zip(loops, seeds, first, strict=True)
@@ -75,13 +87,25 @@ class LivePlant:
         """OP, MV, PV, SP and mode of each loop at ``plant_s``; sees to it that there is more."""
         return [self._row(one, plant_s) for one in self._running.values()]
 
-    def repair(self, tag: str, plant_s: float) -> None:
-        """The valve of loop ``tag`` is as new from ``plant_s`` on, and wears again from then.
+    def repair(self, tag: str, plant_s: float, *, lasting: bool = False) -> None:
+        """The valve of loop ``tag`` is as new from ``plant_s`` on, and wears again from then or,
+        where the repair is ``lasting``, never.
 
         Raises ``KeyError`` for a tag that is not there.
         """
         one = self._running[tag]
         one.new_since_s = plant_s
+        if lasting:
+            one.wear = None
+        one.coming = self._simulate(one, plant_s)
+
+    def begin_wear(self, tag: str, wear: Wear, plant_s: float) -> None:
+        """The valve of loop ``tag``, as new until now, wears from ``plant_s`` on.
+
+        Raises ``KeyError`` for a tag that is not there.
+        """
+        one = self._running[tag]
+        one.wear, one.new_since_s = wear, plant_s
         one.coming = self._simulate(one, plant_s)
 
     def close(self) -> None:
@@ -98,8 +122,20 @@ class LivePlant:
 
     def _simulate(self, one: _Running, start_s: float) -> Future[Stretch]:
         worn_s = start_s - one.new_since_s
-        arguments = (one.loop, one.wear, start_s, worn_s, self._stretch_s, one.seed)
-        return self._pool.submit(simulate_stretch, *arguments)
+        length_s = _length_s(one.wear, worn_s, self._stretch_s)
+        return self._pool.submit(
+            simulate_stretch, one.loop, one.wear, start_s, worn_s, length_s, one.seed
+        )
+
+
+def _leave_ctrl_c() -> None:
+    """Ctrl-C reaches every process of a terminal; this one ends when its parent tells it to."""
+    begin_child(ignore=(signal.SIGINT,))
+
+
+def _length_s(wear: Wear | None, worn_s: float, most_s: float) -> float:
+    """How long a stretch is: wear keeps its slope in it."""
+    return most_s if wear is None else min(wear.even_for_s(worn_s), most_s)
 
 
 def _check(loops: Sequence[PlantLoop], wear: Mapping[str, Wear]) -> None:

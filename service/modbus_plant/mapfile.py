@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from stemwatch.models.plant import PlantLoop
 from stemwatch.models.recording import Role
-from stemwatch.service.modbus_plant.layout import PLACE, STRIDE, signals, tag
+from stemwatch.service.modbus_plant.layout import Register, registers, signals, tag, unit
 
 NAME = "plc-1"
 
@@ -43,30 +43,24 @@ def device_toml(
         f"every_s = {every_s}",
         'byte_order = "ABCD"',
     ]
-    for place, loop in enumerate(loops):
-        for role in signals(loop):
-            lines += ["", *_register(loop, role, STRIDE * place + PLACE[role])]
+    for register in registers(loops):
+        lines += ["", *_register(register)]
     return lines
 
 
-def _register(loop: PlantLoop, role: Role, address: int) -> Iterator[str]:
+def _register(register: Register) -> Iterator[str]:
     yield "[[devices.registers]]"
-    yield f"tag = {_quoted(tag(loop, role))}"
+    yield f"tag = {_quoted(register.tag)}"
     yield 'register = "holding"'
-    yield f"address = {address}"
-    if role is Role.MODE:
-        yield 'type = "UINT16"'
+    yield f"address = {register.address}"
+    yield f"type = {_quoted(register.kind)}"
+    if register.role is Role.MODE:
         yield "invalid = [65535]"
         return
-    yield 'type = "FLOAT32"'
-    yield f"unit = {_quoted(_unit(loop, role))}"
-    if role in (Role.OP, Role.MV):
+    yield f"unit = {_quoted(register.unit)}"
+    if register.role in (Role.OP, Role.MV):
         yield "lowest = -10.0"
         yield "highest = 110.0"
-
-
-def _unit(loop: PlantLoop, role: Role) -> str:
-    return "%" if role in (Role.OP, Role.MV) else loop.pv_range.unit
 
 
 def _valve(loop: PlantLoop) -> Iterator[str]:
@@ -80,7 +74,7 @@ def _valve(loop: PlantLoop) -> Iterator[str]:
         yield f"[valves.tags.{role.value}]"
         yield f"tag = {_quoted(tag(loop, role))}"
         if role in (Role.PV, Role.SP):
-            yield f"unit = {_quoted(_unit(loop, role))}"
+            yield f"unit = {_quoted(unit(loop, role))}"
             yield f"low = {float(loop.pv_range.low)}"
             yield f"high = {float(loop.pv_range.high)}"
         elif role is not Role.MODE:

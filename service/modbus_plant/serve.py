@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 PLANT_FILE = "plant.toml"
 UNIT_ID = 1
-_TICK_S = 1.0  # plant seconds between two looks of the server at its plant
 
 
 class PlantServer:
@@ -31,6 +30,8 @@ class PlantServer:
     a loop sampled every 0.1 s looks as it does at 1 s. Requests to write are refused. Use it with
     ``async with``; ``port`` 0 takes a free one, which ``port`` then tells.
     """
+
+    unit_id = UNIT_ID
 
     def __init__(
         self,
@@ -44,6 +45,8 @@ class PlantServer:
         if speed <= 0.0:
             raise ValueError(f"speed must be above 0, received {speed}")
         self.plant, self.host, self.port, self.speed = plant, host, port, speed
+        # Plant seconds between two looks of the server at its plant.
+        self._tick_s = min(loop.archive.interval_s for loop in plant.loops)
         self._clock_s = clock_s
         self._began_s = clock_s()
         self._shown: int | None = None  # the tick that the registers show
@@ -54,9 +57,13 @@ class PlantServer:
         """Plant time, in seconds since the start."""
         return (self._clock_s() - self._began_s) * self.speed
 
-    def repair(self, tag: str) -> None:
-        """The valve of loop ``tag`` is as new from now on."""
-        self.plant.repair(tag, self.plant_s)
+    def repair(self, tag: str, *, lasting: bool = False) -> None:
+        """The valve of loop ``tag`` is as new from now on; ``lasting``: it wears no more."""
+        self.plant.repair(tag, self.plant_s, lasting=lasting)
+
+    def begin_wear(self, tag: str, wear: Wear) -> None:
+        """The valve of loop ``tag``, as new until now, begins to wear."""
+        self.plant.begin_wear(tag, wear, self.plant_s)
 
     async def __aenter__(self) -> PlantServer:
         from pymodbus.server import ModbusTcpServer
@@ -96,10 +103,10 @@ class PlantServer:
 
         if set_values is not None:
             return ExcCodes.ILLEGAL_FUNCTION
-        tick = int(self.plant_s / _TICK_S)
+        tick = int(self.plant_s / self._tick_s)
         if tick != self._shown:
             self._shown = tick
-            fresh = words(self.plant.rows(tick * _TICK_S))
+            fresh = words(self.plant.rows(tick * self._tick_s))
             current_registers[: len(fresh)] = fresh
         return None
 
@@ -115,11 +122,13 @@ def serve_plant(
     wear: Mapping[str, Wear] | None = None,
     seed: int = 1,
     ready: Callable[[PlantServer, Path], None] = lambda server, file: None,
+    beside: Callable[[PlantServer], Awaitable[object]] | None = None,
 ) -> None:
     """Serve ``loops`` until interrupted, with ``plant.toml`` written into ``folder``.
 
-    ``ready`` is called once with the server and the plant file when requests are answered. Raises
-    ``OSError`` where the address cannot be listened on.
+    ``ready`` is called once with the server and the plant file when requests are answered, and
+    ``beside`` runs as long as the server does. Raises ``OSError`` where the address cannot be
+    listened on.
     """
 
     async def run() -> None:
@@ -130,7 +139,7 @@ def serve_plant(
             file = folder / PLANT_FILE
             file.write_text(text, encoding="utf-8", newline="\n")
             ready(server, file)
-            await asyncio.Event().wait()
+            await (asyncio.Event().wait() if beside is None else beside(server))
 
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(run())

@@ -30,12 +30,13 @@ class Stretch:
 def simulate_stretch(
     loop: PlantLoop, wear: Wear | None, start_s: float, worn_s: float, length_s: float, seed: int
 ) -> Stretch:
-    """``length_s`` seconds of ``loop`` from plant time ``start_s``, its valve ``worn_s`` worn.
+    """``length_s`` seconds of ``loop`` from plant time ``start_s``, its valve ``worn_s`` worn at
+    first and wearing on.
 
     Chance differs from stretch to stretch, the set-point moves of the loop come again in each. PV
     and SP are in the loop's engineering units, OP and MV in percent.
     """
-    now = replace(worn(loop, wear, worn_s), duration_s=length_s)
+    now = replace(worn(loop, wear, worn_s, length_s), duration_s=length_s)
     place = round(start_s / loop.archive.interval_s)
     recording = simulate_loop(now, seed + 7919 * place).recording
     columns = []

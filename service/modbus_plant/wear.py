@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from stemwatch.models.plant import PlantLoop, Valve
+
+_SHORTEST_S = 10.0  # a kink in the wear that is nearer is passed over: no stretch is that short
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +39,39 @@ class Wear:
         """How far the wear has come after ``worn_s`` seconds, 0 to 1."""
         return min(max((worn_s - self.after_s) / self.over_s, 0.0), 1.0)
 
+    def even_for_s(self, worn_s: float) -> float:
+        """For how many seconds from ``worn_s`` on the wear keeps its slope; inf for ever."""
+        kinks = (self.after_s, self.after_s + self.over_s)
+        left = [kink - worn_s for kink in kinks if kink - worn_s >= _SHORTEST_S]
+        return min(left, default=math.inf)
 
-def worn(loop: PlantLoop, wear: Wear | None, worn_s: float) -> PlantLoop:
-    """``loop`` with the valve it has after ``worn_s`` seconds of ``wear``."""
-    share = 0.0 if wear is None else wear.share(worn_s)
-    if wear is None or share == 0.0:
+
+def worn(loop: PlantLoop, wear: Wear | None, worn_s: float, length_s: float = 0.0) -> PlantLoop:
+    """``loop`` with the valve it has after ``worn_s`` seconds of ``wear``.
+
+    Over the next ``length_s`` seconds its friction grows on: both levels by one factor, so that S
+    goes in a straight line to where it is then, and J keeps its share of S.
+    """
+    if wear is None:
         return loop
-    old = loop.valve
-    valve = Valve.showing(
-        old.S_read + share * (wear.S_percent - old.S_read),
-        old.J_read + share * (wear.J_percent - old.J_read),
-        positioner_gain=old.positioner_gain,
-        scatter=old.scatter,
-        actuator=old.actuator,
+    now, then = wear.share(worn_s), wear.share(worn_s + length_s)
+    if now == then == 0.0:
+        return loop
+    valve = _valve(loop.valve, wear, now)
+    if now == then or valve.S_read <= 0.0:
+        return replace(loop, valve=valve)
+    growth = _valve(loop.valve, wear, then).S_read / valve.S_read - 1.0
+    return replace(loop, valve=valve, upsets=replace(loop.upsets, growth=growth))
+
+
+def _valve(new: Valve, wear: Wear, share: float) -> Valve:
+    """The valve on the way from ``new``, with ``share`` of the wear done."""
+    if share == 0.0:
+        return new
+    return Valve.showing(
+        new.S_read + share * (wear.S_percent - new.S_read),
+        new.J_read + share * (wear.J_percent - new.J_read),
+        positioner_gain=new.positioner_gain,
+        scatter=new.scatter,
+        actuator=new.actuator,
     )
-    return replace(loop, valve=valve)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from stemwatch.service.plantfile.archives import ArchiveSource
 from stemwatch.service.plantfile.explain import Place
 from stemwatch.service.plantfile.lines import TomlLines
 from stemwatch.service.plantfile.live import NotifierTable
@@ -28,6 +29,7 @@ class Found:
     valve_places: dict[str, Place] = field(default_factory=dict)
     orphans: dict[str, list[str]] = field(default_factory=dict)  # valves of a faulty source
     devices: dict[str, Device] = field(default_factory=dict)
+    archives: dict[str, ArchiveSource] = field(default_factory=dict)
     schedules: dict[str, Schedule] = field(default_factory=dict)
     notifiers: dict[str, NotifierTable] = field(default_factory=dict)
 

@@ -140,6 +140,9 @@ class NotifierTable(Table):
 class ServiceSection(Table):
     """``[service]``: where the service keeps its files, and how much of everything."""
 
+    address: Annotated[str, Field(pattern=r"^(|https?://[^\s?#]+)$")] = Field(
+        default="", description="where people reach the pages, such as https://valves.example/"
+    )
     spool: Name = Field(
         default="stemwatch-spool", description="a folder, relative to the plant file"
     )
@@ -158,6 +161,9 @@ class ServiceSection(Table):
     )
     workers: Annotated[int, Field(ge=1, le=256)] | None = Field(
         default=None, description="a whole number of processes, 1 to 256"
+    )
+    executor: Annotated[str, Field(pattern=r"^(local|dask://[^/\s]+:\d+)$")] = Field(
+        default="local", description='"local" or "dask://HOST:PORT"'
     )
     valve_timeout_s: Annotated[float, Field(ge=1)] = Field(
         default=120.0, description="seconds, 1 or more"

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from stemwatch.service.plantfile.explain import Place, problems_of
 from stemwatch.service.plantfile.found import Found, place_of, tables, taken
 from stemwatch.service.plantfile.lines import TomlLines
+from stemwatch.service.plantfile.load_archives import read_archive
 from stemwatch.service.plantfile.load_live import not_in_map, read_device_tables, read_live
 from stemwatch.service.plantfile.plant import Plant
 from stemwatch.service.plantfile.problem import PlantFileError
@@ -42,7 +43,7 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
     limits, limit_problems = read_limits(data.get("limits", {}), limits_place)
     found = Found(fatal=[*top_problems, *limit_problems])
     _read_sources(data, file.name, lines, found)
-    read_device_tables(data, file.name, lines, found)
+    read_device_tables(data, file, lines, found)
     _read_valves(data, file.name, lines, found)
     _read_list(data, file, found)
     read_live(data, file.name, lines, found)
@@ -60,6 +61,7 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
         storage=storage_address(top.storage.url, file, variables),
         problems=tuple(found.problems),
         devices=found.devices,
+        archives=found.archives,
         schedules=tuple(found.schedules.values()),
         notifiers=found.notifiers,
         alerts=top.alerts,
@@ -73,6 +75,9 @@ def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, found: Foun
         place = place_of(file, lines, "sources", position, name)
         again = taken("name", name, place, found.source_places)
         found.problems += again
+        if "kind" in table:
+            read_archive(table, place, found, known=not again)
+            continue
         try:
             source = Source.model_validate(table)
         except ValidationError as error:
@@ -118,7 +123,7 @@ def _add_valve(table: dict[str, Any], place: Place, found: Found, *, strict: boo
         found.problems += missing
         if not again and not missing:
             found.valves[valve.id] = valve
-    elif valve.source not in found.sources:
+    elif valve.source not in found.sources and valve.source not in found.archives:
         found.orphans.setdefault(valve.source, []).append(valve.id)
     elif not again:
         found.valves[valve.id] = valve

@@ -3,6 +3,7 @@ only."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 Read = TypeVar("Read", bound=BaseModel)
 
 
-def read_device_tables(data: dict[str, Any], file: str, lines: TomlLines, found: Found) -> None:
-    """The ``[[devices]]``; their names are those of sources."""
+def read_device_tables(data: dict[str, Any], file: Path, lines: TomlLines, found: Found) -> None:
+    """The ``[[devices]]``; their names are those of sources, their lists lie beside ``file``."""
     listed = tables(data, "devices")
     if not listed:
         return
@@ -32,7 +33,7 @@ def read_device_tables(data: dict[str, Any], file: str, lines: TomlLines, found:
     good = []
     for position, table in listed:
         name = table.get("name")
-        place = place_of(file, lines, "devices", position, name)
+        place = place_of(file.name, lines, "devices", position, name)
         again = taken("name", name, place, found.source_places)
         found.problems += again
         if not again:
@@ -41,7 +42,8 @@ def read_device_tables(data: dict[str, Any], file: str, lines: TomlLines, found:
         read = read_devices(
             [table],
             lambda path, at=position: lines.of((path[0], at, *path[2:])),  # type: ignore[misc]
-            file,
+            file.name,
+            folder=file.parent,
         )
         found.devices |= {device.name: device for device in read.devices}
         found.problems += [

@@ -10,8 +10,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stemwatch.connectors.archive.address import ArchiveAddress
 from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
+from stemwatch.service.plantfile.archives import ArchiveSource
 from stemwatch.service.plantfile.live import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.plantfile.problem import Problem
 from stemwatch.service.plantfile.schema import Source, Tag, Valve
@@ -28,7 +30,8 @@ class Plant:
 
     ``sources`` and ``valves`` hold what is right; each entry that is wrong is left out and stands
     in ``problems``, one sentence each. ``zone`` is what reports show times in, and the zone of
-    every source that does not name its own. A valve's source is one of ``sources`` or ``devices``.
+    every source that does not name its own. A valve's source is one of ``sources``, ``archives``
+    or ``devices``.
     """
 
     file: Path
@@ -40,6 +43,7 @@ class Plant:
     storage: Address
     problems: tuple[Problem, ...] = ()
     devices: Mapping[str, Device] = field(default_factory=dict)
+    archives: Mapping[str, ArchiveSource] = field(default_factory=dict)
     schedules: tuple[Schedule, ...] = ()
     notifiers: Mapping[str, NotifierTable] = field(default_factory=dict)
     alerts: AlertRules = field(default_factory=AlertRules)
@@ -48,7 +52,14 @@ class Plant:
     def is_live(self, valve: str | Valve) -> bool:
         """Whether a valve's samples come into the store, rather than being read from files."""
         source = self._valve(valve).source
+        if source in self.archives:
+            return False
         return source in self.devices or self.sources[source].folder is not None
+
+    def archive_of(self, valve: str | Valve) -> ArchiveAddress | None:
+        """Where the archive is that a valve is read from; ``None`` for files and live sources."""
+        found = self.archives.get(self._valve(valve).source)
+        return None if found is None else found.address(self.file.parent, self.zone)
 
     def beside(self, name: str) -> Path:
         """A path as the plant file means it: relative to the file itself."""
@@ -88,6 +99,7 @@ class Plant:
             "limits": asdict(self.limits),
             "sources": [source.model_dump() for _, source in sorted(self.sources.items())],
             "valves": {valve.id: _verdict_settings(valve) for valve in self.valves.values()},
+            **self._archive_settings(),
             **(
                 {"devices": {name: repr(one) for name, one in sorted(self.devices.items())}}
                 if self.devices
@@ -96,6 +108,15 @@ class Plant:
         }
         text = json.dumps(settings, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
+
+    def _archive_settings(self) -> dict[str, Any]:
+        """Of archives what can change a verdict; nothing where there is none, so that the digest
+        of a plant without them stays what it was."""
+        dumps = [
+            one.model_dump(exclude={"url", "user", "secret_variable", "secret_file"})
+            for _, one in sorted(self.archives.items())
+        ]
+        return {"archives": dumps} if dumps else {}
 
     def _valve(self, valve: str | Valve) -> Valve:
         return self.valves[valve] if isinstance(valve, str) else valve

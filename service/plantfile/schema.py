@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInf
 from stemwatch.models.recording import Role
 from stemwatch.service.plantfile.contradiction import contradiction
 from stemwatch.service.plantfile.nearest import either_of, nearest
+from stemwatch.service.plantfile.stroke import EXPECTED, parse_stroke
 
 
 class Table(BaseModel):
@@ -47,6 +48,11 @@ def _known_encoding(encoding: str) -> str:
 def _one_line(text: str) -> str:
     if not text.isprintable():
         raise ValueError("text without line breaks and control characters")
+    return text
+
+
+def _known_stroke(text: str) -> str:
+    parse_stroke(text)
     return text
 
 
@@ -233,6 +239,9 @@ class Valve(Table):
     area: Text = Field(default="", description="text on one line")
     criticality: Annotated[int, Field(ge=1, le=3)] = Field(
         default=2, description="1, 2 or 3, where 3 is the valve the plant can least do without"
+    )
+    stroke: Annotated[str, AfterValidator(_known_stroke)] | None = Field(
+        default=None, description=EXPECTED
     )
     source: Annotated[Name, AfterValidator(_existing_source)] = Field(
         description="the name of one of the [[sources]]"

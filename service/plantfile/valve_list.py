@@ -15,7 +15,7 @@ from stemwatch.service.plantfile.lines import Path as KeyPath
 from stemwatch.service.plantfile.nearest import either_of, nearest
 from stemwatch.service.plantfile.problem import PlantFileError, Problem
 
-_FACTS = ("id", "description", "area", "criticality", "source")
+_FACTS = ("id", "description", "area", "criticality", "source", "stroke")
 _NUMBERS = ("low", "high")
 _TAG_COLUMNS = {
     column: (role.value, key)

@@ -40,8 +40,8 @@ def _value(screening: Screening, name: str) -> float | None:
 
 def _time(screening: Screening, name: str) -> float | None:
     """The time where the recording is fine enough to have shown it."""
-    recording = screening.recording
-    interval_s = 0.0 if recording is None else recording.interval_s
+    seen = screening.seen
+    interval_s = 0.0 if seen is None else seen.interval_s
     value = _value(screening, name)
     if value is None or value < max(LEAST_SHARE_OF_INTERVAL * interval_s, SMALLEST_TIME_S):
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -49,10 +49,10 @@ def columns(context: ReportContext) -> list[Column]:
 
 def header_and_rows(
     ranked: Sequence[RankedValve], context: ReportContext
-) -> tuple[list[Column], list[list[Cell]]]:
-    """The columns and, valve by valve, their cells with every text made printable."""
+) -> tuple[list[Column], Iterator[list[Cell]]]:
+    """The columns and, valve by valve as they are asked for, their cells, every text printable."""
     shown = columns(context)
-    return shown, [[_clean(column.read(valve)) for column in shown] for valve in ranked]
+    return shown, ([_clean(column.read(valve)) for column in shown] for valve in ranked)
 
 
 def _clean(cell: Cell) -> Cell:
@@ -194,8 +194,8 @@ def _recording(context: ReportContext) -> list[Column]:
 
 
 def _interval(screening: Screening) -> Cell:
-    return None if screening.recording is None else screening.recording.interval_s
+    return None if screening.seen is None else screening.seen.interval_s
 
 
 def _samples(screening: Screening) -> Cell:
-    return None if screening.recording is None else len(screening.recording)
+    return None if screening.seen is None else screening.seen.samples

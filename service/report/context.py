@@ -30,11 +30,15 @@ class PreviousFinding:
 
 @dataclass(frozen=True, kw_only=True)
 class ValveFacts:
-    """What the plant says of a valve: its service, where it is, how much hangs on it."""
+    """What the plant says of a valve: its service, where it is, how much hangs on it.
+
+    ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
+    """
 
     description: str = ""
     area: str = ""
     criticality: str = ""
+    stroke: str = ""
     previous: PreviousFinding | None = None
 
 

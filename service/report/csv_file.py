@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 from datetime import datetime
+from typing import BinaryIO
 
 from stemwatch.service.report.columns import Cell, header_and_rows
 from stemwatch.service.report.context import ReportContext
@@ -15,14 +16,15 @@ from stemwatch.service.report.ranking import RankedValve
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 
 
-def csv_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
+def write_csv(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
     """One header row, one row per valve; numbers unrounded, times ISO 8601 with their offset."""
     shown, rows = header_and_rows(ranked, context)
-    sheet = io.StringIO(newline="")
+    sheet = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
     writer = csv.writer(sheet)
     writer.writerow([column.header for column in shown])
-    writer.writerows([[harmless(cell) for cell in row] for row in rows])
-    return sheet.getvalue().encode("utf-8-sig")
+    writer.writerows([harmless(cell) for cell in row] for row in rows)
+    sheet.flush()
+    sheet.detach()  # the file is the caller's to close
 
 
 def harmless(cell: Cell) -> Cell:

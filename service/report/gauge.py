@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
@@ -24,7 +24,7 @@ class Gauge:
     beyond: bool
 
 
-def gauge_top(screenings: Sequence[Screening]) -> float:
+def gauge_top(screenings: Iterable[Screening]) -> float:
     """The round number at the bars' right end, percent of OP span: it holds every value."""
     values = [
         finite(estimate.value) or 0.0

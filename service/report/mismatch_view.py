@@ -30,7 +30,6 @@ class MismatchView:
     top: float  # rms in percent of span at the full colour of both maps
     facets: tuple[Facet, ...]
     overlay: Chart | None
-    recording: Recording | None
     held_back: str = ""
 
     @property
@@ -51,9 +50,14 @@ class LeftOver:
 
 
 def mismatch_view(
-    found: Mismatch, recording: Recording | None, anchor: str, tag: str, held_back: str = ""
+    found: Mismatch,
+    recording: Recording | None,
+    anchor: str,
+    tag: str,
+    held_back: str = "",
+    overlay: Chart | None = None,
 ) -> MismatchView:
-    """The view of ``found``; without ``recording`` it has no overlay."""
+    """The view of ``found``; without ``recording`` it has the ``overlay`` that is given, if any."""
     top = largest(found.before, found.after)
     return MismatchView(
         found=found,
@@ -63,8 +67,7 @@ def mismatch_view(
         after=heat_map(found.after, top, f"Residual of the extended model, {tag}"),
         top=top,
         facets=tuple(facets(found)),
-        overlay=overlay_of(recording, found.runs),
-        recording=recording,
+        overlay=overlay_of(recording, found.runs) or overlay,
         held_back=held_back,
     )
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from itertools import islice
+from typing import Any, BinaryIO
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
@@ -20,8 +21,8 @@ from markupsafe import Markup
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import mismatch_words, words
 from stemwatch.service.report.beside import beside_friction, without_them
-from stemwatch.service.report.charts import chart_of
 from stemwatch.service.report.context import ReportContext
+from stemwatch.service.report.evidence import Evidence, evidence_of
 from stemwatch.service.report.fits import MODEL_NAMES, fit_bars, spread_percent
 from stemwatch.service.report.gauge import gauge, gauge_top
 from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars, mismatch_view
@@ -32,6 +33,9 @@ from stemwatch.service.report.ranking import RankedValve, count_verdicts, discov
 # a valve's plots are 60 to 90 KB, and the page must open on a phone.
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
+# A section without plots is 20 to 30 KB; of thousands of valves the rest is a row of the table.
+MOST_TOLD = 500
+NOTHING_DRAWN = Evidence(chart=None, overlay=None)
 
 STYLES = ("vendor/uPlot.min.css", "report.css", "mismatch.css", "print.css")
 EARLY_SCRIPTS = ("theme.js",)
@@ -57,25 +61,39 @@ class PlottedValve:
     mismatch: MismatchView | None = None
 
 
+def write_html(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+    """The page as UTF-8, valve by valve."""
+    for piece in _pieces(ranked, context):
+        file.write(piece.encode())
+
+
 def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
     """The page as UTF-8."""
-    screenings = [valve.screening for valve in ranked]
-    counts = count_verdicts(screenings)
+    return "".join(_pieces(ranked, context)).encode()
+
+
+def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
+    counts = count_verdicts(valve.screening for valve in ranked)
     found = discovered(ranked, context)
     page = environment(context, resource).get_template("report.html")
-    text = page.render(
+    return page.generate(
         context=context,
         counts=counts,
         ranked=ranked,
         valves=_plotted(ranked, counts, found.remark),
         discovered=found.sentence,
+        told=told_limit(counts),
         areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
-        gauge_top=gauge_top(screenings),
+        gauge_top=gauge_top(valve.screening for valve in ranked),
         models=MODEL_NAMES,
         compact=True,
         **inlined(SCRIPTS),
     )
-    return text.encode()
+
+
+def told_limit(counts: dict[Verdict, int]) -> int:
+    """How many valves, from the worst, have a section of their own; the others have their row."""
+    return max(plot_limit(counts), MOST_TOLD)
 
 
 def plot_limit(counts: dict[Verdict, int]) -> int:
@@ -86,32 +104,31 @@ def plot_limit(counts: dict[Verdict, int]) -> int:
 
 def _plotted(
     ranked: Sequence[RankedValve], counts: dict[Verdict, int], remark: str
-) -> list[PlottedValve]:
-    limit = plot_limit(counts)
-    return [_plot(valve, limit, remark) for valve in ranked]
+) -> Iterator[PlottedValve]:
+    limit, told = plot_limit(counts), told_limit(counts)
+    return (_plot(valve, limit, remark) for valve in islice(ranked, told))
 
 
 def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
     plotted = valve.rank <= limit
-    chart = chart_of(valve.screening) if plotted else None
+    evidence = (valve.evidence or evidence_of(valve.screening)) if plotted else NOTHING_DRAWN
     if not plotted:
         why = (
             f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
             "small; run a report of this valve alone to see its plots."
         )
     else:
-        why = "" if chart is not None else "There is nothing to plot: no samples could be read."
-    mismatch = _view(valve, plotted, remark if valve.stands is False else "")
-    return PlottedValve(valve=valve, chart=chart, why_not=why, mismatch=mismatch)
+        nothing = "There is nothing to plot: no samples could be read."
+        why = nothing if evidence.chart is None else ""
+    mismatch = _view(valve, evidence.overlay, remark if valve.stands is False else "")
+    return PlottedValve(valve=valve, chart=evidence.chart, why_not=why, mismatch=mismatch)
 
 
-def _view(valve: RankedValve, plotted: bool, held_back: str) -> MismatchView | None:
-    """The overlay is drawn where something was left out; else the plots above say it all."""
-    found = valve.screening.mismatch
+def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> MismatchView | None:
+    found, tag = valve.screening.mismatch, valve.screening.valve
     if found is None:
         return None
-    recording = valve.screening.recording if plotted and found.effects else None
-    return mismatch_view(found, recording, valve.anchor, valve.screening.valve, held_back)
+    return mismatch_view(found, None, valve.anchor, tag, held_back, overlay)
 
 
 def environment(context: ReportContext, load: Callable[[str], str]) -> Environment:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import overload
 
 from stemwatch.models.findings import Screening
+from stemwatch.models.mismatch.findings import Mismatch, ResidualMap
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.context import ReportContext, ValveFacts
 from stemwatch.service.report.discoveries import Discoveries, discoveries
+from stemwatch.service.report.evidence import Evidence
 from stemwatch.service.report.trend import Trend, trend
 from stemwatch.service.report.words import WORST_FIRST, finite, printable
 
@@ -22,7 +25,7 @@ class RankedValve:
     """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report.
 
     ``stands`` is whether its effects stand among all valves of the run; ``None`` where nothing
-    was named.
+    was named. ``evidence`` is what its plots draw, where its samples were let go.
     """
 
     rank: int
@@ -31,45 +34,94 @@ class RankedValve:
     facts: ValveFacts
     trend: Trend
     stands: bool | None = None
+    evidence: Evidence | None = None
 
 
-def rank_valves(screenings: Sequence[Screening], context: ReportContext) -> list[RankedValve]:
-    """By verdict (sticky, watch, undetermined, healthy), then severity, then tag."""
-    taken: Counter[str] = Counter()
-    ranked = []
-    ordered = sorted(screenings, key=_worst_first)
-    standing = _discoveries(ordered, context).standing
-    for place, (screening, stands) in enumerate(zip(ordered, standing, strict=True), start=1):
-        facts = context.facts(screening.valve)
-        ranked.append(
-            RankedValve(
-                rank=place,
-                anchor=anchor_of(screening.valve, taken),
-                screening=screening,
-                facts=facts,
-                trend=trend(screening, facts.previous),
-                stands=stands,
-            )
+class Ranking(Sequence[RankedValve]):
+    """The valves of a report, worst first: by verdict (sticky, watch, undetermined, healthy), then
+    severity, then tag.
+
+    A valve is made when it is asked for, from whatever ``screenings`` is: where that reads from a
+    disk, only one valve is held at a time. ``evidence`` gives the plots of the screening at a place
+    of ``screenings``. ``discovered`` is what stands of all that was named in the run.
+    """
+
+    def __init__(
+        self,
+        screenings: Sequence[Screening],
+        context: ReportContext,
+        evidence: Callable[[int], Evidence | None] = lambda _: None,
+    ) -> None:
+        self._screenings, self._context, self._evidence = screenings, context, evidence
+        notes = [(worst_first(one), one.valve, light(one.mismatch)) for one in screenings]
+        self._order = sorted(range(len(notes)), key=lambda place: notes[place][0])
+        named = [notes[place][2] for place in self._order]
+        self.discovered: Discoveries = discoveries(named, context.p_elsewhere)
+        taken: Counter[str] = Counter()
+        self._anchors = [anchor_of(notes[place][1], taken) for place in self._order]
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    @overload
+    def __getitem__(self, at: int) -> RankedValve: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> list[RankedValve]: ...
+
+    def __getitem__(self, at: int | slice) -> RankedValve | list[RankedValve]:
+        """The valve of rank ``at + 1``, or those of a slice."""
+        if isinstance(at, slice):
+            return [self._valve(one) for one in range(*at.indices(len(self)))]
+        return self._valve(range(len(self))[at])
+
+    def _valve(self, at: int) -> RankedValve:
+        place = self._order[at]
+        screening = self._screenings[place]
+        facts = self._context.facts(screening.valve)
+        return RankedValve(
+            rank=at + 1,
+            anchor=self._anchors[at],
+            screening=screening,
+            facts=facts,
+            trend=trend(screening, facts.previous),
+            stands=self.discovered.standing[at],
+            evidence=self._evidence(place),
         )
-    return ranked
+
+
+def rank_valves(
+    screenings: Sequence[Screening],
+    context: ReportContext,
+    evidence: Callable[[int], Evidence | None] = lambda _: None,
+) -> Ranking:
+    """By verdict (sticky, watch, undetermined, healthy), then severity, then tag."""
+    return Ranking(screenings, context, evidence)
 
 
 def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discoveries:
     """What stands of all that was named in the run of ``ranked``."""
-    return _discoveries([valve.screening for valve in ranked], context)
+    if isinstance(ranked, Ranking):
+        return ranked.discovered
+    return discoveries([valve.screening.mismatch for valve in ranked], context.p_elsewhere)
 
 
-def _discoveries(screenings: Sequence[Screening], context: ReportContext) -> Discoveries:
-    return discoveries([one.mismatch for one in screenings], context.p_elsewhere)
+def light(mismatch: Mismatch | None) -> Mismatch | None:
+    """As much of a mismatch as it takes to say which effects stand."""
+    if mismatch is None:
+        return None
+    nothing = ResidualMap()
+    return replace(mismatch, before=nothing, after=nothing, runs=None, not_testable=())
 
 
-def count_verdicts(screenings: Sequence[Screening]) -> dict[Verdict, int]:
+def count_verdicts(screenings: Iterable[Screening]) -> dict[Verdict, int]:
     """How many valves there are of each verdict, worst first."""
     counted = Counter(screening.verdict for screening in screenings)
     return {verdict: counted[verdict] for verdict in WORST_FIRST}
 
 
-def _worst_first(screening: Screening) -> tuple[int, float, str]:
+def worst_first(screening: Screening) -> tuple[int, float, str]:
+    """A key that sorts the worst to the front."""
     severity = finite(screening.severity) or 0.0
     return WORST_FIRST.index(screening.verdict), -severity, screening.valve
 

@@ -6,15 +6,18 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 from stemwatch.models.findings import Screening
 from stemwatch.service.report.context import ReportContext
 from stemwatch.service.report.contract import to_contract
-from stemwatch.service.report.csv_file import csv_bytes
-from stemwatch.service.report.page import html_bytes
+from stemwatch.service.report.csv_file import write_csv
+from stemwatch.service.report.evidence import Evidence
+from stemwatch.service.report.page import write_html
 from stemwatch.service.report.ranking import RankedValve, rank_valves
-from stemwatch.service.report.xlsx_file import xlsx_bytes
+from stemwatch.service.report.xlsx_file import write_xlsx
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,16 +34,21 @@ class ReportNotWritten(OSError):
     """One or more files of the report could not be written; the others are complete."""
 
 
-Render = Callable[[Sequence[RankedValve], ReportContext], bytes]
+Write = Callable[[Sequence[RankedValve], ReportContext, BinaryIO], None]
 
 
 def write_report(
-    screenings: Sequence[Screening], context: ReportContext, out_dir: Path | str
+    screenings: Sequence[Screening],
+    context: ReportContext,
+    out_dir: Path | str,
+    evidence: Callable[[int], Evidence | None] = lambda _: None,
 ) -> ReportFiles:
     """Write ``report.html``, ``valves.csv``, ``valves.xlsx`` and ``valves.json`` into ``out_dir``.
 
-    The folder is made where it is absent; each file is replaced whole or left as it was. Raises
-    ``ReportNotWritten``, after writing what can be written, with each file and what to do.
+    The folder is made where it is absent; each file is replaced whole or left as it was, and
+    written valve by valve. ``evidence`` gives the plots of the screening at a place, where its
+    samples were let go. Raises ``ReportNotWritten``, after writing what can be written, with each
+    file and what to do.
     """
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
@@ -50,14 +58,16 @@ def write_report(
         xlsx=folder / "valves.xlsx",
         json=folder / "valves.json",
     )
-    renders: list[tuple[Path, Render]] = [
-        (files.json, json_bytes),
-        (files.csv, csv_bytes),
-        (files.xlsx, xlsx_bytes),
-        (files.html, html_bytes),
-    ]
-    ranked = rank_valves(screenings, context)
-    put_all({path: render(ranked, context) for path, render in renders})
+    writers: dict[Path, Write] = {
+        files.json: write_json,
+        files.csv: write_csv,
+        files.xlsx: write_xlsx,
+        files.html: write_html,
+    }
+    ranked = rank_valves(screenings, context, evidence)
+    _all_put(
+        {path: partial(write, ranked, context) for path, write in writers.items()},
+    )
     return files
 
 
@@ -66,22 +76,36 @@ def put_all(contents: Mapping[Path, bytes]) -> None:
 
     Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
     """
-    failures = [_put(path, content) for path, content in contents.items()]
+    _all_put({path: partial(_whole, content) for path, content in contents.items()})
+
+
+def _whole(content: bytes, file: BinaryIO) -> None:
+    file.write(content)
+
+
+def _all_put(writers: Mapping[Path, Callable[[BinaryIO], None]]) -> None:
+    failures = [_put(path, write) for path, write in writers.items()]
     if said := [failure for failure in failures if failure]:
         raise ReportNotWritten(" ".join(said))
 
 
-def json_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
-    """The contract objects, worst valve first, as UTF-8 JSON without NaN."""
-    objects = [to_contract(valve.screening, stands=valve.stands) for valve in ranked]
-    return json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1).encode()
+def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+    """The contract objects, worst valve first, as UTF-8 JSON without NaN; one at a time."""
+    between = "[\n "
+    for valve in ranked:
+        found = to_contract(valve.screening, stands=valve.stands)
+        text = json.dumps(found, allow_nan=False, ensure_ascii=False, indent=1)
+        file.write((between + text.replace("\n", "\n ")).encode())
+        between = ",\n "
+    file.write(b"\n]" if len(ranked) else b"[]")
 
 
-def _put(path: Path, content: bytes) -> str:
+def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
     """Write beside, then rename, so that nobody opens half a report. Returns what went wrong."""
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        beside.write_bytes(content)
+        with beside.open("wb") as file:
+            write(file)
         beside.replace(path)
     except OSError as error:
         beside.unlink(missing_ok=True)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, BinaryIO
 
 from xlsxwriter import Workbook
 
@@ -29,17 +28,18 @@ _INDICATOR_WIDTHS = (18, 30, 12, 12, 12, 14, 12, 70)
 _WORSE = {"up": "it rises", "down": "it falls"}
 
 
-def xlsx_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
-    """The workbook as bytes, the same for the same screenings and context."""
-    memory = io.BytesIO()
-    with Workbook(memory, {"in_memory": True, "remove_timezone": True}) as book:
+def write_xlsx(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+    """The workbook, the same for the same screenings and context.
+
+    Rows go to the disk as they are written, so that memory does not grow with the valves.
+    """
+    with Workbook(file, {"constant_memory": True, "remove_timezone": True}) as book:
         book.set_properties(
             {"title": printable(context.title), "created": _naive_utc(context.started)}
         )
         shown = _ranking(book, ranked, context)
         _indicators(book, ranked)
         _read_me(book, shown, context, discovered(ranked, context).sentence)
-    return memory.getvalue()
 
 
 def _naive_utc(when: datetime) -> datetime:
@@ -64,13 +64,13 @@ def _ranking(book: Any, ranked: Sequence[RankedValve], context: ReportContext) -
     sheet = book.add_worksheet("Ranking")
     shown, rows = header_and_rows(ranked, context)
     titles = [column.header for column in shown]
-    _header(book, sheet, titles, [column.width for column in shown], len(rows))
+    _header(book, sheet, titles, [column.width for column in shown], len(ranked))
     sheet.freeze_panes(1, titles.index("valve") + 1)
     styles = [_style(book, column) for column in shown]
     for line, row in enumerate(rows, start=1):
         for index, cell in enumerate(row):
             _write(sheet, line, index, cell, styles[index])
-    _colours(book, sheet, titles, len(rows))
+    _colours(book, sheet, titles, len(ranked))
     return shown
 
 
@@ -117,12 +117,13 @@ def _colours(book: Any, sheet: Any, titles: list[str], rows: int) -> None:
 
 def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
     sheet = book.add_worksheet("Indicators")
-    found = [
-        (valve.screening.valve, indicator)
-        for valve in ranked
-        for indicator in valve.screening.indicators.values()
-    ]
-    _header(book, sheet, _INDICATOR_HEADERS, _INDICATOR_WIDTHS, len(found))
+    found = (
+        (screening.valve, indicator)
+        for screening in (valve.screening for valve in ranked)
+        for indicator in screening.indicators.values()
+    )
+    rows = sum(len(valve.screening.indicators) for valve in ranked)
+    _header(book, sheet, _INDICATOR_HEADERS, _INDICATOR_WIDTHS, rows)
     sheet.freeze_panes(1, 2)
     styles: dict[type, Any] = {str: book.add_format({"text_wrap": True, "valign": "top"})}
     styles[float] = book.add_format({"num_format": "0.000", "valign": "top"})

@@ -8,6 +8,7 @@ know. A job only queues, which takes milliseconds.
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable
 from datetime import UTC
 
@@ -41,6 +42,7 @@ class Alarm:
         self._store, self._planner, self._zone, self._queued = store, planner, zone, queued
         self._look_again_s = look_again_s
         self._known: dict[str, Schedule] = {}
+        self._looked_s: float | None = None
         self._scheduler = BackgroundScheduler(
             timezone=UTC,
             job_defaults={"coalesce": True, "max_instances": 1, "misfire_grace_time": None},
@@ -63,6 +65,13 @@ class Alarm:
         self._scheduler.pause()  # else it hands out jobs while it waits for others
         self._scheduler.shutdown(wait=True)
 
+    @property
+    def silent_s(self) -> float | None:
+        """Seconds since the schedules were last looked at without an error, ``None`` before the
+        first time; three times ``look_again_s`` is a fault."""
+        looked_s = self._looked_s
+        return None if looked_s is None else time.monotonic() - looked_s
+
     def look(self) -> None:
         """Take over changed schedules, and queue whatever is due."""
         wanted = {
@@ -83,6 +92,7 @@ class Alarm:
                 )
         self._known = wanted
         self._wake()
+        self._looked_s = time.monotonic()
 
     def _wake(self) -> None:
         if self._planner.plan():

@@ -6,10 +6,14 @@ from __future__ import annotations
 import logging
 import shutil
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
+from stemwatch.models.findings import Screening
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
+from stemwatch.service.alerts.held_back import Tested, hold_back, p_elsewhere
+from stemwatch.service.maintenance.from_store import report_of_run
 from stemwatch.service.pipeline import facts_of
 from stemwatch.service.report import write_report
 from stemwatch.service.report.context import ReportContext, SourceNotRead
@@ -26,12 +30,14 @@ def finish(run: ValveRun, pool: WorkerPool, stop: threading.Event) -> str | None
 
     A report that cannot be written costs the report only.
     """
+    tested = hold_back(run.store, run.run.id)
     evaluate(run.store, run.plant, run.run.id)
     folder: str | None = None
     try:
-        folder = _report(run, pool, stop)
+        folder = _report(run, pool, stop, tested)
     except OSError as error:
-        log.error("run %d: the report could not be written: %s", run.run.id, error)
+        text = "run %d: the report could not be written: %s"
+        log.error(text, run.run.id, error, extra={"run": run.run.id})
     tell(run.store, run.plant, run_id=run.run.id)
     return folder
 
@@ -41,7 +47,9 @@ def report_folder(run: ValveRun) -> Path:
     return run.plant.beside(run.plant.service.reports) / f"{_PREFIX}{run.run.id:06d}"
 
 
-def _report(run: ValveRun, pool: WorkerPool, stop: threading.Event) -> str | None:
+def _report(
+    run: ValveRun, pool: WorkerPool, stop: threading.Event, tested: Sequence[Tested]
+) -> str | None:
     limit = run.plant.service.report_valves
     wanted = run.store.worst_of_run(run.run.id, limit)
     have = {one.valve for one in run.worst.screenings}
@@ -52,12 +60,23 @@ def _report(run: ValveRun, pool: WorkerPool, stop: threading.Event) -> str | Non
     if not screenings:
         return None
     folder = report_folder(run)
-    write_report(screenings, _context(run, len(wanted)), folder)
+    elsewhere = p_elsewhere(tested, [one.valve for one in screenings])
+    write_report(screenings, _context(run, len(wanted), elsewhere), folder)
+    _maintenance(run, screenings, folder)
     _remove_old(folder.parent, run.plant.service.keep_reports)
     return str(folder)
 
 
-def _context(run: ValveRun, shown: int) -> ReportContext:
+def _maintenance(run: ValveRun, screenings: Sequence[Screening], folder: Path) -> None:
+    """Pages and work orders of all valves of the run; without them it still has its report."""
+    try:
+        report_of_run(run.store, run.plant, run.run.id, screenings, folder)
+    except Exception:  # the alerts and the run's own report are worth more
+        text = "run %d: the maintenance report could not be written"
+        log.exception(text, run.run.id, extra={"run": run.run.id})
+
+
+def _context(run: ValveRun, shown: int, elsewhere: tuple[float | None, ...]) -> ReportContext:
     stored = run.store.run(run.run.id)
     notes = [
         SourceNotRead(source=valve, reason=reason)
@@ -78,6 +97,7 @@ def _context(run: ValveRun, shown: int) -> ReportContext:
             valve: facts_of(run.plant, valve, before) for valve, before in run.previous.items()
         },
         sources_not_read=tuple(notes),
+        p_elsewhere=elsewhere,
     )
 
 

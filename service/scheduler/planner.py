@@ -50,7 +50,8 @@ class Planner:
         number = self._store.queue.put(self._wanted(kept, missed), software_version=__version__)
         self._store.schedules.note(schedule.name, missed.last, coming)
         if number is not None:
-            log.info("run %d of schedule %s is queued for %s", number, schedule.name, missed.last)
+            text = "run %d of schedule %s is queued for %s"
+            log.info(text, number, schedule.name, missed.last, extra={"run": number})
         return number
 
     def _wanted(self, kept: StoredSchedule, missed: Missed) -> Wanted:

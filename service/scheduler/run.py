@@ -60,7 +60,9 @@ class Heart:
             try:
                 run = self.store.queue.beat(self.run_id, self.owner)
             except StoreError as error:
-                log.warning("run %d: no sign of life can be given: %s", self.run_id, error)
+                about = {"run": self.run_id}
+                text = "run %d: no sign of life can be given: %s"
+                log.warning(text, self.run_id, error, extra=about)
                 continue
             if run is None:
                 self.why = "taken"
@@ -139,7 +141,9 @@ class ValveRun:
         screened and saved again in the same place."""
         valve = outcome.item.valve
         if outcome.result is None:
-            log.warning("run %d: %s is set aside: %s", self.run.id, valve, outcome.reason)
+            about = {"run": self.run.id, "valve": valve}
+            text = "run %d: %s is set aside: %s"
+            log.warning(text, self.run.id, valve, outcome.reason, extra=about)
             self.store.queue.mark(self.run.id, valve, ValveState.SET_ASIDE, outcome.reason)
             return
         for screening in outcome.result:

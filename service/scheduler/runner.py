@@ -10,6 +10,7 @@ import uuid
 from datetime import timedelta
 
 from stemwatch.service.plantfile import Plant
+from stemwatch.service.scheduler.cluster_pool import ClusterPool
 from stemwatch.service.scheduler.finish import finish
 from stemwatch.service.scheduler.run import BEAT_S, Heart, ValveRun, ended
 from stemwatch.service.scheduler.workers import WorkerPool
@@ -67,7 +68,8 @@ class Runner:
         run = self._store.queue.claim(self.owner, silent_after=self._silent_after)
         if run is None:
             return False
-        log.info("run %d begins%s", run.id, f" ({run.done} valves are done)" if run.done else "")
+        done = f" ({run.done} valves are done)" if run.done else ""
+        log.info("run %d begins%s", run.id, done, extra={"run": run.id})
         halt = threading.Event()
         heart = Heart(self._store, run.id, self.owner, halt, self._beat_s)
         following = threading.Thread(target=_follow, args=(stop, halt), daemon=True)
@@ -77,7 +79,7 @@ class Runner:
         except StoreError:
             raise  # the store is away: the run lies until it is back
         except Exception as error:
-            log.exception("run %d failed", run.id)
+            log.exception("run %d failed", run.id, extra={"run": run.id})
             reason = f"{type(error).__name__}: {error}"
             self._store.queue.finish(run.id, RunState.FAILED, reason=reason)
         finally:
@@ -86,9 +88,9 @@ class Runner:
         return True
 
     def _work_on(self, run: StoredRun, halt: threading.Event, heart: Heart) -> None:
-        pool = WorkerPool(self._workers, self._plant.service.valve_timeout_s)
+        pool, workers = self._pool()
         valves = ValveRun(run, self._plant, self._store)
-        valves.screen(pool, self._workers, halt)
+        valves.screen(pool, workers, halt)
         report = None
         if not halt.is_set():
             report = finish(valves, pool, halt)
@@ -96,17 +98,27 @@ class Runner:
             self._stopped(run, heart)
             return
         done = self._store.queue.finish(run.id, RunState.DONE, report=report)
-        log.info("run %d is over: %d valves, %d set aside", run.id, done.total, done.set_aside)
+        text = "run %d is over: %d valves, %d set aside"
+        log.info(text, run.id, done.total, done.set_aside, extra={"run": run.id})
+
+    def _pool(self) -> tuple[WorkerPool, int]:
+        """Where ``[service] executor`` says, and how many work there."""
+        service = self._plant.service
+        if service.executor == "local":
+            return WorkerPool(self._workers, service.valve_timeout_s), self._workers
+        pool = ClusterPool(service.executor)
+        return pool, pool.workers
 
     def _stopped(self, run: StoredRun, heart: Heart) -> None:
         how = ended(self._store.run(run.id), heart.why)
         if how is None:
-            log.info("run %d is left for later (%s)", run.id, heart.why or "the service stops")
+            why = heart.why or "the service stops"
+            log.info("run %d is left for later (%s)", run.id, why, extra={"run": run.id})
             if not heart.why:
                 self._store.queue.leave(run.id, self.owner)
             return
         self._store.queue.finish(run.id, how[0], reason=how[1])
-        log.info("run %d: %s", run.id, how[1])
+        log.info("run %d: %s", run.id, how[1], extra={"run": run.id})
 
 
 def _follow(stop: threading.Event, halt: threading.Event) -> None:

@@ -9,7 +9,7 @@ from stemwatch.connectors.connector import ValveTags, Window
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
-from stemwatch.service.gather import live_task, tasks_of_files
+from stemwatch.service.gather import archive_task, live_task, tasks_of_files
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.tasks import Chunk, StoredBaseline, Task, screen_chunk
 
@@ -18,7 +18,8 @@ from stemwatch.service.tasks import Chunk, StoredBaseline, Task, screen_chunk
 class ValveJob:
     """One valve of a run: where it is read, and what it is compared with.
 
-    ``live`` is its task where its samples are in the store; else ``files`` are looked through.
+    ``live`` is its task where its samples are in the store or an archive; else ``files`` are looked
+    through.
     """
 
     valve: str
@@ -37,6 +38,8 @@ def job_of(plant: Plant, valve: str, window: Window, baseline: StoredBaseline | 
     job = ValveJob(valve=valve, tags=tags, limits=plant.limits, window=window, baseline=baseline)
     if plant.is_live(valve):
         return replace(job, live=live_task(plant, valve, window))
+    if plant.archive_of(valve) is not None:
+        return replace(job, live=archive_task(plant, valve, window))
     source = plant.source_of(valve)
     return replace(
         job,

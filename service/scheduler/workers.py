@@ -20,7 +20,9 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
-from stemwatch.service.executors import prepare_worker
+from stemwatch.service.children import begin_child, quiet_start
+from stemwatch.service.executors.executor import one_thread
+from stemwatch.service.logs import logs_as_parent
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +91,8 @@ class WorkerPool:
     def _start(self, work: Callable[[list[Item]], Sequence[Result]]) -> _Worker:
         ours, theirs = self._context.Pipe()
         process = self._context.Process(target=_serve, args=(theirs, work), daemon=True)
-        process.start()
+        with quiet_start():
+            process.start()
         theirs.close()
         return _Worker(process, ours, [])
 
@@ -149,11 +152,11 @@ def _end(worker: _Worker) -> None:
 
 def _serve(pipe: Connection, work: Callable[[list[Any]], Sequence[Any]]) -> None:
     """A worker's life: batches in, results out, until the pipe is closed."""
-    prepare_worker()
     # Both may go to the whole group; ending in order is the parent's to decide, and what it is
     # doing when it is told shall not look like a fault of the valve.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
+    begin_child(ignore=(signal.SIGINT, signal.SIGTERM))
+    one_thread()
+    logs_as_parent("worker")
     while True:
         try:
             batch = pipe.recv()

@@ -14,9 +14,10 @@ from pathlib import Path
 
 from stemwatch.connectors.modbus import SampleBatch
 from stemwatch.connectors.modbus.state import DeviceState
+from stemwatch.service.children import quiet_start, take_signals
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.plantfile import Plant, load_plant
-from stemwatch.service.serve.logs import set_up_logs
+from stemwatch.service.serve.logs import hide_secrets, set_up_logs
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples import EPOCH
 from stemwatch.service.store.sources import SourceState
@@ -69,7 +70,8 @@ class Collecting:
             process = context.Process(
                 target=run_collector, args=(self._file, theirs, self._json), name="collector"
             )
-            process.start()
+            with quiet_start():
+                process.start()
             theirs.close()
             _until_over(process, stop)
             ours.close()  # tells it to end
@@ -86,10 +88,10 @@ class Collecting:
 
 def run_collector(plant_file: Path, parent: Connection, logs_as_json: bool) -> None:
     """The life of the collector's process: collect until the parent closes its end or dies."""
-    set_up_logs(as_json=logs_as_json)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # the parent says when to end
+    take_signals(ignore=(signal.SIGINT, signal.SIGTERM))  # the parent says when to end
+    set_up_logs(as_json=logs_as_json, process="collector")
     plant = load_plant(plant_file)
+    hide_secrets(plant)
     late = LateStore(plant)
     stop = threading.Event()
     threading.Thread(target=_until_closed, args=(parent, stop), daemon=True).start()

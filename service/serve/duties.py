@@ -64,9 +64,9 @@ def repeat(name: str, every_s: float, duty: Duty, stop: threading.Event) -> None
 
 
 def remove_old(store: Store, plant: Plant, now: datetime | None = None) -> int:
-    """Remove samples older than ``[service] keep_samples_days``; how many."""
+    """Remove days of samples older than ``[service] keep_samples_days``; how many samples."""
     oldest = (now or datetime.now(UTC)) - timedelta(days=plant.service.keep_samples_days)
-    removed = store.samples.remove_before(oldest)
+    removed = store.samples.remove_before(oldest, whole_days=True)
     if removed:
         log.info("%d samples from before %s were removed", removed, oldest.date())
     return removed

@@ -1,48 +1,36 @@
-"""Logs as a service manager wants them: one line each on standard error, without secrets."""
+"""The logs of the service and its collector, without the secrets of their plant."""
 
 from __future__ import annotations
 
-import json
-import logging
 import os
-import sys
+from collections.abc import Iterator
+from typing import Any
 
-from stemwatch.service.store.address import masked
+from stemwatch.service.logs import hide
+from stemwatch.service.logs import set_up_logs as set_up_logs
+from stemwatch.service.plantfile import Plant
 
-
-class _Plain(logging.Formatter):
-    """Text; without the time where the journal adds its own."""
-
-    def __init__(self) -> None:
-        time = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "
-        super().__init__(f"{time}%(levelname)s %(name)s: %(message)s")
-
-    def format(self, record: logging.LogRecord) -> str:
-        """The line, with the password of every URL in it masked."""
-        return masked(super().format(record))
+_TOKEN = "STEMWATCH_WEB_TOKEN"
 
 
-class _Json(logging.Formatter):
-    """One JSON object a line."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        """The object, with the password of every URL in it masked."""
-        said = {
-            "at": self.formatTime(record, "%Y-%m-%dT%H:%M:%S%z"),
-            "level": record.levelname.lower(),
-            "part": record.name.removeprefix("stemwatch.service."),
-            "message": masked(record.getMessage()),
-        }
-        if record.exc_info:
-            said["trace"] = masked(self.formatException(record.exc_info))
-        return json.dumps(said, ensure_ascii=False)
+def hide_secrets(plant: Plant) -> None:
+    """Keep out of the logs what the plant file names as secret: the value of each key that ends
+    in ``_variable`` and the content of each ``secret_file``."""
+    hide([os.environ.get(_TOKEN), *_named(plant)])
 
 
-def set_up_logs(*, as_json: bool = False) -> None:
-    """Send the logs of this process to standard error."""
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(_Json() if as_json else _Plain())
-    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
-    for name in ("pymodbus", "alembic", "uvicorn"):
-        logging.getLogger(name).setLevel(logging.WARNING)
-    logging.getLogger("apscheduler").setLevel(logging.CRITICAL)  # ``Alarm`` says what went wrong
+def _named(plant: Plant) -> Iterator[str | None]:
+    tables: list[Any] = [
+        *plant.notifiers.values(),
+        *plant.sources.values(),
+        *plant.archives.values(),
+    ]
+    for table in tables:
+        for key, value in table.model_dump(exclude_none=True).items():
+            if key.endswith("_variable"):
+                yield os.environ.get(str(value))
+            elif key == "secret_file":
+                try:
+                    yield plant.beside(value).read_text(encoding="utf-8").strip()
+                except (OSError, UnicodeDecodeError):
+                    continue  # said where it is needed

@@ -19,21 +19,21 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-TOKEN = "STEMWATCH_WEB_TOKEN"
 _END_S = 5
 
 
 class CannotListen(OSError):
-    """The address cannot be listened on, or must not; the text says why and what to do."""
+    """The address cannot be listened on; the text says why and what to do."""
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens. Raises ``CannotListen``, also for an address that other machines
-    reach while nobody is asked who he is."""
-    if not _is_loopback(host) and not os.environ.get(TOKEN):
-        raise CannotListen(
-            f"{host} is reached by other machines; set {TOKEN} to what readers shall be asked for, "
-            "or listen on 127.0.0.1"
+    """A socket that listens. Raises ``CannotListen``; warns where other machines reach it, since
+    what they send travels as it is."""
+    if not _is_loopback(host):
+        log.warning(
+            "%s is reached by other machines, and passwords travel to it as they are: put a proxy "
+            "with TLS before it, or listen on 127.0.0.1",
+            host,
         )
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
@@ -65,6 +65,7 @@ class Pages:
     ) -> None:
         import uvicorn
 
+        from stemwatch.service.access.tokens import ENVIRONMENT
         from stemwatch.service.serve.actions import WakingActions
         from stemwatch.service.web.app import create_app
         from stemwatch.service.web.site import LOOPBACK, Site
@@ -77,7 +78,7 @@ class Pages:
             actions=WakingActions(store, wake),
             checks=checks,
             hosts=tuple(dict.fromkeys((*hosts, *own))),
-            token=os.environ.get(TOKEN, ""),
+            token=os.environ.get(ENVIRONMENT, ""),
         )
         config = uvicorn.Config(
             create_app(site),
@@ -101,6 +102,15 @@ class Pages:
 
     def _run(self) -> None:
         self._server.run(sockets=[self._listening])
+
+
+def address_of(listening: socket.socket, *, for_people: bool = False) -> str:
+    """Where the pages are; ``for_people`` by this machine's name where every address of it is
+    listened on."""
+    host, port = listening.getsockname()[:2]
+    if for_people and ipaddress.ip_address(host).is_unspecified:
+        host = socket.gethostname().lower()
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
 def _is_loopback(host: str) -> bool:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stemwatch.connectors.connector import ConnectorError, Window
+from stemwatch.connectors.archive.address import Archive
+from stemwatch.connectors.connector import ConnectorError, ValveTags, Window
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Recording
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.store.store import Store
 from stemwatch.service.store.stored_samples import StoredSamples
-from stemwatch.service.tasks import open_file
+from stemwatch.service.tasks import open_archive, open_file
 
 
 def reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | None]:
@@ -26,9 +27,21 @@ def reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | No
                 return source.read(plant.valve_tags(valve), window)
             except ConnectorError:
                 return None  # nothing was collected in this window
-        return _in_files(plant, valve, window)
+        address = plant.archive_of(valve)
+        return (
+            _in_files(plant, valve, window)
+            if address is None
+            else _archived(open_archive(address), plant.valve_tags(valve), window)
+        )
 
     return read
+
+
+def _archived(archive: Archive, tags: ValveTags, window: Window) -> Recording | None:
+    try:
+        return archive.read(archive.present(tags), window)
+    except ConnectorError:
+        return None  # the archive has nothing in this window
 
 
 def _in_files(plant: Plant, valve: str, window: Window) -> Recording | None:

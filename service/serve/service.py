@@ -11,25 +11,22 @@ import socket
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
 
+from stemwatch.service.access.setup import first_link
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.scheduler import Alarm, Planner, Runner
+from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.collecting import Collecting
 from stemwatch.service.serve.duties import LEASE, duties, repeat
 from stemwatch.service.serve.notify import tell_systemd
-from stemwatch.service.serve.pages import Pages, listen
+from stemwatch.service.serve.pages import Pages, address_of, listen
+from stemwatch.service.serve.waiting import WaitingRoom
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store, open_store
-
-if TYPE_CHECKING:
-    from stemwatch.service.web.site import Check
 
 log = logging.getLogger(__name__)
 
 _AGAIN_S = 5.0
-_OLD_STATE = timedelta(seconds=60)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +47,13 @@ class Service:
         self._threads: list[threading.Thread] = []
 
     def run(
-        self, stop: threading.Event, ready: Callable[[str], object] = lambda address: None
+        self,
+        stop: threading.Event,
+        ready: Callable[[str], object] = lambda address: None,
+        invite: Callable[[str], object] = lambda link: None,
     ) -> None:
-        """Serve until ``stop`` is set; ``ready`` gets the address of the pages.
+        """Serve until ``stop`` is set; ``ready`` gets the address of the pages, ``invite`` the
+        one-time link for the first admin where nobody can sign in yet.
 
         Raises ``CannotListen`` where the address is taken. A database that is away at the start is
         waited for, while samples are collected already.
@@ -62,10 +63,11 @@ class Service:
             if self._plant.devices:
                 collecting = Collecting(self._plant.file, logs_as_json=self._json)
                 self._start("collecting", lambda: collecting.watch(stop))
-            store = self._open(stop)
+            with WaitingRoom(listening):
+                store = self._open(stop)
             if store is not None:
                 with store:
-                    self._serve(store, listening, stop, ready)
+                    self._serve(store, listening, stop, ready, invite)
         finally:
             stop.set()
             for thread in self._threads:
@@ -78,22 +80,23 @@ class Service:
         listening: socket.socket,
         stop: threading.Event,
         ready: Callable[[str], object],
+        invite: Callable[[str], object],
     ) -> None:
         plant, zone = self._plant, self._plant.zone or "UTC"
         store.save_valves(plant.valves.values())
         store.schedules.take_from_file(plant.schedules)
         runner = Runner(store, plant)
         alarm = Alarm(store, Planner(store, zone), zone, runner.wake)
+        halt, working = threading.Event(), list[threading.Thread]()
         pages = Pages(
             store,
             plant,
             listening,
-            checks=lambda: checks(store, plant),
+            checks=lambda: checks(store, plant, alarm, working),
             wake=runner.wake,
             hosts=self._where.hosts,
         )
-        halt = threading.Event()
-        working = [threading.Thread(target=runner.work, args=(halt,), name="runner")]
+        working.append(threading.Thread(target=runner.work, args=(halt,), name="runner"))
         for name, every_s, duty in duties(store, plant, runner.owner):
             working.append(
                 threading.Thread(target=repeat, args=(name, every_s, duty, halt), name=name)
@@ -103,8 +106,10 @@ class Service:
         try:
             alarm.start()
             pages.start()
-            host, port = listening.getsockname()[:2]
-            ready(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
+            ready(address_of(listening))
+            if link := first_link(store, address_of(listening, for_people=True)):
+                log.warning("nobody can sign in yet: a one-time link for the first admin is made")
+                invite(link)
             tell_systemd("READY=1")
             stop.wait()
         finally:
@@ -135,33 +140,6 @@ class Service:
         thread = threading.Thread(target=work, name=name)
         thread.start()
         self._threads.append(thread)
-
-
-def checks(store: Store, plant: Plant) -> list[Check]:
-    """How the parts are doing, for ``/healthz``."""
-    from stemwatch.service.web.site import Check
-
-    found = []
-    try:
-        states = {state.source: state for state in store.sources.states()}
-        going = store.queue.going()
-    except StoreError as error:
-        return [Check(name="store", ok=False, says=str(error))]
-    found.append(Check(name="store", ok=True))
-    late = [run for run in going if run.heartbeat and _old(run.heartbeat)]
-    says = f"run {late[0].id} has been silent for a while" if late else f"{len(going)} runs to do"
-    found.append(Check(name="runs", ok=not late, says=says))
-    for name in plant.devices:
-        state = states.get(name)
-        if state is None or _old(state.updated):
-            found.append(Check(name=f"device {name}", ok=False, says="nothing is heard of it"))
-        else:
-            found.append(Check(name=f"device {name}", ok=not state.fault, says=state.fault))
-    return found
-
-
-def _old(instant: datetime) -> bool:
-    return datetime.now(UTC) - instant > _OLD_STATE
 
 
 def _let_go(store: Store, owner: str) -> None:

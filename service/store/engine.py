@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
-from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
 from stemwatch.service.store.address import Address, masked
 from stemwatch.service.store.errors import StoreError
@@ -34,6 +35,16 @@ def make_engine(address: Address) -> Engine:
     return engine
 
 
+def existing_engine(address: Address) -> Engine:
+    """An engine for a database that is there already. Raises ``StoreError`` where a file of SQLite
+    is not: connecting would make an empty one."""
+    engine = make_engine(address)
+    file = engine.url.database
+    if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
+        raise StoreError(f"{address}: there is no database at {Path(file).absolute()}")
+    return engine
+
+
 def for_writing(engine: Engine) -> Engine:
     """The same engine and pool, whose transactions take SQLite's write lock when they begin.
 
@@ -50,6 +61,27 @@ def store_errors(address: Address, doing: str) -> Iterator[None]:
         yield
     except SQLAlchemyError as error:
         raise StoreError(f"{address}: {doing} failed: {plainly(error, address)}") from None
+
+
+@contextmanager
+def driver_errors(connection: Connection) -> Iterator[None]:
+    """Errors of the driver itself, which is spoken to for COPY, as SQLAlchemy's."""
+    driver = connection.dialect.loaded_dbapi
+    try:
+        yield
+    except driver.Error as error:
+        lost = connection.dialect.is_disconnect(error, None, None)
+        if lost:
+            connection.invalidate(error)
+        raise DBAPIError.instance(
+            "COPY",
+            None,
+            error,
+            driver.Error,
+            hide_parameters=True,
+            connection_invalidated=lost,
+            dialect=connection.dialect,
+        ) from error
 
 
 def plainly(error: BaseException, address: Address) -> str:

@@ -101,7 +101,8 @@ class StoredScreening:
 
     ``at`` is the instant it speaks for: the end of its window, or when it was saved where the
     source does not tell its dates. A residual's number that was not finite comes back as NaN.
-    ``baseline_id`` is the baseline that its indicators refer to (``Baseline.id``).
+    ``baseline_id`` is the baseline that its indicators refer to (``Baseline.id``). ``held_back``
+    says why ``mismatch`` does not stand among all valves of its run; empty where it does.
     """
 
     id: int
@@ -127,6 +128,7 @@ class StoredScreening:
     seconds: float
     baseline_id: int | None = None
     mismatch: Mismatch | None = None
+    held_back: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

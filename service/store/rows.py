@@ -12,6 +12,7 @@ from stemwatch.models.findings import DataQuality, Residual, Screening
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.columns import clean_text, finite
+from stemwatch.service.store.held_back import remark_of
 from stemwatch.service.store.packed import mismatch_json, mismatch_of
 from stemwatch.service.store.records import StoredScreening, StoredValve
 from stemwatch.service.store.tables import ScreeningRow, ValveRow
@@ -106,6 +107,7 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         seconds=row.seconds,
         baseline_id=row.baseline_id,
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
+        held_back=remark_of(row.mismatch) if with_mismatch else "",
     )
 
 

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import logging
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TypeVarTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Select, delete, func, select, text
+from sqlalchemy import Connection, Select, delete, func, select, text
 from sqlalchemy.orm import Session
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Floats, QualityCodes
+from stemwatch.service.store import partitions
 from stemwatch.service.store.access import Access
 from stemwatch.service.store.columns import clean_text
+from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.live_tables import SampleReasonRow, SampleRow, TagRow
+from stemwatch.service.store.partitions import DAY_US, Layout
+from stemwatch.service.store.sample_load import SampleColumns, insert_samples
 from stemwatch.service.store.upsert import upsert
+
+log = logging.getLogger(__name__)
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICRO = timedelta(microseconds=1)
-_COLUMNS = "tag_id, at_us, value, quality, reason_id"
-# One statement for a whole batch: measured as quick as COPY, and it can pass over what is there.
-_POSTGRES = text(
-    f"INSERT INTO samples ({_COLUMNS}) SELECT * FROM unnest(CAST(:tag AS integer[]), "
-    "CAST(:at AS bigint[]), CAST(:value AS double precision[]), CAST(:quality AS smallint[]), "
-    "CAST(:reason AS integer[])) ON CONFLICT DO NOTHING"
-)
-_SQLITE = f"INSERT OR IGNORE INTO samples ({_COLUMNS}) VALUES (?, ?, ?, ?, ?)"
 _IN_ONE_STATEMENT = 300
 
 Row = TypeVarTuple("Row")
@@ -63,14 +61,16 @@ class Samples:
         self._access = access
         self._tags: dict[tuple[str, str], int] = {}
         self._reasons: dict[str, int] = {}
+        self._days: set[int] = set()  # that were looked after, as far as this process knows
 
     def write(self, batch: SampleBatch) -> None:
         """Keep every sample of ``batch`` that is not there already; for good when it returns."""
+        days = self._prepare(batch)
         try:
             with self._access.writing(f"storing samples of {batch.source}") as session:
                 tags = self._numbers_of_tags(session, batch)
                 reasons = self._numbers_of_reasons(session, batch)
-                _insert(session, batch, tags, reasons)
+                insert_samples(session.connection(), _columns(batch, tags, reasons))
         except BaseException:
             # What was numbered in a transaction that failed may not be there.
             self._tags.clear()
@@ -78,6 +78,7 @@ class Samples:
             raise
         self._tags.update({(batch.source, name): number for name, number in tags.items()})
         self._reasons.update(reasons)
+        self._days |= days
 
     def describe(self, source: str, units: dict[str, str]) -> None:
         """Keep the units of a source's tags."""
@@ -142,20 +143,57 @@ class Samples:
             rows = session.execute(statement.group_by(SampleReasonRow.words))
             return {words: number for words, number in rows}
 
-    def remove_before(self, instant: datetime) -> int:
-        """Remove what is older than ``instant``, tag by tag; how many samples went."""
+    def prepare_days(self, now: datetime | None = None, days: frozenset[int] = frozenset()) -> int:
+        """Make PostgreSQL's partitions of the coming days and of ``days``; how many were new."""
+        wanted = partitions.wanted_days(days, now or datetime.now(UTC))
+        with self._access.writing("making partitions of samples") as session:
+            if partitions.layout_of(session.connection()) is not Layout.PARTITIONS:
+                return 0
+            return partitions.make_days(session.connection(), wanted)
+
+    def remove_before(self, instant: datetime, *, whole_days: bool = False) -> int:
+        """Remove what is older than ``instant``; how many samples went.
+
+        With ``whole_days`` only days that are wholly older (in UTC) go, which costs a database
+        that keeps each day by itself next to nothing.
+        """
+        before_us = microseconds(instant)
+        if whole_days:
+            before_us -= before_us % DAY_US
+        if self._access.is_sqlite:
+            return self._remove_by_tag(before_us)
+        with self._access.writing("removing old samples") as session:
+            days = _remove_days(session.connection(), before_us)
+            rest = session.execute(delete(SampleRow).where(SampleRow.at_us < before_us))
+            strays: int = rest.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+        self._days.clear()
+        self.prepare_days()
+        return days + strays
+
+    def _remove_by_tag(self, before_us: int) -> int:
         removed = 0
         with self._access.reading() as session:
             numbers = list(session.scalars(select(TagRow.id)))
         for number in numbers:
             with self._access.writing("removing old samples") as session:
                 gone = session.execute(
-                    delete(SampleRow).where(
-                        SampleRow.tag_id == number, SampleRow.at_us < microseconds(instant)
-                    )
+                    delete(SampleRow).where(SampleRow.tag_id == number, SampleRow.at_us < before_us)
                 )
                 removed += gone.rowcount  # type: ignore[attr-defined]  # a DELETE has one
         return removed
+
+    def _prepare(self, batch: SampleBatch) -> frozenset[int]:
+        """See to the partitions of the batch's days; without them it goes where it can. The days
+        that were looked after."""
+        if self._access.is_sqlite:
+            return frozenset()
+        days = frozenset(np.unique(np.asarray(batch.at_us) // DAY_US).tolist()) - self._days
+        if days:
+            try:
+                self.prepare_days(days=days)
+            except StoreError as error:
+                log.warning("samples go into the default partition for now: %s", error)
+        return days
 
     def _numbers_of_tags(self, session: Session, batch: SampleBatch) -> dict[str, int]:
         names = dict.fromkeys(batch.tags)
@@ -196,28 +234,29 @@ def microseconds(instant: datetime) -> int:
     return (instant - EPOCH) // _MICRO
 
 
-def _insert(
-    session: Session, batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]
-) -> None:
-    values = [
-        value if finite else None
-        for value, finite in zip(
-            batch.values.tolist(), np.isfinite(batch.values).tolist(), strict=True
-        )
-    ]
-    columns: dict[str, Sequence[object]] = {
-        "tag": [tags[name] for name in batch.tags],
-        "at": batch.at_us.tolist(),
-        "value": values,
-        "quality": batch.quality.tolist(),
-        "reason": [reasons.get(words) for words in batch.reasons],
-    }
-    if session.get_bind().dialect.name == "sqlite":
-        rows = list(zip(*columns.values(), strict=True))
-        if rows:
-            session.connection().exec_driver_sql(_SQLITE, rows)
-    else:
-        session.execute(_POSTGRES, columns)
+def _columns(batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]) -> SampleColumns:
+    count = len(batch)
+    reason = (reasons.get(words, 0) for words in batch.reasons)
+    return SampleColumns(
+        tag=np.fromiter(map(tags.__getitem__, batch.tags), np.int64, count),
+        at_us=np.asarray(batch.at_us),
+        values=np.asarray(batch.values),
+        quality=np.asarray(batch.quality),
+        reason=np.fromiter(reason, np.int64, count) if reasons else np.zeros(count, np.int64),
+    )
+
+
+def _remove_days(connection: Connection, before_us: int) -> int:
+    layout = partitions.layout_of(connection)
+    if layout is Layout.PARTITIONS:
+        return partitions.drop_days(connection, before_us // DAY_US)
+    if layout is not Layout.HYPERTABLE:
+        return 0
+    whole_us = before_us - before_us % DAY_US
+    rows = select(func.count()).select_from(SampleRow).where(SampleRow.at_us < whole_us)
+    gone = connection.execute(rows).scalar_one()
+    connection.execute(text(partitions.drop_chunks(whole_us)))
+    return gone
 
 
 def _window(

@@ -14,8 +14,13 @@ from sqlalchemy.orm import Session
 from stemwatch.models.findings import Screening
 from stemwatch.service.store import baselines, screenings
 from stemwatch.service.store.access import Access
+from stemwatch.service.store.access_links import AccessLinks
+from stemwatch.service.store.accounts import Accounts
 from stemwatch.service.store.address import Address, masked_command
 from stemwatch.service.store.alerts import Alerts
+from stemwatch.service.store.api_tokens import ApiTokens
+from stemwatch.service.store.attempts import Attempts
+from stemwatch.service.store.audit import AuditLog
 from stemwatch.service.store.deliveries import Deliveries
 from stemwatch.service.store.engine import make_engine, plainly
 from stemwatch.service.store.errors import StoreError
@@ -39,6 +44,7 @@ from stemwatch.service.store.samples import Samples
 from stemwatch.service.store.schedules import Schedules
 from stemwatch.service.store.sources import Sources
 from stemwatch.service.store.tables import MaintenanceRow, NoteRow, RunRow
+from stemwatch.service.store.web_sessions import WebSessions
 
 _Window = tuple[datetime | None, datetime | None]
 _GIVE_UP_AFTER = 3  # saves in a row for which the database did not answer
@@ -66,14 +72,21 @@ class Store:
     """The repository. Each method is one transaction; several threads and processes may write.
 
     Results stand here; what the running service needs stands in parts of its own: ``alerts``,
-    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules``, ``settings``, ``sources``.
+    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules``, ``settings``, ``sources``;
+    and who may do what in ``accounts``, ``access_links``, ``web_sessions``, ``api_tokens``,
+    ``attempts``, ``audit``.
     Times go in timezone aware and come out in UTC. Methods raise ``StoreError``.
     """
 
     def __init__(self, engine: Engine, address: Address) -> None:
         self.address = address
         self.access = access = Access(engine, address)
+        self.access_links = AccessLinks(access)
+        self.accounts = Accounts(access)
         self.alerts = Alerts(access)
+        self.api_tokens = ApiTokens(access)
+        self.attempts = Attempts(access)
+        self.audit = AuditLog(access)
         self.deliveries = Deliveries(access)
         self.leases = Leases(access)
         self.queue = RunQueue(access)
@@ -81,6 +94,7 @@ class Store:
         self.schedules = Schedules(access)
         self.settings = Settings(access)
         self.sources = Sources(access)
+        self.web_sessions = WebSessions(access)
 
     def __repr__(self) -> str:
         return f"Store({str(self.address)!r})"

@@ -1,7 +1,8 @@
 """The tables. Times are UTC, numbers carry their unit in the name, and the migrations agree.
 
 Results stand here; what the running service needs stands beside, in ``live_tables``,
-``queue_tables`` and ``alert_tables``, imported here so that ``Base.metadata`` is whole.
+``queue_tables``, ``alert_tables`` and ``access_tables``, imported here so that ``Base.metadata``
+is whole.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
+from stemwatch.service.store import access_tables as access_tables
 from stemwatch.service.store import alert_tables as alert_tables
 from stemwatch.service.store import live_tables as live_tables
 from stemwatch.service.store import queue_tables as queue_tables

@@ -12,6 +12,7 @@ from stemwatch.service.web.desk import AtDesk
 from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.frame import valve_link
 from stemwatch.service.web.queries import alerts
+from stemwatch.service.web.visit import AtVisit
 
 LONGEST_SNOOZE_H = 24 * 366
 
@@ -40,10 +41,10 @@ def alert_list(request: Request, desk: AtDesk) -> HTMLResponse:
 
 
 @router.post("/alerts/settle")
-def settle(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
+def settle(request: Request, desk: AtDesk, visitor: AtVisit, form: Sent) -> RedirectResponse:
     """Acknowledge an alert, put it off, or mark it as false; ``how`` says which."""
     number = form.number("alert", "the number of an alert")
-    who, text = form.text("who", most=200), form.text("text")
+    who, text = visitor.signs(), form.text("text")
     how = form.text("how", needed="what is to be done with the alert")
     if how == "snooze":
         hours = min(form.number("hours", "a number of hours"), LONGEST_SNOOZE_H)

@@ -172,6 +172,7 @@ def valve_line(line: Line) -> shapes.ValveLine:
         S=_estimated(line.S),
         J=_estimated(line.J),
         left_out=list(line.left_out),
+        held_back=line.held_back,
     )
 
 

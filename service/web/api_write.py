@@ -10,6 +10,7 @@ from stemwatch.service.web import shapes
 from stemwatch.service.web.actions import Refused
 from stemwatch.service.web.api_read import Id, Number
 from stemwatch.service.web.desk import AtDesk
+from stemwatch.service.web.visit import AtVisit
 
 AlertId = Annotated[Number, Query(alias="id", description="the alert's number")]
 RunId = Annotated[Number, Query(alias="id", description="the run's number")]
@@ -18,60 +19,68 @@ router = APIRouter(prefix="/api/v1", tags=["change"], responses=shapes.REFUSALS)
 
 
 @router.post("/runs", status_code=202)
-def begin_run(desk: AtDesk, asked: shapes.AskRun) -> shapes.Done:
+def begin_run(desk: AtDesk, visitor: AtVisit, asked: shapes.AskRun) -> shapes.Done:
     """Queue a run over these valves, or over all where none are named."""
-    return shapes.Done(done="queued", id=desk.actions.run_now(asked.valves, asked.who))
+    return shapes.Done(
+        done="queued", id=desk.actions.run_now(asked.valves, visitor.signs(asked.who))
+    )
 
 
 @router.post("/run/cancel")
-def cancel_run(desk: AtDesk, run: RunId, signed: shapes.Signed) -> shapes.Done:
+def cancel_run(desk: AtDesk, visitor: AtVisit, run: RunId, signed: shapes.Signed) -> shapes.Done:
     """Ask that a run ends early; what it has done stays."""
-    desk.actions.cancel(run, signed.who)
+    desk.actions.cancel(run, visitor.signs(signed.who))
     return shapes.Done(done="asked to end", id=run)
 
 
 @router.post("/alert/acknowledge")
-def acknowledge(desk: AtDesk, alert: AlertId, signed: shapes.Signed) -> shapes.Done:
+def acknowledge(
+    desk: AtDesk, visitor: AtVisit, alert: AlertId, signed: shapes.Signed
+) -> shapes.Done:
     """Note that somebody has seen an alert."""
-    desk.actions.acknowledge(alert, signed.who, signed.text)
+    desk.actions.acknowledge(alert, visitor.signs(signed.who), signed.text)
     return shapes.Done(done="acknowledged", id=alert)
 
 
 @router.post("/alert/snooze")
-def snooze(desk: AtDesk, alert: AlertId, asked: shapes.AskSnooze) -> shapes.Done:
+def snooze(desk: AtDesk, visitor: AtVisit, alert: AlertId, asked: shapes.AskSnooze) -> shapes.Done:
     """Let an alert rest until an instant in the future; its zone must be given."""
     if asked.until <= desk.now:
         raise Refused("until must lie in the future")
-    desk.actions.snooze(alert, asked.until, asked.who)
+    desk.actions.snooze(alert, asked.until, visitor.signs(asked.who))
     return shapes.Done(done="snoozed", id=alert)
 
 
 @router.post("/alert/false-alarm")
-def false_alarm(desk: AtDesk, alert: AlertId, signed: shapes.Signed) -> shapes.Done:
+def false_alarm(
+    desk: AtDesk, visitor: AtVisit, alert: AlertId, signed: shapes.Signed
+) -> shapes.Done:
     """Note that an alert was wrong."""
-    desk.actions.false_alarm(alert, signed.who, signed.text)
+    desk.actions.false_alarm(alert, visitor.signs(signed.who), signed.text)
     return shapes.Done(done="marked as a false alarm", id=alert)
 
 
 @router.post("/valve/note")
-def note(desk: AtDesk, valve: Id, asked: shapes.AskRemark) -> shapes.Done:
+def note(desk: AtDesk, visitor: AtVisit, valve: Id, asked: shapes.AskRemark) -> shapes.Done:
     """Keep a remark about a valve."""
-    desk.actions.note(desk.need_valve(valve), asked.at or desk.now, _text(asked), asked.who)
+    desk.actions.note(
+        desk.need_valve(valve), asked.at or desk.now, _text(asked), visitor.signs(asked.who)
+    )
     return shapes.Done(done="kept")
 
 
 @router.post("/valve/maintenance")
-def maintenance(desk: AtDesk, valve: Id, asked: shapes.AskRemark) -> shapes.Done:
+def maintenance(desk: AtDesk, visitor: AtVisit, valve: Id, asked: shapes.AskRemark) -> shapes.Done:
     """Record work on a valve; the first window after it becomes its baseline."""
     at = asked.at or desk.now
-    desk.actions.maintenance(desk.need_valve(valve), at, _text(asked), asked.who)
+    desk.actions.maintenance(desk.need_valve(valve), at, _text(asked), visitor.signs(asked.who))
     return shapes.Done(done="recorded")
 
 
 @router.post("/valve/baseline")
-def baseline(desk: AtDesk, valve: Id, signed: shapes.Signed) -> shapes.Done:
+def baseline(desk: AtDesk, visitor: AtVisit, valve: Id, signed: shapes.Signed) -> shapes.Done:
     """Make the network fitted last the valve's baseline."""
-    desk.actions.baseline(desk.need_valve(valve), signed.text, signed.who)
+    desk.actions.baseline(desk.need_valve(valve), signed.text, visitor.signs(signed.who))
     return shapes.Done(done="set")
 
 

@@ -8,36 +8,48 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
+from starlette.routing import Route
 
 from stemwatch.service import __version__
+from stemwatch.service.access.tokens import ENVIRONMENT, SHORTEST_OF_ENVIRONMENT
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.web import (
+    account_page,
     alerts_page,
     api_docs,
+    api_me,
     api_read,
     api_write,
     assets,
+    audit_page,
     health,
+    login_page,
+    metrics,
     ranking_page,
     reports,
     runs_page,
     settings_page,
     sources_page,
+    tokens_page,
+    users_page,
     valve_page,
 )
 from stemwatch.service.web.actions import Actions, Missing, Refused
 from stemwatch.service.web.desk import Desk
+from stemwatch.service.web.door import AWAY, Door
 from stemwatch.service.web.frame import Frame
 from stemwatch.service.web.guard import Guard
+from stemwatch.service.web.openapi import describe_access
+from stemwatch.service.web.permits import Permits
 from stemwatch.service.web.site import Site
 
 log = logging.getLogger(__name__)
 
-SHORTEST_TOKEN = 16
 UNFORESEEN = "Something went wrong here; the service's log says what."
 ROUTERS = (
     assets.router,
     health.router,
+    metrics.router,
     ranking_page.router,
     valve_page.router,
     alerts_page.router,
@@ -45,7 +57,14 @@ ROUTERS = (
     reports.router,
     sources_page.router,
     settings_page.router,
+    login_page.router,
+    account_page.router,
+    users_page.router,
+    tokens_page.router,
+    audit_page.router,
     api_docs.router,
+    api_me.router,
+    audit_page.api,
     api_read.router,
     api_write.router,
 )
@@ -63,18 +82,24 @@ def create_app(site: Site) -> FastAPI:
         redoc_url=None,
         openapi_url="/api/openapi.json",
     )
-    if 0 < len(site.token) < SHORTEST_TOKEN:
-        log.warning(
-            "the token has %d characters; one that cannot be guessed has more", len(site.token)
+    if 0 < len(site.token) < SHORTEST_OF_ENVIRONMENT:
+        log.error(
+            "%s has %d characters and lets nobody in: one that cannot be guessed has at least %d",
+            ENVIRONMENT,
+            len(site.token),
+            SHORTEST_OF_ENVIRONMENT,
         )
     app.state.desk = desk
     for router in ROUTERS:
         app.include_router(router)
+    own = [route for route in app.routes if isinstance(route, Route)]
+    permits = Permits([*own, *(route for router in ROUTERS for route in router.routes)])
     _say_errors(app, desk)
+    describe_access(app)
     app.add_middleware(
         Guard,
         hosts=site.hosts,
-        token=site.token,
+        door=Door(site, permits, lambda *what: _failure(desk, *what)),
         failed=lambda request: _failure(desk, request, 500, UNFORESEEN),
     )
     return app
@@ -99,12 +124,12 @@ def _say_errors(app: FastAPI, desk: Desk) -> None:
     @app.exception_handler(StoreError)
     def store(request: Request, error: StoreError) -> Response:
         log.warning("%s %s: %s", request.method, request.url.path, error)
-        text = "The database does not answer; the page is there again when it does."
-        return _failure(desk, request, 503, text)
+        return _failure(desk, request, 503, AWAY)
 
 
 def _failure(desk: Desk, request: Request, status: int, text: str) -> Response:
-    if request.url.path.startswith("/api/") and request.url.path != "/api/docs":
+    path = request.url.path
+    if path == "/metrics" or (path.startswith("/api/") and path != "/api/docs"):
         return JSONResponse({"detail": text}, status)
     try:
         return desk.frame.page(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hmac
-import secrets
 from datetime import UTC, datetime, tzinfo
 from typing import Annotated
 from urllib.parse import parse_qs
@@ -11,11 +10,17 @@ from urllib.parse import parse_qs
 from fastapi import Depends, HTTPException, Request, Response
 from starlette.types import Scope
 
-COOKIE = "stemwatch_form"
+from stemwatch.service.access.secret import new_secret
+from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.web.session_cookie import is_secure
+from stemwatch.service.web.visit import note_about, visitor_of
+
+COOKIE = "stemwatch_form"  # for the pages that are open before anybody has signed in
 FIELD = "mark"
 MOST_TEXT = 2000
 MOST_FIELDS = 200
-_SECRET = secrets.token_bytes(32)  # of this process: after a restart a form is opened again
+TOLD = ("valve", "alert", "how", "run", "area", "user", "role", "token", "name")  # for the audit
+TOO_OLD = "This form is too old, or was not opened here. Open the page again and repeat."
 
 
 class Form:
@@ -31,6 +36,15 @@ class Form:
             raise HTTPException(422, f"{needed} is needed")
         if len(found) > most:
             raise HTTPException(422, f"{name}: {len(found)} characters, at most {most} expected")
+        return found
+
+    def secret(self, name: str) -> str:
+        """A password as it was typed, blanks and all; an error never shows it."""
+        found = (self._fields.get(name) or [""])[0]
+        if not found:
+            raise HTTPException(422, "a password is needed")
+        if len(found) > MOST_TEXT:
+            raise HTTPException(422, f"a password of at most {MOST_TEXT} characters is expected")
         return found
 
     def all(self, name: str) -> list[str]:
@@ -63,7 +77,18 @@ class Form:
 
 
 async def form_of(request: Request) -> Form:
-    """The form in a request. Raises 403 where its mark is not that of the reader's cookie."""
+    """The form in a request. Raises 403 where its mark is not that of the reader's session."""
+    visitor = visitor_of(request)
+    return await _checked(request, "" if visitor is None else visitor.mark)
+
+
+async def open_form_of(request: Request) -> Form:
+    """A form of a page that is open to everybody; its mark belongs to a cookie of its own."""
+    cookie = request.cookies.get(COOKIE, "")
+    return await _checked(request, mark_of(cookie) if cookie else "")
+
+
+async def _checked(request: Request, mark: str) -> Form:
     kind = request.headers.get("content-type", "").partition(";")[0].strip()
     if kind != "application/x-www-form-urlencoded":
         raise HTTPException(415, f"a form is expected, received {kind or 'no content type'!r}")
@@ -73,28 +98,23 @@ async def form_of(request: Request) -> Form:
     except ValueError:
         raise HTTPException(422, "the form is not readable as UTF-8 text") from None
     given = (fields.pop(FIELD, None) or [""])[0]
-    cookie = request.cookies.get(COOKIE, "")
-    if not cookie or not hmac.compare_digest(given.encode(), mark_of(cookie).encode()):
-        raise HTTPException(
-            403, "This form is too old, or was not opened here. Open the page again and repeat."
-        )
+    if not mark or not hmac.compare_digest(given.encode(), mark.encode()):
+        raise HTTPException(403, TOO_OLD)
+    said = [f"{name} {fields[name][0].strip()[:80]}" for name in TOLD if any(fields.get(name, ()))]
+    note_about(request, "; ".join(said))
     return Form(fields)
 
 
 Sent = Annotated[Form, Depends(form_of)]
-
-
-def mark_of(cookie: str) -> str:
-    """The mark that belongs to a reader's cookie."""
-    return hmac.new(_SECRET, cookie.encode("utf-8", "replace"), "sha256").hexdigest()
+OpenSent = Annotated[Form, Depends(open_form_of)]
 
 
 def cookie_of(request: Request) -> str:
-    """The reader's cookie, or a new one."""
-    return request.cookies.get(COOKIE) or secrets.token_urlsafe(24)
+    """The reader's cookie for open forms, or a new one."""
+    return request.cookies.get(COOKIE) or new_secret()
 
 
 def set_cookie(response: Response, cookie: str, scope: Scope) -> None:
-    """Give the reader the cookie that forms are checked against; no script can read it."""
-    secure = scope.get("scheme") == "https"
+    """Give the reader the cookie that open forms are checked against; no script can read it."""
+    secure = is_secure(scope)
     response.set_cookie(COOKIE, cookie, httponly=True, samesite="strict", secure=secure, path="/")

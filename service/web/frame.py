@@ -10,10 +10,12 @@ from urllib.parse import urlencode
 from fastapi import Request
 from fastapi.responses import HTMLResponse
 
+from stemwatch.service.access.sessions import mark_of
 from stemwatch.service.report.context import ReportContext, software_name
 from stemwatch.service.report.page import environment
 from stemwatch.service.web import assets, forms
 from stemwatch.service.web.site import Site
+from stemwatch.service.web.visit import may, visitor_of
 
 PAGES = (
     ("ranking", "/", "Valves"),
@@ -35,6 +37,13 @@ DONE = {
     "baseline": "The network fitted last is the valve's baseline now.",
     "run": "The run is asked for.",
     "cancel": "The run is asked to end early; what is done stays.",
+    "password": "Your password is changed. Every other browser is signed out.",
+    "sessions": "Every other browser is signed out.",
+    "revoked": "The token lets nobody in any more.",
+    "role": "The role is changed; it holds from now on.",
+    "disabled": "The user is disabled: signed out everywhere, tokens and links at rest.",
+    "enabled": "The user may sign in again.",
+    "withdrawn": "The link lets nobody in any more.",
 }
 
 
@@ -58,17 +67,22 @@ class Frame:
     def page(
         self, request: Request, template: str, *, status: int = 200, **values: Any
     ) -> HTMLResponse:
-        """``template`` with ``values``, the reader's form mark, and the place of the site."""
-        cookie = forms.cookie_of(request)
+        """``template`` with ``values``, who reads it, the mark of its forms, and the place of the
+        site. A page that is open to everybody gets its mark from a cookie of its own."""
+        visitor = visitor_of(request)
+        cookie = forms.cookie_of(request) if visitor is None else ""
         text = self._env.get_template(template).render(
             base=request.scope.get("root_path", "").rstrip("/"),
-            mark=forms.mark_of(cookie),
+            mark=mark_of(cookie) if visitor is None else visitor.mark,
+            visitor=visitor,
+            may=lambda name: may(visitor, name),
             now=self._site.clock(),
             done=DONE.get(request.query_params.get("done", ""), ""),
             **{"here": "", "open_alerts": 0} | values,
         )
         response = HTMLResponse(text, status)
-        forms.set_cookie(response, cookie, request.scope)
+        if cookie:
+            forms.set_cookie(response, cookie, request.scope)
         return response
 
 

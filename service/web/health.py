@@ -1,4 +1,5 @@
-"""``/healthz``: whether the service works, for a supervisor; needs no token, tells no names."""
+"""``/health``, ``/ready`` and ``/healthz``, for supervisors and load balancers. They need no login
+and say nothing of the plant but the names of parts that do not work."""
 
 from __future__ import annotations
 
@@ -6,23 +7,46 @@ from fastapi import APIRouter, Response
 
 from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.web.desk import AtDesk
+from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.shapes import CheckAnswer, HealthAnswer
 
 router = APIRouter(tags=["health"])
 
 
+@router.get("/health")
+def alive() -> HealthAnswer:
+    """That this process answers at all: one that does not is to be started again."""
+    return HealthAnswer(ok=True, version=__version__, checks=[])
+
+
+@router.get("/ready", responses={503: {"model": HealthAnswer}})
+def ready(desk: AtDesk, response: Response) -> HealthAnswer:
+    """What nothing goes without: the database, the scheduler, the collector; 503 with the reason
+    while one of them does not work. A device that is away is no reason: others go on."""
+    return _answer(_checks(desk, vital=True), response)
+
+
 @router.get("/healthz", responses={503: {"model": HealthAnswer}})
 def health(desk: AtDesk, response: Response) -> HealthAnswer:
     """The database and whatever the service watches; 503 where one of them does not work."""
-    checks = [_database(desk)]
-    checks += [CheckAnswer(name=one.name, ok=one.ok, says=one.says) for one in desk.site.checks()]
+    return _answer(_checks(desk, vital=False), response)
+
+
+def _answer(checks: list[CheckAnswer], response: Response) -> HealthAnswer:
     fine = all(check.ok for check in checks)
     response.status_code = 200 if fine else 503
     return HealthAnswer(ok=fine, version=__version__, checks=checks)
 
 
-def _database(desk: AtDesk) -> CheckAnswer:
+def _checks(desk: Desk, *, vital: bool) -> list[CheckAnswer]:
+    found = desk.site.checks()
+    wanted = [one for one in found if one.vital or not vital]
+    return [_database(desk)] + [
+        CheckAnswer(name=one.name, ok=one.ok, says=one.says) for one in wanted
+    ]
+
+
+def _database(desk: Desk) -> CheckAnswer:
     try:
         desk.open_alerts()
     except StoreError:

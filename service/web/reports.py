@@ -11,12 +11,17 @@ from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.queries.run import read_run
 
-PAGE = "report.html"
+PAGE, MAINTENANCE = "report.html", "maintenance.html"
+PAGES = frozenset({PAGE, MAINTENANCE})
 TYPES = {
     PAGE: "text/html; charset=utf-8",
     "valves.csv": "text/csv; charset=utf-8",
     "valves.xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
     "valves.json": "application/json",
+    MAINTENANCE: "text/html; charset=utf-8",
+    "maintenance.pdf": "application/pdf",
+    "work-orders.xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
+    "work-orders.csv": "text/csv; charset=utf-8",
 }
 # The report carries its own policy with the digests of its scripts. Here it runs without an origin:
 # whatever stands in it can neither ask this service nor see its cookies.
@@ -39,7 +44,7 @@ def report(request: Request, desk: AtDesk) -> FileResponse:
     folder = report_folder(desk, number)
     if folder is None or not (folder / name).is_file():
         raise HTTPException(404, f"The report of run {given!r} is not kept, or was never written.")
-    if name == PAGE:
+    if name in PAGES:
         headers = {"content-security-policy": POLICY}
         return FileResponse(folder / name, media_type=TYPES[name], headers=headers)
     return FileResponse(folder / name, media_type=TYPES[name], filename=f"run-{number}-{name}")

@@ -14,6 +14,7 @@ from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.queries.ranking import read_areas, valves_in
 from stemwatch.service.web.queries.run import read_run, read_set_aside
 from stemwatch.service.web.reports import TYPES, report_folder
+from stemwatch.service.web.visit import AtVisit
 
 MOST_RUNS = 100
 
@@ -72,7 +73,7 @@ def _report_files(desk: Desk, number: int) -> list[str]:
 
 
 @router.post("/runs/begin")
-def begin(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
+def begin(request: Request, desk: AtDesk, visitor: AtVisit, form: Sent) -> RedirectResponse:
     """Queue a run over one valve, the valves of an area, or all."""
     valves = [valve for valve in form.all("valve") if valve]
     area = form.text("area")
@@ -81,14 +82,14 @@ def begin(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
             valves += valves_in(session, area)
         if not valves:
             raise HTTPException(422, f"no valve is known in the area {area!r}")
-    desk.actions.run_now(valves, form.text("who", most=200))
+    desk.actions.run_now(valves, visitor.signs())
     return _back(request, "run")
 
 
 @router.post("/runs/cancel")
-def cancel(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
+def cancel(request: Request, desk: AtDesk, visitor: AtVisit, form: Sent) -> RedirectResponse:
     """Ask that a run ends early."""
-    desk.actions.cancel(form.number("run", "the number of a run"), form.text("who", most=200))
+    desk.actions.cancel(form.number("run", "the number of a run"), visitor.signs())
     return _back(request, "cancel")
 
 

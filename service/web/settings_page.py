@@ -50,6 +50,7 @@ def _sources(plant: Plant | None) -> list[dict[str, Any]]:
         return []
     counts = Counter(valve.source for valve in plant.valves.values())
     given = {name: source.model_dump() for name, source in plant.sources.items()}
+    given |= {name: archive.model_dump() for name, archive in plant.archives.items()}
     given |= {name: asdict(device) for name, device in plant.devices.items()}
     return [
         {"name": name, "valves": counts[name], "given": shown(fields)}

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import AwareDatetime, BaseModel, Field
 
 Percent = float | None
+FOR_WHOM = "for whom a program acts; kept beside the name of whoever is signed in"
 
 
 class Refusal(BaseModel):
@@ -48,6 +49,7 @@ class ValveLine(BaseModel):
     S: Estimated = Field(description="dead band plus stick band, percent of OP span")
     J: Estimated = Field(description="slip jump, percent of OP span")
     left_out: list[str] = Field(description="effects beside S and J, strongest first")
+    held_back: bool = Field(description="across all valves chance alone may have named left_out")
 
 
 class RankingAnswer(BaseModel):
@@ -226,7 +228,7 @@ class HealthAnswer(BaseModel):
 class Signed(BaseModel):
     """Who asks, and what is to be remembered with it."""
 
-    who: str = Field(default="", max_length=200)
+    who: str = Field(default="", max_length=200, description=FOR_WHOM)
     text: str = Field(default="", max_length=2000)
 
 
@@ -234,14 +236,14 @@ class AskRun(BaseModel):
     """A run over these valves, or all where there are none."""
 
     valves: list[str] = Field(default=[], max_length=5000)
-    who: str = Field(default="", max_length=200)
+    who: str = Field(default="", max_length=200, description=FOR_WHOM)
 
 
 class AskSnooze(BaseModel):
     """Until when an alert rests."""
 
     until: AwareDatetime
-    who: str = Field(default="", max_length=200)
+    who: str = Field(default="", max_length=200, description=FOR_WHOM)
 
 
 class AskRemark(Signed):

@@ -26,11 +26,15 @@ Read = Callable[[str, Window], Recording | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One line of ``/healthz``: ``name`` of a part, whether it works, and what it says."""
+    """One line of ``/healthz``: ``name`` of a part, whether it works, and what it says.
+
+    ``vital`` parts decide ``/ready``: without one of them nothing is to be expected.
+    """
 
     name: str
     ok: bool
     says: str = ""
+    vital: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +44,8 @@ class Site:
     ``plant`` may be ``None``: then the pages show what is stored, in UTC. ``read`` gives samples
     for the plots of a valve. ``actions`` is what a reader may set off, on the store alone where it
     is not given. ``checks`` are asked by ``/healthz``. ``hosts`` are the names under which a
-    browser may ask: those of this machine unless told otherwise; ``("*",)`` is any. ``token`` is
-    asked of every reader where it is not empty (``STEMWATCH_WEB_TOKEN``).
+    browser may ask: those of this machine unless told otherwise; ``("*",)`` is any. ``token`` lets
+    a program read and act, besides those of users, where it is not empty (``STEMWATCH_WEB_TOKEN``).
     """
 
     store: Store

@@ -38,7 +38,7 @@ def source_list(request: Request, desk: AtDesk) -> HTMLResponse:
     heard = desk.store.sources.states()
     plant = desk.site.plant
     known = {one.source for one in heard}
-    named = (*plant.sources, *plant.devices) if plant else ()
+    named = (*plant.sources, *plant.archives, *plant.devices) if plant else ()
     return desk.frame.page(
         request,
         "sources_page.html",

@@ -13,6 +13,8 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Role
+from stemwatch.service.maintenance.kinds import kinds_of, needs_work
+from stemwatch.service.maintenance.page import page_anchor
 from stemwatch.service.report.fits import MODEL_NAMES
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.report.trend import Trend, trend
@@ -29,8 +31,10 @@ from stemwatch.service.web.queries.valve import (
     read_valve,
 )
 from stemwatch.service.web.ranking_page import bar_top
+from stemwatch.service.web.reports import MAINTENANCE, report_folder
 from stemwatch.service.web.restored import finding_of, screening_of
 from stemwatch.service.web.signals import LONGEST, tags_of
+from stemwatch.service.web.visit import AtVisit
 
 OPENING = timedelta(hours=2)
 MOST_IN_TABLE = 40
@@ -83,34 +87,35 @@ def valve(request: Request, desk: AtDesk) -> HTMLResponse:
         spans=SPANS,
         roles=_roles(desk, name),
         quality=quality,
+        sheet=None if shown is None else _sheet(desk, shown),
     )
 
 
 @router.post("/valve/note")
-def note(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
+def note(request: Request, desk: AtDesk, visitor: AtVisit, form: Sent) -> RedirectResponse:
     """Keep a remark about a valve."""
     name = desk.need_valve(form.text("valve", needed="a valve"))
     at = form.instant("at", desk.site.tz, desk.now)
     text = form.text("text", needed="what was seen")
-    desk.actions.note(name, at, text, form.text("who", most=200))
+    desk.actions.note(name, at, text, visitor.signs())
     return _back(request, name, "note", "log")
 
 
 @router.post("/valve/maintenance")
-def maintenance(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
+def maintenance(request: Request, desk: AtDesk, visitor: AtVisit, form: Sent) -> RedirectResponse:
     """Record work on a valve."""
     name = desk.need_valve(form.text("valve", needed="a valve"))
     at = form.instant("at", desk.site.tz, desk.now)
     text = form.text("text", needed="what was done")
-    desk.actions.maintenance(name, at, text, form.text("who", most=200))
+    desk.actions.maintenance(name, at, text, visitor.signs())
     return _back(request, name, "maintenance", "log")
 
 
 @router.post("/valve/baseline")
-def baseline(request: Request, desk: AtDesk, form: Sent) -> RedirectResponse:
+def baseline(request: Request, desk: AtDesk, visitor: AtVisit, form: Sent) -> RedirectResponse:
     """Make the network fitted last the valve's baseline."""
     name = desk.need_valve(form.text("valve", needed="a valve"))
-    desk.actions.baseline(name, form.text("text"), form.text("who", most=200))
+    desk.actions.baseline(name, form.text("text"), visitor.signs())
     return _back(request, name, "baseline", "log")
 
 
@@ -141,8 +146,24 @@ def _shown(session: Session, name: str) -> Shown | None:
         screening=screening,
         stored=stored,
         trend=trend(screening, finding_of(latest[1]) if len(latest) > 1 else None),
-        mismatch=None if found is None else mismatch_view(found, None, ANCHOR, name),
+        mismatch=None
+        if found is None
+        else mismatch_view(found, None, ANCHOR, name, stored.held_back),
     )
+
+
+def _sheet(desk: Desk, shown: Shown) -> str | None:
+    """Where the valve's page for maintenance is; ``None`` where it has none, or none is kept."""
+    found = shown.screening.mismatch
+    stands = not shown.stored.held_back if found is not None and found.effects else None
+    if not needs_work(kinds_of(shown.screening, stands=stands)):
+        return None
+    run = shown.stored.run_id
+    folder = report_folder(desk, run)
+    if folder is None or not (folder / MAINTENANCE).is_file():
+        return None
+    anchor = page_anchor(shown.screening.valve)
+    return f"/run/report?{urlencode({'id': run, 'file': MAINTENANCE})}#{anchor}"
 
 
 def _opening(

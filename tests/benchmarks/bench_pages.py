@@ -21,12 +21,15 @@ import numpy as np
 from sqlalchemy import insert
 
 from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.service.access.sessions import begin_session
+from stemwatch.service.store.access_records import Role
 from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
 from stemwatch.service.store.records import StoredValve
 from stemwatch.service.store.samples import microseconds
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.store.tables import IndicatorRow, ScreeningRow
 from stemwatch.service.web.app import create_app
+from stemwatch.service.web.session_cookie import NAME
 from stemwatch.service.web.site import Site
 
 NOW = datetime(2026, 3, 30, 12, 0, tzinfo=UTC)
@@ -152,7 +155,11 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
     """Milliseconds of ``TIMES`` requests for each path, after one that is not counted."""
     transport = httpx.ASGITransport(create_app(site))
     found: dict[str, list[float]] = {}
-    async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+    user = site.store.accounts.add("bench", Role.ADMIN, "no hash", by="bench", now=NOW)
+    cookies = {NAME: begin_session(site.store, user.id, now=NOW)}
+    async with httpx.AsyncClient(
+        transport=transport, base_url="http://localhost", cookies=cookies
+    ) as client:
         for path in paths:
             for place in range(TIMES + 1):
                 began = time.perf_counter()

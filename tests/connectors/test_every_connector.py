@@ -5,13 +5,18 @@ A new connector joins by an entry point and a function here that gives it someth
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from sqlalchemy import create_engine, text
 
+from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.connector import (
     Connector,
     ConnectorError,
@@ -20,6 +25,9 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
+from stemwatch.connectors.historian import ReadOptions
+from stemwatch.connectors.opcua import OpcUaAddress
+from stemwatch.connectors.sql import SqlAddress
 from stemwatch.models.recording import Quality, Role
 
 START = datetime(2026, 1, 5, 6, tzinfo=UTC)
@@ -44,16 +52,104 @@ def csv(connector: Callable[[Path], Connector], folder: Path) -> Connector:
     return connector(path)
 
 
-PREPARED = {"csv": csv}
-INSTALLED = sorted(entry_points(group="stemwatch.connectors"), key=lambda point: point.name)
+def samples() -> list[tuple[str, datetime, float | None, str]]:
+    """(tag, time, value, quality) of the same 600 samples, for archives."""
+    times = [(i, START + timedelta(seconds=i)) for i in range(600) if i != 9]
+    op = [("FIC1.OP", t, None, "Bad") if i == 7 else ("FIC1.OP", t, float(i % 100), "Good")
+          for i, t in times]  # fmt: skip
+    return op + [("FIC1.PV", t, 20.0, "Good") for _, t in times]
+
+
+def parquet(connector: Callable[..., Connector], folder: Path) -> Connector:
+    """A folder with a file for each tag, a row for each sample."""
+    for tag in ("FIC1.OP", "FIC1.PV"):
+        _, times, values, quality = zip(*(s for s in samples() if s[0] == tag), strict=True)
+        table = pa.table({"time": times, "value": values, "quality": quality})
+        (folder / "archive" / f"tag={tag}").mkdir(parents=True)
+        pq.write_table(table, folder / "archive" / f"tag={tag}" / "part-0.parquet")
+    return connector(folder / "archive")
+
+
+def sql(connector: Callable[..., Connector], folder: Path) -> Connector:
+    """A table of a SQLite file."""
+    engine = create_engine(f"sqlite:///{folder / 'history.db'}")
+    with engine.begin() as connection:
+        connection.execute(text("CREATE TABLE history (tag, time, value, quality)"))
+        into = text("INSERT INTO history VALUES (:tag, :time, :value, :quality)")
+        rows = [
+            {"tag": tag, "time": time.isoformat(sep=" ")[:19], "value": value, "quality": quality}
+            for tag, time, value, quality in samples()
+        ]
+        connection.execute(into, rows)
+    engine.dispose()
+    address = SqlAddress(
+        name="history",
+        url=Secret(text=f"sqlite:///{folder / 'history.db'}"),
+        query="SELECT time, value, quality FROM history "
+        "WHERE tag = :tag AND time >= :start AND time < :end",
+        tags_query="SELECT tag, COUNT(value) AS samples FROM history GROUP BY tag",
+        options=ReadOptions(zone="UTC"),
+    )
+    return connector(address)
+
+
+def opcua(connector: Callable[..., Connector], url: str) -> Connector:
+    """Two nodes of a server."""
+    return connector(OpcUaAddress(url=url))
+
+
+@pytest.fixture(scope="module")
+def opcua_url() -> Iterator[str]:
+    """The address of a server with the same samples."""
+    pytest.importorskip("asyncua", reason="asyncua is missing: OPC UA IS NOT TESTED")
+    from tests.connectors.opcua.served import serving
+
+    nodes: dict[str, list[tuple[datetime, float | None, int]]] = {"FIC1.OP": [], "FIC1.PV": []}
+    for tag, time, value, quality in samples():
+        nodes[tag].append((time, value, 0 if quality == "Good" else 0x808C0000))
+    with serving(nodes) as (url, _):
+        yield url
+
+
+PREPARED = {"csv": csv, "parquet": parquet, "sql": sql}
+SERVED = {"opcua": opcua}
+UNCOUNTED = ("opcua",)  # counting would mean reading everything
+PREFIXES = {"opcua": "ns=2;s="}
+OURS = [
+    EntryPoint("parquet", "stemwatch.connectors.parquet:ParquetArchive", "stemwatch.connectors"),
+    EntryPoint("sql", "stemwatch.connectors.sql:SqlArchive", "stemwatch.connectors"),
+    EntryPoint("opcua", "stemwatch.connectors.opcua:OpcUaArchive", "stemwatch.connectors"),
+]
+# What is installed, and our own where an older installation does not name them yet.
+INSTALLED = sorted(
+    {point.name: point for point in (*OURS, *entry_points(group="stemwatch.connectors"))}.values(),
+    key=lambda point: point.name,
+)
 
 
 @pytest.fixture(params=INSTALLED, ids=lambda point: point.name)
-def connector(request: pytest.FixtureRequest, tmp_path: Path) -> Connector:
+def named(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[str, Connector]:
+    """Each connector with its name."""
     point = request.param
+    if point.name in SERVED:
+        return point.name, SERVED[point.name](point.load(), request.getfixturevalue("opcua_url"))
     if point.name not in PREPARED:
         pytest.fail(f"connector {point.name!r} has nothing to read here; add it to PREPARED")
-    return PREPARED[point.name](point.load(), tmp_path)
+    return point.name, PREPARED[point.name](point.load(), tmp_path)
+
+
+@pytest.fixture
+def connector(named: tuple[str, Connector]) -> Connector:
+    """The connector alone."""
+    return named[1]
+
+
+@pytest.fixture
+def valve(named: tuple[str, Connector]) -> ValveTags:
+    """The valve's tags as this connector spells them."""
+    prefix = PREFIXES.get(named[0], "")
+    tags = {role: replace(one, tag=prefix + one.tag) for role, one in VALVE.tags.items()}
+    return replace(VALVE, tags=tags)
 
 
 def test_it_is_a_connector(connector: Connector) -> None:
@@ -61,15 +157,17 @@ def test_it_is_a_connector(connector: Connector) -> None:
     assert isinstance(connector, Connector)
 
 
-def test_tags_are_listed_with_samples(connector: Connector) -> None:
-    """Every tag is listed with the number of its samples."""
+def test_tags_are_listed_with_samples(named: tuple[str, Connector]) -> None:
+    """Every tag is listed, with the number of its samples where that is cheap to tell."""
+    name, connector = named
     samples = {info.tag: info.samples for info in connector.tags()}
-    assert samples == {"FIC1.OP": 598, "FIC1.PV": 599}
+    prefix, counted = PREFIXES.get(name, ""), name not in UNCOUNTED
+    assert samples == {f"{prefix}FIC1.OP": 598 * counted, f"{prefix}FIC1.PV": 599 * counted}
 
 
-def test_recording_is_even_utc_and_masked(connector: Connector) -> None:
+def test_recording_is_even_utc_and_masked(connector: Connector, valve: ValveTags) -> None:
     """One even clock in UTC; bad and absent samples are masked with their reason."""
-    recording = connector.read(VALVE)
+    recording = connector.read(valve)
     assert (recording.start, recording.interval_s, len(recording)) == (START, 1.0, 600)
     assert recording.op.quality[[6, 7, 8, 9, 10]].tolist() == [
         Quality.GOOD,
@@ -81,36 +179,37 @@ def test_recording_is_even_utc_and_masked(connector: Connector) -> None:
     assert recording.op.values[10] == 10.0
 
 
-def test_ranges_become_percent(connector: Connector) -> None:
+def test_ranges_become_percent(connector: Connector, valve: ValveTags) -> None:
     """With low and high the values are percent of span."""
-    pv = connector.read(VALVE).signals[Role.PV]
+    pv = connector.read(valve).signals[Role.PV]
     assert (pv.unit, pv.values[0]) == ("%", 50.0)
 
 
-def test_nothing_outside_the_window(connector: Connector) -> None:
+def test_nothing_outside_the_window(connector: Connector, valve: ValveTags) -> None:
     """Samples from start to before stop, and none else."""
     window = Window(start=START + timedelta(seconds=60), stop=START + timedelta(seconds=120))
-    recording = connector.read(VALVE, window)
+    recording = connector.read(valve, window)
     assert (recording.start, recording.end) == (window.start, window.stop)
     assert recording.op.values[0] == 60.0
 
 
-def test_empty_window_is_an_error(connector: Connector) -> None:
+def test_empty_window_is_an_error(connector: Connector, valve: ValveTags) -> None:
     """A window without samples is a ConnectorError, not an empty recording."""
     with pytest.raises(ConnectorError):
-        connector.read(VALVE, Window(start=START + timedelta(days=9)))
+        connector.read(valve, Window(start=START + timedelta(days=9)))
 
 
-def test_unknown_tag(connector: Connector) -> None:
+def test_unknown_tag(connector: Connector, valve: ValveTags) -> None:
     """A tag that is not there is an UnknownTag that lists the nearest."""
-    wrong = ValveTags(valve="FIC1", tags={Role.OP: TagMapping(tag="FIC1.OPP")})
+    tag = valve.tags[Role.OP].tag + "P"
+    wrong = ValveTags(valve="FIC1", tags={Role.OP: TagMapping(tag=tag)})
     with pytest.raises(UnknownTag, match=r"FIC1\.OP'"):
         connector.read(wrong)
 
 
-def test_provenance_names_source_and_digest(connector: Connector) -> None:
+def test_provenance_names_source_and_digest(connector: Connector, valve: ValveTags) -> None:
     """A recording knows where it came from."""
-    provenance = connector.read(VALVE).provenance
+    provenance = connector.read(valve).provenance
     assert provenance.source
     assert provenance.digest
     assert provenance.decisions

@@ -30,5 +30,5 @@ def test_unknown_keeps_the_reason():
 
 def test_prints_value_interval_and_unit():
     """A known estimate prints three digits, its interval and its unit."""
-    assert "4.98 (4.39 to 5.5) %" == str(Estimate(value=4.981, low=4.39, high=5.5, unit="%"))
+    assert "4.98 (4.39 to 5.50) %" == str(Estimate(value=4.981, low=4.39, high=5.5, unit="%"))
     assert "2" == str(Estimate(value=2.0))

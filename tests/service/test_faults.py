@@ -1,8 +1,9 @@
-"""The service through a bad night: devices cut off, the database stopped, the service killed.
+"""The service through a bad night: devices cut off and silent, the database stopped, the service
+killed.
 
-At the end every instant at which it ran is in the store once for each tag, what the device served
-while it was reached is good, and every instant of the schedule is accounted for.
-``STEMWATCH_FAULT_ROUNDS`` makes the night longer.
+The device notes each of its answers. At the end every one of them is in the store once, nothing
+else is there as good, every instant at which the service ran has its sample, and every instant of
+the schedule is accounted for. ``STEMWATCH_FAULT_ROUNDS`` makes the night longer.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -25,11 +26,14 @@ import numpy as np
 import pytest
 
 from stemwatch.models.plant import demo_plant
+from stemwatch.service.modbus_plant.layout import PLACE, STRIDE
+from stemwatch.service.modbus_plant.layout import tag as tag_of
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml
 from stemwatch.service.modbus_plant.serve import PlantServer
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.records import RunState
+from stemwatch.service.store.samples import Stretch as Samples
 from stemwatch.service.store.store import Store, open_store
 
 ROUNDS = int(os.environ.get("STEMWATCH_FAULT_ROUNDS", "1"))
@@ -44,7 +48,10 @@ name = "often"
 every_s = 10
 """
 _RECONNECT_S = 16.0  # the longest that a device which is back is left alone
+_LATEST_S = 1.5  # from an instant to its answer: 0.25 s to begin, 1 s to be answered
+VALVES = ("FIC-101", "TIC-102")
 Stretch = tuple[float, float]
+Answer = tuple[float, tuple[int, ...]]  # when, and all registers of the device
 
 
 class Database:
@@ -60,8 +67,9 @@ class Database:
         self._do("initdb", "-U", "postgres", "-A", "trust", "--no-sync")
         self.url = f"postgresql://postgres@/postgres?host={self.folder}"
 
-    def start(self) -> None:
-        """Start, and wait until it answers."""
+    def start(self, after_s: float = 0.0) -> None:
+        """Start after a while, and wait until it answers."""
+        time.sleep(after_s)
         options = f"-F -k {self.folder} -c listen_addresses="
         self._do("pg_ctl", "-w", "-l", str(self.folder / "log"), "-o", options, "start")
 
@@ -81,12 +89,30 @@ class Database:
         )
 
 
+class NotedServer(PlantServer):
+    """A device that notes each answer, and that can fall silent with its connections open."""
+
+    def __init__(self, *arguments, served: list[Answer], silent: threading.Event, **options):
+        super().__init__(*arguments, **options)
+        self._served, self._silent = served, silent
+
+    async def _answer(self, code, start, address, count, registers, values):
+        while self._silent.is_set():
+            await asyncio.sleep(0.05)
+        said = await super()._answer(code, start, address, count, registers, values)
+        self._served.append((time.time(), tuple(registers)))
+        return said
+
+
 class Device:
-    """A simulated device on one port, which can be cut off; ``down`` says when it was."""
+    """A simulated device on one port, which can be cut off; ``down`` says when it was, ``served``
+    what it answered when."""
 
     def __init__(self) -> None:
         self.port = 0
         self.down: list[Stretch] = []
+        self.served: list[Answer] = []
+        self._silent = threading.Event()
         self._loops = demo_plant(1)[:2]
         self._thread: threading.Thread | None = None
 
@@ -96,7 +122,8 @@ class Device:
 
         async def run() -> None:
             live = LivePlant(self._loops, wear=None, seed=1)
-            async with PlantServer(live, "127.0.0.1", self.port, speed=10.0) as server:
+            noted = {"served": self.served, "silent": self._silent}
+            async with NotedServer(live, "127.0.0.1", self.port, speed=10.0, **noted) as server:
                 self.port = server.port
                 up.set()
                 await asyncio.to_thread(self._stop.wait)
@@ -107,18 +134,36 @@ class Device:
 
     def stop(self) -> None:
         """Answer no more."""
+        self._silent.clear()
         if self._thread is not None:
             self._stop.set()
             self._thread.join()
             self._thread = None
 
     def cut(self, seconds: float) -> None:
-        """Be away for a while."""
+        """Be away for a while: every connection is closed and none is taken."""
         begun = time.time()
         self.stop()
         time.sleep(seconds)
         self.start()
         self.down.append((begun, time.time() + _RECONNECT_S))
+
+    def hang(self, seconds: float) -> None:
+        """Say nothing for a while, with every connection open."""
+        begun = time.time()
+        self._silent.set()
+        time.sleep(seconds)
+        self._silent.clear()
+        self.down.append((begun, time.time() + _RECONNECT_S))
+
+    def place(self, tag: str) -> int:
+        """The first register of a tag."""
+        return next(
+            number * STRIDE + place
+            for number, loop in enumerate(self._loops)
+            for role, place in PLACE.items()
+            if tag_of(loop, role) == tag
+        )
 
     def plant_file(self) -> str:
         """The plant file that reads it."""
@@ -135,6 +180,11 @@ class Night:
 
     def start(self) -> None:
         """Start the service and wait until it serves."""
+        self.launch()
+        self.wait()
+
+    def launch(self) -> None:
+        """Start the service, whether there is a database or not."""
         with (self.folder / "log.txt").open("a") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", SERVE, "--port", "0"],
@@ -145,13 +195,22 @@ class Night:
                 text=True,
                 start_new_session=True,
             )
-        assert "http" in self.process.stdout.readline(), self.log()
 
-    def kill(self) -> None:
-        """SIGKILL to the service and all its processes, and a new start."""
+    def wait(self) -> None:
+        """Wait until it serves; before that it may have more to say."""
+        for line in self.process.stdout:
+            if "Serving http" in line:
+                return
+        pytest.fail(f"the service ended:\n{self.log()}")
+
+    def kill(self, between: Callable[[], None] = lambda: None) -> None:
+        """SIGKILL to the service and all its processes, and a new start; ``between`` is done while
+        it starts."""
         begun = time.time()
         self.end(signal.SIGKILL)
-        self.start()
+        self.launch()
+        between()
+        self.wait()
         self.dead.append((begun, time.time()))
 
     def end(self, number: int) -> None:
@@ -200,33 +259,47 @@ def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path:
     """Nothing is lost but what no running service could have seen, and nothing is there twice."""
     (tmp_path / "plant.toml").write_text(device.plant_file(), encoding="utf-8")
     night = Night(tmp_path, database.url)
+    begun = time.time()
     night.start()
     try:
         with open_store(database.url) as store:
             until(lambda: store.samples.bounds("plc-1", "FIC-101.OP") is not None, night)
-            for _ in range(ROUNDS):
-                time.sleep(5)
-                device.cut(2.0)
-                time.sleep(2)
-                database.stop()
-                time.sleep(5)
-                database.start()
-                until(lambda: answers(store), night)
-                time.sleep(3)
-                night.kill()
-                time.sleep(5)
+            for number in range(ROUNDS):
+                bad_hour(number, database, device, night, store)
             until(lambda: settled(store), night)
             night.end(signal.SIGTERM)
-            for tag in ("FIC-101.OP", "FIC-101.MV", "TIC-102.PV"):
+            ended = time.time()
+            for tag in ("FIC-101.OP", "FIC-101.ZT", "TIC-102.PV"):
                 check_samples(store, tag, night, device)
-            check_runs(store)
+            check_runs(store, begun, ended)
     finally:
         night.end(signal.SIGKILL)
 
 
+def bad_hour(number: int, database: Database, device: Device, night: Night, store: Store) -> None:
+    """Every fault once; the service is killed by turns with the database there and away."""
+    time.sleep(5)
+    device.cut(2.0)
+    time.sleep(2)
+    device.hang(3.0)
+    time.sleep(2)
+    database.stop()
+    time.sleep(5)
+    if number % 2:
+        night.kill(between=lambda: database.start(after_s=5.0))
+        until(lambda: answers(store), night)
+    else:
+        database.start()
+        until(lambda: answers(store), night)
+        time.sleep(3)
+        night.kill()
+    time.sleep(5)
+
+
 def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
-    """Each instant at which the service ran, once; good where the device was reached."""
+    """Each instant at which the service ran, once; what the device said, as it said it."""
     found = store.samples.read("plc-1", tag)
+    assert found.at_us.size > 100, tag
     steps = np.diff(found.at_us)
     assert (steps > 0).all()
     assert (found.at_us % EVERY_US == 0).all()
@@ -246,11 +319,48 @@ def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
     lost = [at for at in bad if not inside((at, at), known)]
     # A poll that a busy machine could not make in time says so itself.
     late = store.samples.reasons("plc-1", tag)
-    assert len(lost) <= sum(count for why, count in late.items() if "not polled" in why), late
+    said = sum(count for why, count in late.items() if "not polled" in why or "no answer" in why)
+    assert len(lost) <= said, late
+    check_answers(found, tag, night, device, said)
 
 
-def check_runs(store: Store) -> None:
-    """Every instant of the schedule has a run, or is said to be made up for by one."""
+def check_answers(found: Samples, tag: str, night: Night, device: Device, late: int) -> None:
+    """Every answer of the device is in the store once, and nothing else is there as good.
+
+    An answer is on its way when the service is killed or the connection is cut; one that came
+    after its time is a bad sample that says so, and no more than ``late`` of them are there.
+    """
+    good = found.quality == 0
+    at_s, values = found.at_us[good] / 1e6, found.values[good]
+    place = device.place(tag)
+    free = np.ones(at_s.size, dtype=bool)
+    missing = []
+    for when, registers in device.served:
+        words = np.array(registers[place : place + 2], dtype=">u2")
+        value = float(words.view(">f4")[0])
+        near = slice(*np.searchsorted(at_s, (when - _LATEST_S, when + 0.01)))
+        same = np.flatnonzero(free[near] & (values[near] == value))
+        if same.size:
+            free[near.start + same[0]] = False
+        elif not on_its_way(when, night, device):
+            missing.append((when, value))
+    assert len(missing) <= late, (tag, missing[:5])
+    assert not free.any(), (tag, "not what the device said", at_s[free][:5])
+
+
+def on_its_way(when: float, night: Night, device: Device) -> bool:
+    """Whether an answer met a kill, or the moment in which the device closed its connections or
+    spoke again to somebody who no longer waited."""
+    kills = [kill for kill, _ in night.dead]
+    cuts = [begun for begun, _ in device.down]
+    back = [end - _RECONNECT_S for _, end in device.down]
+    moments = [*kills, *cuts, *back]
+    return any(abs(when - moment) < 0.5 for moment in moments)
+
+
+def check_runs(store: Store, begun: float, ended: float) -> None:
+    """Every instant of the schedule from first to last has a run, or is made up for by one that
+    says so; every run is over or waits for the next start."""
     runs = sorted(store.queue.recent(1000, schedule="often"), key=lambda run: run.due)
     assert len(runs) >= 2
     for before, after in pairwise(runs):
@@ -258,10 +368,20 @@ def check_runs(store: Store) -> None:
         said = re.match(r"(\d+) instants before it", after.reason)
         skipped = after.state is RunState.SKIPPED
         assert skipped or missed == (int(said[1]) if said else 0), (before, after)
-    assert all(run.state is not RunState.FAILED for run in runs), runs
+    # The schedule begins when the service first opens the store, and ends with the service.
+    assert begun - 10.0 <= runs[0].due.timestamp() <= begun + 60.0
+    assert ended - 30.0 <= runs[-1].due.timestamp() <= ended
+    assert [run for run in runs if run.state in (RunState.FAILED, RunState.CANCELLED)] == []
+    left = [run for run in runs if run.state in (RunState.WAITING, RunState.RUNNING)]
+    assert left in ([], runs[-1:]), left
     done = [run for run in runs if run.state is RunState.DONE]
     assert done
     assert all(run.done == run.total == 2 for run in done)
+    windows = [
+        (valve, one.window) for valve in VALVES for one in store.screenings(valve, limit=1000)
+    ]
+    assert len(windows) == len(set(windows))
+    assert len(windows) >= len(done), "each run that is done has its screenings"
 
 
 def inside(stretch: Stretch, known: list[Stretch]) -> bool:

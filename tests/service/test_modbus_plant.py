@@ -135,15 +135,61 @@ def test_wear_grows_in_a_straight_line_and_stays() -> None:
         assert valve.J_read == pytest.approx(3.0)
 
 
+def test_wear_goes_on_within_a_stretch() -> None:
+    """Friction grows from sample to sample, not from stretch to stretch; beyond its end it
+    stays."""
+    loop = replace(loops()[0], setpoints=())
+    wear = Wear(S_percent=8.0, J_percent=2.0, over_s=1200.0)
+    rows = simulate_stretch(loop, wear, 0.0, 0.0, 1200.0, 5).rows
+    away = np.abs(rows[:, 0] - rows[:, 1])
+    early, middle, late = (float(np.mean(part)) for part in np.array_split(away, 3))
+    assert early < middle < late
+    grown = worn(loop, wear, 0.0, 1200.0)
+    assert (1.0 + grown.upsets.growth) * grown.valve.S_read == pytest.approx(8.0)
+    assert worn(loop, wear, 1200.0, 600.0).upsets == loop.upsets
+
+
+def test_stretches_end_where_wear_begins_and_ends() -> None:
+    """So that its slope is even in each; a kink that is nearly reached makes no tiny stretch."""
+    wear = Wear(S_percent=6.0, after_s=100.0, over_s=300.0)
+    assert wear.even_for_s(0.0) == 100.0
+    assert wear.even_for_s(95.0) == 305.0
+    assert wear.even_for_s(100.0) == 300.0
+    assert wear.even_for_s(400.0) == np.inf
+    plant = LivePlant(loops()[:1], wear={loops()[0].tag: wear}, stretch_s=1800.0)
+    try:
+        assert plant._running[loops()[0].tag].tape.stop_s == 100.0
+    finally:
+        plant.close()
+
+
+def test_wear_begins_when_it_is_told_to_and_ends_with_a_lasting_repair() -> None:
+    """As the live demo does, once the service knows the valve."""
+    name = loops()[0].tag
+    plant = LivePlant(loops()[:1], stretch_s=200.0)
+    try:
+        plant.begin_wear(name, Wear(S_percent=8.0, J_percent=2.0, over_s=50.0), 20.0)
+        one = plant._running[name]
+        worn_rows = one.coming.result().rows
+        plant.rows(20.0)
+        assert one.tape.stop_s == 70.0
+        plant.repair(name, 60.0, lasting=True)
+        rows = one.coming.result().rows
+        assert len(rows) == 200
+        assert np.ptp(rows[:50, 0] - rows[:50, 1]) < np.ptp(worn_rows[:, 0] - worn_rows[:, 1])
+    finally:
+        plant.close()
+
+
 def test_a_worn_valve_sticks_and_a_repaired_one_does_not() -> None:
     """Seen from outside: how far the position is from the command."""
     loop = replace(demo_plant(1)[HEALTHY], setpoints=())
-    wear = Wear(S_percent=8.0, J_percent=2.0, over_s=600.0)
+    wear = Wear(S_percent=8.0, J_percent=2.0, after_s=900.0, over_s=600.0)
 
     def spread(stretch: Stretch) -> float:
         return float(np.nanstd(stretch.rows[:, 0] - stretch.rows[:, 1]))
 
-    new = simulate_stretch(loop, wear, 0.0, 0.0, 900.0, 5)
+    new = simulate_stretch(loop, None, 0.0, 0.0, 900.0, 5)
     old = simulate_stretch(loop, wear, 3600.0, 3600.0, 900.0, 5)
     repaired = simulate_stretch(loop, wear, 7200.0, 0.0, 900.0, 5)
     assert spread(old) > 3.0 * spread(new)

@@ -12,10 +12,13 @@ import pytest
 from stemwatch.models.findings import Screening
 from stemwatch.service import pipeline
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
+from stemwatch.service.executors.dask_cluster import DaskCluster
 from stemwatch.service.gather import Request
 from stemwatch.service.pipeline import Run, run
 from stemwatch.service.report import to_contract
+from stemwatch.service.report.shelf import Shelf
 from stemwatch.service.store.store import open_store
+from tests.service.clusters import dask_cluster
 
 
 @dataclass(frozen=True)
@@ -43,23 +46,31 @@ def found(export: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         with open_store(f"sqlite:///{tmp_path / name}.db") as store:
             how = Run(store=store, executor=executor, out=tmp_path / name)
             result = run(Request(sources=(str(export),)), how, tell)
-        return [_without_timing(one) for one in result.screenings], told
+        assert [one.valve for one in result.brief] == [one.valve for one in result.screenings]
+        assert isinstance(result.screenings, Shelf)
+        plots = [result.screenings.evidence(place) for place in range(len(result.screenings))]
+        return [(_without_timing(one), plots) for one in result.screenings], told
 
     return screen
 
 
 def _without_timing(screening: Screening) -> dict[str, Any]:
+    """The result as JSON, without how long it took."""
     found = {k: v for k, v in to_contract(screening).items() if k != "seconds"}
     if found["mismatch"] is not None:
         found["mismatch"] = {k: v for k, v in found["mismatch"].items() if k != "seconds"}
     return found
 
 
-def test_two_workers_find_what_one_finds(found) -> None:
-    """Every number, word and interval is the same, though other networks train together."""
+def test_every_executor_finds_the_same(found, tmp_path: Path) -> None:
+    """Every number, word, interval and plot is the same bit for bit, in this process, in two
+    others and in a Dask cluster, though other networks train together."""
     alone, _ = found(InProcess(), "alone")
     together, told = found(LocalProcesses(2), "together")
+    with dask_cluster(tmp_path, workers=2) as cluster:
+        far, _ = found(DaskCluster(cluster.host_and_port), "far")
     assert alone == together
+    assert alone == far
     assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in told)
 
 

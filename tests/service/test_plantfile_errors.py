@@ -54,7 +54,7 @@ ID, S = 'id = "V"', 'source = "s"'
         (
             valve(ID, S, 'descripton = "x"'),
             "12: valves[V].descripton: found an unknown key; expected one of area, criticality, "
-            "description, id, source, tags (did you mean 'description'?)",
+            "description, id, source, stroke, tags (did you mean 'description'?)",
         ),
         (
             valve(ID, S, 'description = "a\\nb"'),

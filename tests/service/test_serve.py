@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,7 @@ import pytest
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.models.plant import demo_plant
+from stemwatch.service.access.setup import make_user
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml
 from stemwatch.service.modbus_plant.serve import PlantServer
@@ -37,6 +39,7 @@ app.command()(run_now)
 if __name__ == "__main__":
     app()
 """
+TOKEN = "the-token-of-these-tests"
 SERVICE = """
 [limits]
 min_duration_s = 5
@@ -76,7 +79,7 @@ class Site:
 
     def serve(self) -> tuple[subprocess.Popen[str], str]:
         """The service and the address of its pages."""
-        process = self.start("serve", "--port", "0")
+        process = self.start("serve", "--port", "0", STEMWATCH_WEB_TOKEN=TOKEN)
         said = process.stdout.readline()
         found = re.search(r"http://\S+", said)
         assert found, said + self.log()
@@ -144,7 +147,9 @@ def live_site(site: Site) -> Iterator[Site]:
 
 
 def get(address: str) -> tuple[int, str]:
-    with urllib.request.urlopen(address, timeout=20) as answer:
+    """Status and text of a page, asked for with the token of the environment."""
+    asked = urllib.request.Request(address, headers={"authorization": f"Bearer {TOKEN}"})
+    with urllib.request.urlopen(asked, timeout=20) as answer:
         return answer.status, answer.read().decode()
 
 
@@ -228,12 +233,34 @@ def _owner(store: Store, number: int) -> str:
         return str(session.execute(statement, {"n": number}).scalar_one())
 
 
-def test_other_machines_are_not_let_in_by_accident(monkeypatch) -> None:
-    """Without a token only this machine is listened to, and a port that is taken is said."""
-    monkeypatch.delenv("STEMWATCH_WEB_TOKEN", raising=False)
-    for host in ("0.0.0.0", "::", "192.0.2.1"):
-        with pytest.raises(CannotListen, match="STEMWATCH_WEB_TOKEN"):
-            listen(host, 0)
+def test_the_first_start_prints_a_one_time_link_and_later_ones_do_not(csv_site: Site) -> None:
+    """On standard output alone: the log, which is kept, has no link in it. At the link the first
+    admin signs in; after that no start prints one."""
+    process, address = csv_site.serve()
+    assert "Nobody can sign in yet" in process.stdout.readline()
+    link = process.stdout.readline().strip()
+    assert re.fullmatch(re.escape(address) + r"welcome\?link=[\w-]{43}", link)
+    assert link.partition("link=")[2] not in csv_site.log()
+    assert get(link)[0] == 200
+    with pytest.raises(urllib.error.HTTPError, match="401"):
+        urllib.request.urlopen(address, timeout=20)
+    with csv_site.store() as store:
+        make_user(store, "Karl", "wet gasket, dry bonnet", "admin")
+    with pytest.raises(urllib.error.HTTPError, match="410"):
+        get(link)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=40) == 0, csv_site.log()
+    process, _ = csv_site.serve()
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout.read() == ""
+
+
+def test_listening_to_other_machines_is_said(caplog) -> None:
+    """What travels unencrypted is warned of; a port that is taken is refused with a way out."""
+    with listen("127.0.0.1", 0), caplog.at_level("WARNING"):
+        assert caplog.text == ""
+    with listen("0.0.0.0", 0):
+        assert "put a proxy with TLS before it" in caplog.text
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

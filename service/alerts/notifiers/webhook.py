@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import hmac
 import http.client
-import ipaddress
 import json
 import socket
 import ssl
+import threading
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import SplitResult, urlsplit
 
 from stemwatch.service.alerts.notifiers.notifier import NotSent
+from stemwatch.service.alerts.notifiers.outside import addresses
 from stemwatch.service.alerts.notifiers.secret import Secret
 
 TIMEOUT_S = 20.0
@@ -27,8 +30,9 @@ class WebhookNotifier:
     """Posts each message to ``url``.
 
     The header ``X-Stemwatch-Signature`` is ``sha256=`` and the HMAC of the body with the secret,
-    ``Idempotency-Key`` the message's key. Redirections are not followed, and a name that leads to
-    an address of this machine or of a private network is refused unless ``allow_private``.
+    ``Idempotency-Key`` the message's key. Redirections are not followed: an answer of 300 and more
+    is a message that was not taken. A name that leads to an address of this machine or of a private
+    network is refused unless ``allow_private`` (``outside``).
     """
 
     url: str
@@ -53,29 +57,43 @@ class WebhookNotifier:
     def _post(self, parts: SplitResult, body: bytes, headers: dict[str, str]) -> int:
         host, secure = parts.hostname or "", parts.scheme == "https"
         port = parts.port or (443 if secure else 80)
-        link = socket.create_connection((self._address(host, port), port), timeout=TIMEOUT_S)
-        connection = http.client.HTTPConnection(host, port, timeout=TIMEOUT_S)
+        link = self._connect(host, port)
+        # A receiver that sends a byte now and then would hold the line for hours.
+        ending = threading.Timer(TIMEOUT_S, lambda: _shut(link))
+        ending.start()
         try:
             if secure:
                 context = ssl.create_default_context()
-                link = context.wrap_socket(link, server_hostname=host)
+                link = context.wrap_socket(
+                    link, server_hostname=host, do_handshake_on_connect=False
+                )
+                link.do_handshake()
+            connection = http.client.HTTPConnection(host, port, timeout=TIMEOUT_S)
             connection.sock = link
             path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
             connection.request("POST", path, body, headers)
-            answer = connection.getresponse()
-            answer.read(1000)
-            return answer.status
+            return connection.getresponse().status
         finally:
+            ending.cancel()
             link.close()
 
-    def _address(self, host: str, port: int) -> str:
-        """The address that is connected to: checked, and not looked up a second time."""
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-        address = str(found[0][4][0])
-        if not self.allow_private and not ipaddress.ip_address(address).is_global:
-            raise NotSent(
-                f"{host} is {address}, an address of this machine or of a private network; set "
-                "allow_private = true where that is meant",
-                final=True,
-            )
-        return address
+    def _connect(self, host: str, port: int) -> socket.socket:
+        """A connection to the first address that takes one; all of them were looked at before."""
+        until = time.monotonic() + TIMEOUT_S
+        failed: OSError = OSError("the name leads to no address")
+        for address in addresses(host, port, allow_private=self.allow_private):
+            left_s = until - time.monotonic()
+            if left_s <= 0.0:
+                break
+            try:
+                return socket.create_connection((address, port), timeout=left_s)
+            except OSError as error:
+                failed = error
+        raise failed
+
+
+def _shut(link: socket.socket) -> None:
+    """End what is said on ``link``, whoever waits for it."""
+    with contextlib.suppress(OSError):
+        # Not the method of an encrypted socket, which takes its state away under a reader.
+        socket.socket.shutdown(link, socket.SHUT_RDWR)

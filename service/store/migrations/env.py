@@ -10,12 +10,18 @@ from sqlalchemy import Connection
 
 from stemwatch.service.store.address import Address
 from stemwatch.service.store.engine import for_writing, make_engine
+from stemwatch.service.store.migrate import is_compared
 from stemwatch.service.store.tables import Base
 
 
 def run(connection: Connection) -> None:
     """Run the migrations that were asked for."""
-    context.configure(connection=connection, target_metadata=Base.metadata, compare_type=True)
+    context.configure(
+        connection=connection,
+        target_metadata=Base.metadata,
+        compare_type=True,
+        include_object=is_compared,
+    )
     with context.begin_transaction():
         context.run_migrations()
 

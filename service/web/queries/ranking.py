@@ -15,6 +15,7 @@ from stemwatch.models.recording import PERCENT
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.context import PreviousFinding
 from stemwatch.service.report.words import WORST_FIRST
+from stemwatch.service.store.held_back import remark_column
 from stemwatch.service.store.tables import ScreeningRow, ValveRow
 
 PAGE = 50
@@ -57,6 +58,7 @@ class Line:
     S: Estimate
     J: Estimate
     left_out: tuple[str, ...]
+    held_back: bool  # what was left out does not stand among all valves of its run
     previous: PreviousFinding | None
 
 
@@ -153,6 +155,7 @@ _COLUMNS = (
     ScreeningRow.j_high_percent,
     ScreeningRow.j_reason,
     ScreeningRow.mismatch_slugs,
+    remark_column(),
 )
 
 
@@ -257,6 +260,7 @@ def _line(row: Any, place: int, previous: PreviousFinding | None) -> Line:
         S=_estimate(row.s_percent, row.s_low_percent, row.s_high_percent, row.s_reason),
         J=_estimate(row.j_percent, row.j_low_percent, row.j_high_percent, row.j_reason),
         left_out=tuple(row.mismatch_slugs or ()),
+        held_back=bool(row.held_back),
         previous=previous,
     )
 

@@ -90,8 +90,8 @@ var stemwatchMonths = (function () {
   function span(history, months, now) {
     var at = history.points.map(function (point) { return seconds(point.at); });
     if (!at.length) return [now - 30 * DAY_S, now];
-    var last = at[at.length - 1], first = months ? last - months * 30.5 * DAY_S : at[0];
-    var room = Math.max((last - first) * 0.03, DAY_S / 24);
+    var last = at[at.length - 1], first = months ? Math.max(last - months * 30.5 * DAY_S, at[0]) : at[0];
+    var room = (last - first) * 0.03 || DAY_S / 24;
     return [first - room, last + room];
   }
 
@@ -101,7 +101,7 @@ var stemwatchMonths = (function () {
     var known = function (u, number) { return number == null ? "" : number.toFixed(2) + " %"; };
     var plain = function (label) { return { label: label, stroke: stemwatchAxes.colour("quiet"), show: true, width: 0, points: { show: false }, paths: function () { return null; }, value: known }; };
     return new uPlot({
-      width: place.clientWidth, height: HEIGHT + (name === "J" ? 38 : 0), padding: [10, 20, 0, 0], tzDate: stemwatchAxes.tzDate,
+      width: place.clientWidth, height: HEIGHT + (name === "J" ? 38 : 0), padding: [10, 36, 0, 0], tzDate: stemwatchAxes.tzDate,
       scales: { x: { time: true, range: function () { return range; } }, y: { range: function () { return [0, top(history, name)]; } } },
       cursor: { sync: { key: sync }, drag: { x: false, y: false } },
       axes: [Object.assign(stemwatchAxes.time(true, name === "J"), { space: DATE_PX }), stemwatchAxes.axis({ size: 52 })],

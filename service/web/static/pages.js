@@ -1,15 +1,7 @@
 // What every page does with scripts; without them all of it works by buttons and reloads.
 (function () {
   "use strict";
-  var WHO = "stemwatch-who", REFRESH_MS = 5000;
-
-  function stored() { try { return localStorage.getItem(WHO) || ""; } catch (_) { return ""; } }
-  function store(name) { try { localStorage.setItem(WHO, name); } catch (_) { /* not allowed to */ } }
-
-  // The name somebody signed with last stands in the next form.
-  function sign(root) {
-    root.querySelectorAll('input[name="who"]').forEach(function (field) { if (!field.value) field.value = stored(); });
-  }
+  var REFRESH_MS = 5000;
 
   // Filters act when they are changed, not only by the button; empty ones stay out of the address.
   function filter(form) {
@@ -24,7 +16,8 @@
   function refresh(part) {
     setInterval(function () {
       if (document.hidden || part.contains(document.activeElement)) return;
-      fetch(location.href, { headers: { accept: "text/html" } }).then(function (answer) {
+      fetch(location.href, { headers: { accept: "text/html", "x-stemwatch-refresh": "1" } }).then(function (answer) {
+        if (answer.status === 401) location.reload(); // signed out: the server leads to the login
         if (!answer.ok) throw new Error(answer.status);
         return answer.text();
       }).then(function (text) {
@@ -32,20 +25,14 @@
         if (fresh && fresh.innerHTML !== part.dataset.seen) {
           part.innerHTML = fresh.innerHTML;
           part.dataset.seen = fresh.innerHTML;
-          sign(part);
         }
       }).catch(function () { /* the service is away: the page stays as it is and asks again */ });
     }, REFRESH_MS);
   }
 
   document.addEventListener("DOMContentLoaded", function () {
-    sign(document);
     document.querySelectorAll(".live-filters").forEach(filter);
     document.querySelectorAll("[data-refresh]").forEach(refresh);
-    document.addEventListener("submit", function (event) {
-      var who = event.target.querySelector('input[name="who"]');
-      if (who && who.value) store(who.value);
-    });
   });
   // Coming back by the browser's button finds the fields as they were.
   window.addEventListener("pageshow", function () {

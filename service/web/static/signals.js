@@ -29,7 +29,7 @@ var stemwatchSignals = (function () {
     place.closest("figure").hidden = !traces.length;
     if (!traces.length) return null;
     var options = {
-      width: place.clientWidth, height: HEIGHTS[name], padding: [8, 20, 0, 0], tzDate: stemwatchAxes.tzDate,
+      width: place.clientWidth, height: HEIGHTS[name], padding: [8, 30, 0, 0], tzDate: stemwatchAxes.tzDate,
       scales: { x: { time: true, range: function () { return [answer.start_s, answer.stop_s]; } } },
       cursor: { sync: { key: sync }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       axes: [stemwatchAxes.time(true, last), stemwatchAxes.axis({ size: 52 })],

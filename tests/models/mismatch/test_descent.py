@@ -97,3 +97,21 @@ def test_blocks_that_are_not_chosen_do_not_count():
     ours, theirs = (descend(one, layout, blocks, start, 6) for one in (bench, wrong))
     np.testing.assert_array_equal(ours.candidate, theirs.candidate)
     assert ours.loss == theirs.loss
+
+
+@given(st.integers(0, 2**20))
+@settings(max_examples=15, deadline=None)
+def test_a_run_does_not_remember_the_runs_before(seed):
+    """A bench that has run other dead times, other hypotheses and free runs says the same."""
+    bench, layout = dead_time()
+    rng = np.random.default_rng(seed)
+    first, second = rng.uniform(layout.bounds.low, layout.bounds.high, (2, layout.size))
+    alone = bench.block_losses(layout, first[None])
+    bench.simulate(layout, first)
+    base = bench.layout(hypothesis())
+    bench.block_losses(base, base.bounds.clip(first[None, : base.size]))
+    bench.block_losses(layout, np.vstack((second, first, second)))
+    np.testing.assert_array_equal(bench.block_losses(layout, first[None]), alone)
+    same = bench.simulate(layout, first)
+    bench.block_losses(layout, second[None])
+    np.testing.assert_array_equal(bench.simulate(layout, first), same)

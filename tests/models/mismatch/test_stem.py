@@ -322,16 +322,19 @@ def test_a_free_run_never_looks_at_onsets(p, S, ratio, up, down):
     assert not late.any()
 
 
-@given(st.integers(0, 2**20), st.sampled_from([0.05, 1.0, 1e-60]))
+@given(st.integers(0, 2**20), st.sampled_from([0.05, 1.0, 1e-60]), st.sampled_from([0.7, 3.0]))
 @settings(max_examples=30, deadline=None)
-def test_the_loss_of_a_block_is_cauchys_plus_what_the_breakaways_cost(seed, delta):
-    """The product of many samples under one logarithm is the sum of their logarithms."""
+def test_the_loss_of_a_block_is_cauchys_plus_what_the_breakaways_cost(seed, delta, event):
+    """The product of many samples under one logarithm is the sum of their logarithms; a drawn
+    value is charged from the edge of its slack on."""
     rng = np.random.default_rng(seed)
     mv, simulated = rng.normal(50.0, 3.0, 400), rng.normal(50.0, 3.0, 400)
     block = np.repeat([0, -1, 1, 2], 100)
     late = np.where(rng.random(400) < 0.05, rng.normal(0.0, 0.4, 400), 0.0)
+    slack = np.where(rng.random(400) < 0.5, 0.4, 0.0)
     losses = np.full(4, np.nan)
-    block_loss(simulated, mv, block, delta, late, 0.2, losses)
-    of_sample = np.log1p(((mv - simulated) / delta) ** 2) + at.EVENT * np.log1p((late / 0.2) ** 2)
+    block_loss(simulated, mv, slack, block, delta, late, 0.2, event, losses)
+    off = np.maximum(np.abs(mv - simulated) - slack, 0.0)
+    of_sample = np.log1p((off / delta) ** 2) + event * np.log1p((late / 0.2) ** 2)
     expected = [delta**2 * of_sample[block == b].sum() for b in range(4)]
     np.testing.assert_allclose(losses, expected, rtol=1e-9)

@@ -218,27 +218,27 @@ def test_advice_names_things_to_look_at_and_a_test(slug):
 @pytest.mark.parametrize(
     ("slug", "values", "words"),
     [
-        ("actuator_lag", [3.1], "a lag of 3.1 (2.95 to 3.25) s both ways"),
-        ("asymmetric_lag", [4.0, 1.0], "by 4 (3.8 to 4.2) s when opening but by only 1"),
-        ("asymmetric_lag", [1.0, 4.0], "by 4 (3.8 to 4.2) s when closing but by only 1"),
+        ("actuator_lag", [3.1], "a lag of 3.10 (2.95 to 3.25) s both ways"),
+        ("asymmetric_lag", [4.0, 1.0], "by 4.00 (3.80 to 4.20) s when opening but by only 1"),
+        ("asymmetric_lag", [1.0, 4.0], "by 4.00 (3.80 to 4.20) s when closing but by only 1"),
         ("asymmetric_lag", [0.0, 4.0], "when closing but follows at once when opening"),
-        ("asymmetric_rate_limit", [0.0, 1 / 3], "3 (2.85 to 3.15) %/s when closing but is free"),
-        ("asymmetric_rate_limit", [1 / 3, 1 / 12], "when opening but reaches 12 (11.4 to 12.6)"),
-        ("asymmetric_slip", [0.5], "jumps when opening are 3 (2.85 to 3.15) times those"),
-        ("asymmetric_slip", [-0.5], "jumps when closing are 3 (2.86 to 3.16) times those"),
-        ("flow_force", [-3.0], "by 3 (2.85 to 3.15) % of span more towards opening"),
-        ("growing_stiction", [0.8], "grew by 80 (76 to 84) % over the record"),
-        ("growing_stiction", [-0.3], "shrank by 30 (28.5 to 31.5) % over"),
+        ("asymmetric_rate_limit", [0.0, 1 / 3], "3.00 (2.85 to 3.15) %/s when closing but is free"),
+        ("asymmetric_rate_limit", [1 / 3, 1 / 12], "when opening but reaches 12.0 (11.4 to 12.6)"),
+        ("asymmetric_slip", [0.5], "jumps when opening are 3.00 (2.85 to 3.15) times those"),
+        ("asymmetric_slip", [-0.5], "jumps when closing are 3.00 (2.86 to 3.16) times those"),
+        ("flow_force", [-3.0], "by 3.00 (2.85 to 3.15) % of span more towards opening"),
+        ("growing_stiction", [0.8], "grew by 80.0 (76.0 to 84.0) % over the record"),
+        ("growing_stiction", [-0.3], "shrank by 30.0 (28.5 to 31.5) % over"),
         ("position_dependent_friction", [1.5, 50.0, 5.0], "Between 45 and 55 % of travel"),
-        ("rate_limit", [0.5], "no more than 2 (1.9 to 2.1) %/s, opening and closing alike"),
-        ("sensor_drift", [-1.5, 0.0, 0.0, 0.0], "drifts downwards by 1.5 (1.43 to 1.57) %"),
-        ("span_error", [-0.1], "compressed over the stroke: it moves by 0.9 (0.855 to 0.945)"),
+        ("rate_limit", [0.5], "no more than 2.00 (1.90 to 2.10) %/s, opening and closing alike"),
+        ("sensor_drift", [-1.5, 0.0, 0.0, 0.0], "drifts downwards by 1.50 (1.43 to 1.57) %"),
+        ("span_error", [-0.1], "compressed over the stroke: it moves by 0.900 (0.855 to 0.945)"),
         ("stem_creep", [-0.02], "creeps at 0.02 (0.019 to 0.021) %/s, closing,"),
-        ("supply_sag", [-0.2, 30.0], "short by 20 (19 to 21) % of the move when closing"),
+        ("supply_sag", [-0.2, 30.0], "short by 20.0 (19.0 to 21.0) % of the move when closing"),
         ("travel_stop", [0.0, 39.0], "does not rise above 61"),
         ("travel_stop", [38.0, 0.0], "does not fall below 38"),
         ("underdamped_positioner", [0.5, 0.2], "period of 12.8 s and an overshoot of 53 %"),
-        ("zero_shift", [-1.0], "reads low by 1 (0.95 to 1.05) % of travel"),
+        ("zero_shift", [-1.0], "reads low by 1.00 (0.95 to 1.05) % of travel"),
     ],
 )
 def test_numbers_are_said_with_their_direction(slug, values, words):
@@ -252,7 +252,7 @@ def test_an_effect_whose_direction_is_in_doubt_is_said_without_a_negative_size()
     text = CATALOGUE["sensor_drift"].sentence(
         {"D": estimate, "range": estimate}, "rising", "falling"
     )
-    assert "by 0.4 (0 to 1) %" in text
+    assert "by 0.400 (0.000 to 1.000) %" in text
     ratio = Estimate(value=0.5, low=-0.2, high=0.9)
     text = CATALOGUE["asymmetric_slip"].sentence({"ratio": ratio}, "rising", "falling")
     assert "jumps when falling are 2 times those when rising" in text

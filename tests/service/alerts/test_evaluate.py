@@ -119,6 +119,20 @@ def test_sticky_valves_are_each_an_alert_and_one_message(store: Store, plant: Pl
     assert "7 new alerts" in message.message["subject"]
 
 
+def test_a_message_links_to_the_pages_where_their_address_is_known(
+    store: Store, plant: Plant
+) -> None:
+    """Each alert to its valve, and all of them to the page where they are acknowledged."""
+    service = plant.service.model_copy(update={"address": "https://valves.example/unit/"})
+    run(store, plant, 0, ["V1"])
+    run(store, plant, 1, ["V1"])
+    assert tell(store, replace(plant, service=service))
+    (message,) = store.deliveries.recent()
+    assert "\nhttps://valves.example/unit/valve?id=V1\n" in message.message["text"]
+    assert "https://valves.example/unit/alerts" in message.message["text"]
+    assert message.message["alerts"][0]["link"].endswith("/valve?id=V1")
+
+
 def test_many_that_leave_their_baselines_at_once_are_one_alert(store: Store, plant: Plant) -> None:
     """What an area shares is looked for first; when it is over the alert is closed."""
     area = [f"V{n}" for n in range(8)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -10,14 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality
 from stemwatch.models.mismatch.findings import Effect, Evidence, Finding, Mismatch, Stiction
-from stemwatch.models.recording import Provenance
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.alerts.rules import Seen, Standing, has_grown, look, standing
+from stemwatch.service.alerts.rules import Judged, Seen, Standing, has_grown, look, standing
 from stemwatch.service.plantfile.live import AlertRules
 from stemwatch.service.store.alerts import AlertKind, AlertSeverity
-from stemwatch.service.store.records import StoredScreening, StoredValve
+from stemwatch.service.store.records import StoredValve
 
 NOW = datetime(2026, 3, 2, tzinfo=UTC)
 RULES = AlertRules()
@@ -29,36 +26,23 @@ def percent(value: float, half: float = 0.2) -> Estimate:
     return Estimate(value=value, low=value - half, high=value + half, unit="%")
 
 
-def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> StoredScreening:
+def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> Judged:
     fields = {
         "id": number,
-        "valve": "FIC-1",
         "run_id": 1,
         "window": (NOW, NOW + timedelta(hours=number)),
-        "at": NOW + timedelta(hours=number),
         "verdict": verdict,
-        "reason": "",
         "advice": "Check the packing.",
-        "shape": None,
         "severity": 50.0,
-        "confidence": 0.9,
         "S": percent(2.0),
-        "J": J,
-        "residuals": {},
-        "quality": DataQuality(grade="A"),
-        "still_seen": (),
-        "baseline_note": "",
-        "provenance": Provenance(source="x"),
-        "software_version": "1",
-        "settings_digest": "",
-        "seconds": 0.1,
+        "J": None,
     }
-    return StoredScreening(**fields | changes)
+    return Judged(**fields | changes)
 
 
-def kinds(*newest_first: Verdict | StoredScreening, **seen) -> tuple[list, list]:
+def kinds(*newest_first: Verdict | Judged, **seen) -> tuple[list, list]:
     screenings = [
-        one if isinstance(one, StoredScreening) else screening(99 - place, one)
+        one if isinstance(one, Judged) else screening(99 - place, one)
         for place, one in enumerate(newest_first)
     ]
     raised, closed = look(Seen(valve=VALVE, screenings=screenings, **seen), RULES)
@@ -141,20 +125,40 @@ def test_leaving_the_baseline() -> None:
     assert "4.0 times worse" in raised[0].text
 
 
+@pytest.mark.parametrize(
+    ("ratios", "raised", "closed"),
+    [
+        ({6: 5.0, 3: 4.0}, True, False),  # what lies between could not be compared
+        ({3: 4.0, 2: 4.0}, False, False),  # nor could the newest: what is open stays open
+        ({6: 1.0, 5: 1.0, 3: 4.0}, False, False),
+        ({6: 1.0, 4: 1.0, 2: 1.0, 1: 9.0}, False, True),
+        ({}, False, False),
+    ],
+)
+def test_a_run_that_was_not_compared_tells_nothing(ratios, raised: bool, closed: bool) -> None:
+    """A valve that moves beyond what its baseline has seen is not back at its baseline."""
+    many = [screening(n) for n in (6, 5, 4, 3, 2, 1)]
+    found, over = look(Seen(valve=VALVE, screenings=many, ratios=ratios, ratio_limit=3.0), RULES)
+    assert (AlertKind.BASELINE in [one.kind for one in found]) is raised
+    assert ("baseline:FIC-1" in over) is closed
+
+
 def test_a_named_mismatch_is_told_with_its_check() -> None:
-    """Only what has a name: candidates are for the page, not for the night shift."""
+    """Only what has a name and stands; closed when it had none in three runs."""
     effect = Effect(
         slug="lost_motion", members=("lost_motion",), sentence="There is play.", where="",
         check="Look at the linkage.", decide="", parameters={},
         evidence=Evidence(mean=0.2, t=5.0, share=0.4),
     )  # fmt: skip
     both = Stiction(S=percent(1.0), J=J)
-    named = Mismatch(
+    found = Mismatch(
         finding=Finding.NAMED, sentence="", naive=both, restated=both, effects=(effect,)
     )
-    open_ended = replace(named, finding=Finding.CANDIDATES)
-    assert kinds(*(screening(n, mismatch=open_ended) for n in (2, 1)))[0] == []
-    many = [screening(n, mismatch=named) for n in (2, 1)]
+    held_back = [screening(n, mismatch=found, named=False) for n in (3, 2, 1)]
+    raised, closed = kinds(*held_back)
+    assert raised == []
+    assert "mismatch" in closed
+    many = [screening(n, mismatch=found, named=True) for n in (2, 1)]
     raised, _ = look(Seen(valve=VALVE, screenings=many), RULES)
     assert raised[0].text == "FIC-1 (Feed): There is play. Look at the linkage."
 

@@ -54,6 +54,25 @@ def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
+def new_database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[str], str]]:
+    """Gives URLs of empty databases: ``new_database("sqlite")``, ``new_database("postgresql")``."""
+    made: list[str] = []
+
+    def make(engine: str) -> str:
+        if engine == "sqlite":
+            return f"sqlite:///{tmp_path / uuid.uuid4().hex}.db"
+        server = request.getfixturevalue("postgres_server")
+        made.append(f"stemwatch_test_{uuid.uuid4().hex[:12]}")
+        _administer(server, f'CREATE DATABASE "{made[-1]}"')
+        return make_url(server).set(database=made[-1]).render_as_string(hide_password=False)
+
+    yield make
+    for name in made:
+        server = request.getfixturevalue("postgres_server")
+        _administer(server, f'DROP DATABASE "{name}" WITH (FORCE)')
+
+
+@pytest.fixture
 def store(store_url: str) -> Iterator[Store]:
     """An empty store."""
     with open_store(store_url) as opened:

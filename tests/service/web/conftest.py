@@ -14,10 +14,12 @@ import httpx
 import pytest
 from sqlalchemy import create_engine, make_url, text
 
+from stemwatch.service.store.access_records import Role
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
 from tests.service.store.conftest import postgres_server as postgres_server
 from tests.service.web import made_plant
+from tests.service.web.signed_in import cookie_of
 
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
@@ -60,11 +62,13 @@ def live(filled: Store, tmp_path: Path) -> Site:
 
 @pytest.fixture
 def client_of() -> Iterator[Callable[[Site], httpx.Client]]:
-    """Serves a site and gives a client of it."""
+    """Serves a site and gives a client of it, signed in as admin unless told otherwise."""
     open_ones = []
 
-    def start(site: Site, **options: object) -> httpx.Client:
+    def start(site: Site, role: Role | None = Role.ADMIN, **options: object) -> httpx.Client:
         around = made_plant.serving(site)
+        if role is not None:
+            options = {"cookies": cookie_of(site, role), **options}
         client = httpx.Client(base_url=around.__enter__(), trust_env=False, **options)
         open_ones.append((around, client))
         return client

@@ -6,10 +6,14 @@ from datetime import timedelta
 
 import pytest
 
+from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.store.access_records import Role
 from stemwatch.service.store.records import RunState
 from stemwatch.service.web.forms import COOKIE
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
+from tests.service.web.signed_in import NAMES, cookie_of
 
+ME = NAMES[Role.ADMIN]  # whoever is signed in signs; no form asks for a name
 JSON = {"content-type": "application/json"}
 
 
@@ -22,10 +26,10 @@ def alert_of(live, valve=STICKY):
 def test_acknowledging_keeps_who_and_why(live, send, client):
     """The alert stays until its cause is gone, and no longer counts as open."""
     number = str(alert_of(live).id)
-    answer = send("/alerts/settle", alert=number, how="acknowledge", who="K. Berg", text="seen")
+    answer = send("/alerts/settle", alert=number, how="acknowledge", text="seen")
     assert answer.status_code == 303
     found = alert_of(live)
-    assert (found.acknowledged_by, found.comment, found.closed) == ("K. Berg", "seen", None)
+    assert (found.acknowledged_by, found.comment, found.closed) == (ME, "seen", None)
     assert "The alert is acknowledged." in client.get(answer.headers["location"]).text
     assert f'id="alert-{number}"' not in client.get("/alerts").text
     assert f'id="alert-{number}"' in client.get("/alerts?state=acknowledged").text
@@ -34,7 +38,7 @@ def test_acknowledging_keeps_who_and_why(live, send, client):
 def test_an_alert_that_was_put_off_comes_back(live, send, client):
     """Until then it is among the snoozed, afterwards among the open ones."""
     number = str(alert_of(live).id)
-    send("/alerts/settle", alert=number, how="snooze", hours="8", who="K. Berg")
+    send("/alerts/settle", alert=number, how="snooze", hours="8")
     assert alert_of(live).snoozed_until == NOW + timedelta(hours=8)
     assert f'id="alert-{number}"' in client.get("/alerts?state=snoozed").text
     object.__setattr__(live, "clock", lambda: NOW + timedelta(hours=9))
@@ -44,7 +48,7 @@ def test_an_alert_that_was_put_off_comes_back(live, send, client):
 def test_a_false_alarm_is_kept_as_one(live, send, client):
     """It leaves the open ones and stands under its own heading."""
     number = str(alert_of(live).id)
-    send("/alerts/settle", alert=number, how="false", who="K. Berg", text="test signal")
+    send("/alerts/settle", alert=number, how="false", text="test signal")
     assert live.store.alerts.open(valve=STICKY) == []
     assert "test signal" in client.get("/alerts?state=false").text
 
@@ -69,7 +73,7 @@ def test_a_wrong_form_is_refused_with_a_sentence(send, fields, status, said):
 
 def test_maintenance_is_recorded_in_the_plants_time(live, send, client):
     """What is typed as 14:30 in Berlin in March is 13:30 UTC, and shown as 14:30 again."""
-    send("/valve/maintenance", valve=STICKY, text="packing", who="K", at="2026-03-02T14:30")
+    send("/valve/maintenance", valve=STICKY, text="packing", at="2026-03-02T14:30")
     found = live.store.maintenance(STICKY)[-1]
     assert f"{found.at:%H:%M %Z}" == "13:30 UTC"
     assert "2026-03-02 14:30" in client.get("/valve", params={"id": STICKY}).text
@@ -77,7 +81,7 @@ def test_maintenance_is_recorded_in_the_plants_time(live, send, client):
 
 def test_a_note_without_a_time_is_of_now(live, send):
     """And it may be about a valve whose name is a script."""
-    answer = send("/valve/note", valve=HOSTILE, text="<b>odd</b>", who="K")
+    answer = send("/valve/note", valve=HOSTILE, text="<b>odd</b>")
     assert answer.status_code == 303
     assert live.store.notes(HOSTILE)[-1].at == NOW
 
@@ -85,35 +89,35 @@ def test_a_note_without_a_time_is_of_now(live, send):
 @pytest.mark.parametrize("at", ["yesterday", "2026-13-01T00:00", "0001-01-01T00:00"])
 def test_a_time_that_is_none_is_refused(live, send, at):
     """Nothing is recorded."""
-    answer = send("/valve/note", valve=STICKY, text="x", who="K", at=at)
+    answer = send("/valve/note", valve=STICKY, text="x", at=at)
     assert answer.status_code == 422
     assert len(live.store.notes(STICKY)) == 1
 
 
 def test_the_fitted_network_becomes_the_baseline(live, send):
     """The page's button uses the network that was fitted last, with its window and the reason."""
-    send("/valve/baseline", valve=STICKY, text="after start-up", who="K. Berg")
+    send("/valve/baseline", valve=STICKY, text="after start-up")
     found = live.store.baseline(STICKY)
     assert found.network == b"newer"
-    assert found.reason == "chosen by K. Berg: after start-up"
+    assert found.reason == f"chosen by {ME}: after start-up"
     assert found.window[1] == NOW
 
 
 def test_a_valve_without_a_network_has_no_baseline_to_set(send):
     """The refusal says what comes first."""
-    answer = send("/valve/baseline", valve=HEALTHY, who="K")
+    answer = send("/valve/baseline", valve=HEALTHY)
     assert answer.status_code == 409
     assert "no fitted network yet" in answer.text
 
 
 def test_a_run_is_queued_seen_and_cancelled(live, send, client):
     """Over the valves of an area; it waits, and a cancelled one is over."""
-    send("/runs/begin", area="Area 100", who="K. Berg")
+    send("/runs/begin", area="Area 100")
     (run,) = live.store.queue.going()
     assert set(run.asked) == {STICKY, WATCH}
     page = client.get("/runs").text
     assert f"Run {run.id}" in page
-    assert "asked by" in page
+    assert f"asked by <bdi>{ME}</bdi>" in page
     send("/runs/cancel", run=str(run.id))
     assert live.store.run(run.id).state is RunState.CANCELLED
     assert send("/runs/cancel", run=str(run.id)).status_code == 409
@@ -131,6 +135,7 @@ def test_progress_and_time_left_are_seen(live, client):
     live.store.queue.mark(number, HOSTILE, ValveState.SET_ASIDE, "took longer than 60 s")
     started = live.store.run(number).started
     object.__setattr__(live, "clock", lambda: started + timedelta(seconds=100))
+    client.cookies.update(cookie_of(live))
     page = client.get("/runs").text
     assert "2 of 4 valves done, 1 of them set aside; about 100 s to go" in page
     assert "took longer than 60 s" in client.get(f"/run?id={number}").text
@@ -151,8 +156,10 @@ def test_a_form_without_its_mark_changes_nothing(live, client, path):
     """Whoever cannot read our pages cannot send our forms."""
     fields = {"alert": "1", "valve": STICKY, "text": "x", "run": "1", "how": "acknowledge"}
     assert client.post(path, data=fields).status_code == 403
-    client.cookies.set(COOKIE, "made-up")
     assert client.post(path, data={"mark": "0" * 64, **fields}).status_code == 403
+    client.cookies.set(COOKIE, "made-up")
+    made_up = mark_of("made-up")
+    assert client.post(path, data={"mark": made_up, **fields}).status_code == 403
     assert len(live.store.notes(STICKY)) == 1
     assert live.store.queue.going() == []
 
@@ -191,7 +198,8 @@ def test_the_api_does_what_the_pages_do(live, client):
     assert client.post(f"/api/v1/alert/acknowledge?id={alert}", json={"who": "s"}).is_success
     text = {"text": "renewed", "who": "s", "at": "2026-03-29T10:00:00+02:00"}
     assert client.post("/api/v1/valve/maintenance", params={"id": STICKY}, json=text).is_success
-    assert live.store.maintenance(STICKY)[-1].note == "renewed"
+    done = live.store.maintenance(STICKY)[-1]
+    assert (done.note, done.who) == ("renewed", f"s (through {ME})")
 
 
 @pytest.mark.parametrize(

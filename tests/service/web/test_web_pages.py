@@ -11,6 +11,7 @@ from stemwatch.service.store.sources import SourceState, TakenFile
 from stemwatch.service.web.site import Site
 from tests.service.made_mismatch import named
 from tests.service.web.made_plant import BLIND, HOSTILE, NOW, SOURCE, STICKY, screening
+from tests.service.web.signed_in import cookie_of
 
 
 def page_of(client, valve: str) -> str:
@@ -195,7 +196,9 @@ def test_behind_a_proxy_every_link_keeps_the_prefix(live):
     transport = httpx.ASGITransport(create_app(live), root_path="/stem")
 
     async def ask() -> str:
-        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+        async with httpx.AsyncClient(
+            transport=transport, base_url="http://localhost", cookies=cookie_of(live)
+        ) as client:
             return (await client.get("/valve", params={"id": STICKY})).text
 
     text = asyncio.run(ask())

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 import pytest
 
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.report import ReportContext, write_report
 from stemwatch.service.store.queue import Wanted
 from stemwatch.service.store.records import RunState
-from tests.service.web.made_plant import NOW, STICKY, screening, serving
+from tests.service.web.made_plant import HEALTHY, NOW, STICKY, screening, serving
+from tests.service.web.signed_in import cookie_of
+
+LATER = NOW + timedelta(hours=1)
 
 
 def finished(live, folder) -> int:
@@ -36,6 +43,21 @@ def test_the_run_leads_to_its_report(client, reported):
         kept = answer.headers.get("content-disposition", "")
         assert (f"run-{reported}-{name}" in kept) == (name != "report.html")
     assert STICKY in client.get(f"/run/report?id={reported}").text
+
+
+def test_a_valve_leads_to_its_page_for_maintenance(live, client, reported):
+    """Where the run that found it kept one, to that very page; a healthy valve has none."""
+    folder = live.plant.beside(live.plant.service.reports) / "run-000099"
+    found = [screening(STICKY, at=LATER), screening(HEALTHY, Verdict.HEALTHY, 0.2, 0.0, at=LATER)]
+    for one in found:
+        live.store.save(one, reported)
+    address = f"/run/report?id={reported}&amp;file=maintenance.html#"
+    assert address not in client.get("/valve", params={"id": STICKY}).text
+    write_maintenance(found, ReportContext(started=NOW), folder)
+    page = client.get("/valve", params={"id": STICKY}).text
+    place = page.partition(address)[2].partition('"')[0]
+    assert f'id="{place}"' in client.get(f"/run/report?id={reported}&file=maintenance.html").text
+    assert address not in client.get("/valve", params={"id": HEALTHY}).text
 
 
 def test_the_report_is_caged(client, reported):
@@ -75,12 +97,15 @@ def test_a_run_without_a_report_says_so(client, run):
 def test_the_report_works_in_its_cage(browser, live, reported):
     """Its plots are drawn and nothing is logged, though it has no origin."""
     with serving(live) as base:
-        page = browser.new_page()
+        context = browser.new_context()
+        ((name, value),) = cookie_of(live).items()
+        context.add_cookies([{"name": name, "value": value, "url": base}])
+        page = context.new_page()
         errors: list[str] = []
         page.on("console", lambda message: errors.append(message.text))
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"{base}/run/report?id={reported}")
         page.locator("#ranking-table tbody tr").wait_for()
         page.locator(".plot-travel canvas").first.wait_for()
-        page.close()
+        context.close()
     assert errors == []

@@ -81,7 +81,9 @@ def test_thinning_keeps_a_single_spike_on_postgresql(postgres_url):
         spike_is_kept(store)
 
 
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
     values=st.lists(st.floats(-100, 100), min_size=60, max_size=200),
     points=st.integers(8, 40),

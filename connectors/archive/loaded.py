@@ -1,0 +1,128 @@
+"""``Loaded``: the tags of one valve as read from an archive, ready to be laid on a clock."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+
+import numpy as np
+
+from stemwatch.connectors.connector import ConnectorError, MappingNeeded, ValveTags, Window
+from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.models.recording import Bools, Role
+
+Bounds = tuple[int | None, int | None]
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loaded:
+    """Columns by tag, and what is known of their times. Fulfils ``historian.holding.Holding``."""
+
+    where: str
+    layout: str
+    columns: Mapping[str, Column]
+    known: bool = True
+    zone: str = ""
+    decisions: Sequence[str] = ()
+    problems: Sequence[str] = ()
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The tags that were read."""
+        return list(self.columns)
+
+    @cached_property
+    def digest(self) -> str:
+        """sha256 of the samples that were read: an archive as a whole has none."""
+        total = hashlib.sha256()
+        before = np.zeros(0, dtype=np.int64)
+        for tag in sorted(self.columns):
+            column = self.columns[tag]
+            total.update(tag.encode())
+            if not np.array_equal(column.ns, before):  # most tags share one clock
+                total.update(np.ascontiguousarray(column.ns).data)
+            total.update(np.ascontiguousarray(column.values).data)  # NaN where quality is not good
+            before = column.ns
+        return total.hexdigest()
+
+    def column(self, tag: str, *, as_mode: bool = False) -> Column:
+        """The tag's samples; a mode was read as a mode."""
+        return self.columns[tag]
+
+
+def ns_of(instant: datetime | None) -> int | None:
+    """Nanoseconds since 1970 UTC of an aware instant."""
+    return None if instant is None else (instant - _EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def instant_of(ns: int) -> datetime:
+    """The instant of ``ns`` nanoseconds since 1970, in UTC, whole microseconds."""
+    return _EPOCH + timedelta(microseconds=ns // 1000)
+
+
+def bounds_of(window: Window, before_s: float = 0.0) -> Bounds:
+    """First (inclusive) and last (exclusive) nanosecond to read for a window.
+
+    ``before_s`` seconds more are read before it, so that a tag which is reported when it changes
+    has a value to begin with.
+    """
+    start = ns_of(window.start)
+    return None if start is None else start - round(before_s * 1e9), ns_of(window.stop)
+
+
+def need_op(where: str, valve: ValveTags) -> None:
+    """Raise ``MappingNeeded`` where no tag is given for OP."""
+    if Role.OP not in valve.tags:
+        raise MappingNeeded(
+            f"{where}: {valve.valve}: no tag is given for OP, the controller output; a recording "
+            "needs one"
+        )
+
+
+def nothing_in(where: str, tag: str, window: Window, holds: str) -> ConnectorError:
+    """The error for a controller output that has no sample in the window."""
+    span = (
+        "no samples at all"
+        if window.start is None and window.stop is None
+        else f"no samples between {window.start} and {window.stop}"
+    )
+    return ConnectorError(f"{where}: {tag}: {span}; {holds}")
+
+
+def empty_column(tag: str) -> Column:
+    """A tag without a sample in the window: every instant of it is MISSING."""
+    none = np.zeros(0, dtype=np.int64)
+    return Column(
+        tag=tag,
+        unit="",
+        description="",
+        ns=none,
+        values=np.zeros(0),
+        quality=np.zeros(0, dtype=np.uint8),
+        file_ns=none,
+    )
+
+
+def inside(column: Column, bounds: Bounds) -> Column:
+    """Only what lies between the bounds: a source may give more than it was asked for."""
+    start, stop = bounds
+
+    def within(ns: Ints) -> Bools:
+        keep = np.ones(ns.size, dtype=bool)
+        if start is not None:
+            keep &= ns >= start
+        return keep if stop is None else keep & (ns < stop)
+
+    keep = within(column.ns)
+    return replace(
+        column,
+        ns=column.ns[keep],
+        values=column.values[keep],
+        quality=column.quality[keep],
+        file_ns=column.file_ns[within(column.file_ns)],
+    )

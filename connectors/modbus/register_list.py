@@ -1,0 +1,191 @@
+"""A register list: the registers of a device as rows of a CSV file beside ``plant.toml``.
+
+The columns are the keys of ``[[devices.registers]]``, with names that other tools use understood
+as well; ``raw`` and ``engineering`` are two columns each. A spreadsheet's semicolon and decimal
+comma are read.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stemwatch.connectors.modbus.faulty import Mistake
+
+COLUMNS = (
+    "tag", "register", "address", "unit_id", "type", "byte_order", "scale", "offset", "raw_low",
+    "raw_high", "engineering_low", "engineering_high", "invalid", "lowest", "highest", "unit",
+    "description",
+)  # fmt: skip
+# What telegraf, Home Assistant and makers of devices call them.
+ALIASES = {
+    "name": "tag", "input_type": "register", "table": "register", "slave": "unit_id",
+    "slave_id": "unit_id", "device_id": "unit_id", "data_type": "type", "datatype": "type",
+    "min_value": "lowest", "max_value": "highest", "units": "unit", "engineering_unit": "unit",
+}  # fmt: skip
+_REQUIRED = ("tag", "address", "type")
+_PAIRS = ("raw", "engineering")
+_NUMBERS = (
+    "scale",
+    "offset",
+    "lowest",
+    "highest",
+    *(f"{one}_{end}" for one in _PAIRS for end in ("low", "high")),
+)
+_BETWEEN = "|"  # several invalid values in one cell
+
+
+class ListUnusable(Mistake):
+    """The list as a whole cannot be read: no file, a heading that is not understood. ``line`` is
+    where, ``None`` where there is no line to name; ``key`` is empty where no column is meant."""
+
+    def __init__(self, line: int | None, key: str, found: str, expected: str) -> None:
+        super().__init__(key, found, expected)
+        self.line = line
+
+
+@dataclass(frozen=True)
+class ListedRow:
+    """A row as a ``[[devices.registers]]`` table, and its line in the file."""
+
+    table: Mapping[str, Any]
+    line: int
+
+
+@dataclass(frozen=True)
+class RegisterList:
+    """The rows of a list; ``faulty`` the lines that are no rows: (line, found, expected)."""
+
+    rows: tuple[ListedRow, ...]
+    faulty: tuple[tuple[int, str, str], ...]
+
+
+def read_register_list(path: Path) -> RegisterList:
+    """The rows of the list at ``path``. Numbers are numbers where they can be read as such; what a
+    register must be is the business of whoever makes registers of the rows.
+
+    Raises ``ListUnusable`` where a mistake concerns every row.
+    """
+    text = _text(path)
+    separator = max(",;\t", key=text.lstrip().split("\n", 1)[0].count)
+    records = list(_records(text, separator))
+    if not records:
+        raise ListUnusable(1, "", "an empty file", "a heading row of " + ", ".join(COLUMNS))
+    line, first = records[0]
+    heading = _heading(first, line)
+    rows: list[ListedRow] = []
+    faulty: list[tuple[int, str, str]] = []
+    for line, cells in records[1:]:
+        if len(cells) < len(heading) or any(cell.strip() for cell in cells[len(heading) :]):
+            faulty.append((line, f"{len(cells)} cells", f"{len(heading)}, as in the heading"))
+            continue
+        given = {
+            name: cell.strip() for name, cell in zip(heading, cells, strict=False) if cell.strip()
+        }
+        try:
+            rows.append(ListedRow(_table(given, separator), line))
+        except Mistake as mistake:
+            faulty.append((line, f"{mistake.key}: {mistake.found}", mistake.expected))
+    return RegisterList(tuple(rows), tuple(faulty))
+
+
+def _text(path: Path) -> str:
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        expected = "a CSV file of registers, relative to the plant file"
+        raise ListUnusable(None, "", error.strerror or str(error), expected) from None
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return raw.decode("utf-16", errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        found = f"the byte 0x{raw[error.start]:02x}, which is not UTF-8"
+        raise ListUnusable(line, "", found, "a file saved as UTF-8") from None
+
+
+def _records(text: str, separator: str) -> Iterator[tuple[int, list[str]]]:
+    """Each record that is not blank, with the number of its first line."""
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    line = 1
+    while True:
+        try:
+            cells = next(reader, None)
+        except csv.Error as error:
+            found = f"a row that is not CSV ({error})"
+            raise ListUnusable(line, "", found, "quotation marks in pairs") from None
+        if cells is None:
+            return
+        if any(cell.strip() for cell in cells):
+            yield line, cells
+        line = reader.line_num + 1
+
+
+def _heading(cells: Sequence[str], line: int) -> list[str]:
+    """The columns. A misread one would be wrong for every register, so it ends the reading."""
+    written = [cell.strip().lower().replace(" ", "_") for cell in cells]
+    while written and not written[-1]:
+        written.pop()
+    names = [ALIASES.get(name, name) for name in written]
+    for name, shown in zip(names, written, strict=True):
+        if name not in COLUMNS:
+            close = difflib.get_close_matches(shown, (*COLUMNS, *ALIASES), n=1, cutoff=0.6)
+            hint = f" (did you mean {close[0]!r}?)" if close else ""
+            expected = "one of " + ", ".join(COLUMNS) + hint
+            raise ListUnusable(line, shown or "heading", "an unknown column", expected)
+        if names.count(name) > 1:
+            raise ListUnusable(line, name, f"{names.count(name)} columns of this meaning", "one")
+    for name in _REQUIRED:
+        if name not in names:
+            raise ListUnusable(line, name, "nothing", "a column with this heading")
+    return names
+
+
+def _table(given: dict[str, str], separator: str) -> dict[str, Any]:
+    table: dict[str, Any] = dict(given)
+    for name in _NUMBERS:
+        if name in table:
+            table[name] = _number(given[name], separator)
+    for pair in _PAIRS:
+        ends = [table.pop(f"{pair}_{end}", None) for end in ("low", "high")]
+        if ends == [None, None]:
+            continue
+        if None in ends:
+            there, missing = ("low", "high") if ends[1] is None else ("high", "low")
+            found = f"{pair}_{there} without {pair}_{missing}"
+            raise Mistake(f"{pair}_{missing}", found, "both, or neither")
+        table[pair] = ends
+    if "unit_id" in table:
+        table["unit_id"] = _whole(given["unit_id"])
+    if "register" in table:
+        table["address"] = _whole(given.get("address", ""))
+    if "invalid" in table:
+        cells = [cell.strip() for cell in given["invalid"].split(_BETWEEN)]
+        table["invalid"] = [
+            cell if cell.lower() == "nan" else _number(cell, separator) for cell in cells if cell
+        ]
+    return table
+
+
+def _whole(text: str) -> int | str:
+    """A whole number, or the text where it is none, such as 0x000B."""
+    return int(text) if text.isascii() and text.isdigit() else text
+
+
+def _number(text: str, separator: str) -> float | int | str:
+    """A number, or the text where it is none; whoever needs a number says what is wrong."""
+    plain = text if separator == "," else text.replace(",", ".")
+    if (whole := _whole(plain)) != plain:
+        return whole
+    if plain[:2].lower() == "0x" or "_" in plain:
+        return text
+    try:
+        return float(plain)
+    except ValueError:
+        return text

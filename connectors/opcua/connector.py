@@ -1,0 +1,152 @@
+"""``OpcUaArchive``: the history of an OPC UA server as a source of recordings."""
+
+from __future__ import annotations
+
+import asyncio
+import difflib
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.connector import WHOLE, TagInfo, UnknownTag, ValveTags, Window
+from stemwatch.connectors.opcua.address import OpcUaAddress
+from stemwatch.models.recording import Bools, Recording, Role
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.historian.columns import Column
+    from stemwatch.connectors.opcua.session import History
+
+LAYOUT = "OPC UA, raw history of a node for each tag"
+ZONE = "The server gives instants in UTC."
+_FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
+_ALWAYS = (Role.OP, Role.MV)
+# OPC UA part 4 and part 11: severity in the two top bits; in the low bits, where they describe a
+# value, that the archive made it up.
+_SEVERITY, _DESCRIBES_VALUE, _INTERPOLATED, _CALCULATED = 0xC0000000, 0x400, 0x2, 0x1
+
+
+class OpcUaArchive:
+    """A server that keeps history; implements ``stemwatch.connectors.connector.Connector``.
+
+    A tag is a node id such as ``ns=2;s=FIC-101.OP``. Nothing is ever written, called or
+    subscribed to.
+    """
+
+    def __init__(self, address: OpcUaAddress) -> None:
+        self.address = address
+
+    def tags(self) -> Sequence[TagInfo]:
+        """Every node below Objects whose history may be read; how much it has is not counted."""
+        from stemwatch.connectors.opcua.session import browse, connected
+
+        async def ask() -> list[TagInfo]:
+            async with connected(self.address) as client:
+                nodes = await browse(client)
+            return [TagInfo(tag=node.tag, description=node.name) for node in nodes]
+
+        return asyncio.run(ask())
+
+    def present(self, valve: ValveTags) -> ValveTags:
+        """``valve`` without the roles beside OP and MV whose node the server does not have."""
+        from stemwatch.connectors.opcua.session import connected, exists
+
+        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
+        if not optional:
+            return valve
+
+        async def ask() -> set[str]:
+            async with connected(self.address) as client:
+                return {tag for tag in optional if await exists(client, tag, self.address)}
+
+        there = asyncio.run(ask())
+        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in there}
+        return replace(valve, tags=tags)
+
+    def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
+        """The recording of one valve, from raw history.
+
+        Raises ``UnknownTag`` for a node that is not there, and ``ConnectorError`` for one without
+        history, a window without samples of OP, and a server that does not answer.
+        """
+        from stemwatch.connectors.archive.loaded import Loaded, bounds_of, need_op, nothing_in
+        from stemwatch.connectors.historian.recordings import assemble
+
+        where = str(self.address)
+        need_op(where, valve)
+        histories = asyncio.run(self._ask(valve, window))
+        bounds = bounds_of(window, self.address.before_s)
+        columns = {
+            mapping.tag: self._column(mapping.tag, role, histories[mapping.tag], bounds)
+            for role, mapping in valve.tags.items()
+        }
+        op = valve.tags[Role.OP].tag
+        if not columns[op].file_ns.size:
+            holds = "the server's history has nothing there. Ask for another window"
+            raise nothing_in(where, op, window, holds)
+        loaded = Loaded(where=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,))
+        return assemble(loaded, valve, window)
+
+    async def _ask(self, valve: ValveTags, window: Window) -> dict[str, History]:
+        from stemwatch.connectors.opcua.session import browse, connected, read_history
+
+        start = _FIRST
+        if window.start is not None:
+            start = window.start - timedelta(seconds=self.address.before_s)
+        stop = window.stop or _LAST
+        found: dict[str, History] = {}
+        async with connected(self.address) as client:
+            for tag in {mapping.tag for mapping in valve.tags.values()}:
+                try:
+                    found[tag] = await read_history(client, tag, start, stop, self.address)
+                except UnknownTag as error:
+                    names = [node.tag for node in await browse(client)]
+                    near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
+                    shown = ", ".join(map(repr, near)) or "none: nothing has a history"
+                    raise UnknownTag(f"{error}; the nearest are {shown}") from None
+        return found
+
+    def _column(
+        self, tag: str, role: Role, history: History, bounds: tuple[int | None, int | None]
+    ) -> Column:
+        from stemwatch.connectors.archive.loaded import empty_column, inside, ns_of
+        from stemwatch.connectors.archive.numbers import number_column
+
+        if not history.times:
+            return empty_column(tag)
+        ns = np.array([ns_of(time) for time in history.times], dtype=np.int64)
+        values = np.array([_number(value) for value in history.values], dtype=np.float64)
+        codes = np.array(history.statuses, dtype=np.int64)
+        bad = is_bad(codes)
+        reasons = Counter(history.names[code] for code in codes[bad].tolist())
+        column = number_column(
+            tag,
+            ns,
+            np.ones(ns.size, dtype=bool),
+            values,
+            where=str(self.address),
+            bad=bad,
+            reasons=reasons,
+            as_mode=role is Role.MODE,
+        )
+        return inside(column, bounds)
+
+
+def is_bad(codes: NDArray[np.int64]) -> Bools:
+    """(n,) True where a status code is bad or uncertain, or says that the archive drew or
+    calculated the value: such a value is no measurement."""
+    made_up = (codes & _DESCRIBES_VALUE != 0) & (codes & (_INTERPOLATED | _CALCULATED) != 0)
+    return np.asarray((codes & _SEVERITY != 0) | made_up)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool | int | float | np.number):
+        return float(value)
+    try:
+        return float(str(value)) if value is not None else float("nan")
+    except ValueError:
+        return float("nan")

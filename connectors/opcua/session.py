@@ -1,0 +1,219 @@
+"""The only file that knows the OPC UA library: it connects, browses and reads, nothing else."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from stemwatch.connectors.connector import ConnectorError, UnknownTag
+from stemwatch.connectors.opcua.address import OpcUaAddress
+
+MOST_TAGS = 20_000
+_DEPTH = 12  # levels that are browsed: a server may refer in a circle
+_HISTORY_READ = 0b100  # the bit of an access level
+_MISSING = (
+    "reading OPC UA needs the package asyncua, which is not installed; expected the extra: "
+    "pip install 'stemwatch[opcua]'"
+)
+
+
+@dataclass
+class History:
+    """Raw values of one node in the server's order."""
+
+    times: list[datetime] = field(default_factory=list)  # UTC
+    values: list[Any] = field(default_factory=list)
+    statuses: list[int] = field(default_factory=list)
+    names: dict[int, str] = field(default_factory=dict)  # of the status codes that occurred
+
+
+@dataclass(frozen=True)
+class FoundNode:
+    """A variable that has a history."""
+
+    tag: str
+    name: str
+
+
+@asynccontextmanager
+async def connected(address: OpcUaAddress) -> AsyncIterator[Any]:
+    """A session with the server. Raises ``ConnectorError`` where there is none, or it breaks."""
+    try:
+        from asyncua.client.client import Client
+        from asyncua.ua import uaerrors
+    except ImportError:
+        raise ConnectorError(f"{address}: {_MISSING}") from None
+    # At DEBUG the library logs what it sends, the password among it.
+    logging.getLogger("asyncua.client").setLevel(logging.INFO)
+    try:
+        client = Client(address.url, timeout=address.timeout_s)
+        await _secure(client, address)
+        async with client:
+            yield client
+    except ConnectorError:
+        raise
+    except (TimeoutError, uaerrors.UaError, OSError, ValueError) as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise ConnectorError(
+            f"{address}: the server could not be asked ({type(error).__name__}: {said}); check "
+            "that it is reached, its security policy, and that it trusts this client's certificate"
+        ) from None
+
+
+async def _secure(client: Any, address: OpcUaAddress) -> None:
+    from asyncua import ua
+    from asyncua.crypto import security_policies
+
+    security = address.security
+    if security.policy != "None":
+        await client.set_security(
+            getattr(security_policies, f"SecurityPolicy{security.policy}"),
+            security.certificate,
+            security.private_key,
+            server_certificate=security.server_certificate or None,
+            mode=ua.MessageSecurityMode[security.mode],
+        )
+    if security.user:
+        client.set_user(security.user)
+        client.set_password(security.password.reveal())
+
+
+async def read_history(
+    client: Any, tag: str, start: datetime, stop: datetime, address: OpcUaAddress
+) -> History:
+    """All raw values of a node from ``start`` to ``stop``, page by page.
+
+    A server that has more says so by a continuation point; one that only cuts off at the number
+    asked for is asked again from the last time it gave. Raises ``UnknownTag`` for a node it does
+    not have and ``ConnectorError`` for one without a history.
+    """
+    from asyncua import ua
+
+    history, point, held = History(), None, 0
+    node = _node(client, tag, address)
+    begin = start
+    while True:
+        details = ua.ReadRawModifiedDetails(
+            IsReadModified=False,
+            StartTime=_moment(begin),
+            EndTime=_moment(stop),
+            NumValuesPerNode=address.page,
+            ReturnBounds=False,
+        )
+        result = await node.history_read(details, point)
+        _check(result, tag, address)
+        page = list(getattr(result.HistoryData, "DataValues", None) or ())
+        before = len(history.times)
+        _take(history, page[held:])
+        held, previous, point = 0, point, result.ContinuationPoint
+        if point:
+            if point == previous:
+                raise _stuck(tag, address)
+            continue
+        if len(page) < address.page:
+            if not history.times and not await exists(client, tag, address):
+                raise UnknownTag(f"{address}: there is no node {tag!r}")
+            return history
+        if len(history.times) == before:
+            raise _stuck(tag, address)
+        begin = history.times[-1]
+        held = sum(1 for one in history.times[-address.page :] if one == begin)
+
+
+def _stuck(tag: str, address: OpcUaAddress) -> ConnectorError:
+    return ConnectorError(
+        f"{address}: {tag}: the server gives the same page of its history again and again; "
+        "expected it to go on. Ask for another page size (page), or a shorter window"
+    )
+
+
+def _take(history: History, page: Sequence[Any]) -> None:
+    for one in page:
+        time = one.SourceTimestamp or one.ServerTimestamp
+        if time is None:
+            continue
+        history.times.append(time if time.tzinfo is not None else time.replace(tzinfo=UTC))
+        history.values.append(None if one.Value is None else one.Value.Value)
+        status = one.StatusCode
+        code = 0 if status is None else int(status.value)
+        history.statuses.append(code)
+        if code not in history.names:
+            history.names[code] = "Good" if status is None else str(status.name)
+
+
+def _moment(instant: datetime) -> datetime:
+    """As this version of the library wants it: older ones take naive UTC."""
+    from asyncua import ua
+
+    utc = instant.astimezone(UTC)
+    return utc if ua.get_win_epoch().tzinfo is not None else utc.replace(tzinfo=None)
+
+
+def _node(client: Any, tag: str, address: OpcUaAddress) -> Any:
+    from asyncua.ua import uaerrors
+
+    try:
+        return client.get_node(tag)
+    except (uaerrors.UaError, ValueError) as error:
+        raise UnknownTag(
+            f"{address}: {tag!r} is no node id ({error}); expected one such as "
+            "ns=2;s=FIC-101.OP or ns=2;i=1042"
+        ) from None
+
+
+def _check(result: Any, tag: str, address: OpcUaAddress) -> None:
+    status = result.StatusCode
+    if status.is_good():
+        return
+    if status.name in ("BadNodeIdUnknown", "BadNodeIdInvalid"):
+        raise UnknownTag(f"{address}: there is no node {tag!r}")
+    raise ConnectorError(
+        f"{address}: {tag}: the server gives no history ({status.name}); expected a node that is "
+        "historized and that this user may read the history of"
+    )
+
+
+async def exists(client: Any, tag: str, address: OpcUaAddress) -> bool:
+    """Whether the server has the node."""
+    from asyncua import ua
+
+    try:
+        await _node(client, tag, address).read_node_class()
+    except (UnknownTag, ua.uaerrors.BadNodeIdUnknown, ua.uaerrors.BadNodeIdInvalid):
+        return False
+    return True
+
+
+async def browse(client: Any) -> list[FoundNode]:
+    """Variables below Objects whose history may be read, at most ``MOST_TAGS``."""
+    from asyncua import ua
+
+    found: list[FoundNode] = []
+    seen: set[str] = set()
+    level = [client.get_objects_node()]
+    for _ in range(_DEPTH):
+        below: list[Any] = []
+        for node in level:
+            for child in await node.get_children_descriptions():
+                tag = child.NodeId.to_string()
+                if tag in seen or child.NodeId.NamespaceIndex == 0:
+                    continue
+                seen.add(tag)
+                below.append(client.get_node(child.NodeId))
+                if child.NodeClass == ua.NodeClass.Variable and await _historized(below[-1]):
+                    found.append(FoundNode(tag, child.DisplayName.Text or ""))
+                    if len(found) == MOST_TAGS:
+                        return found
+        level = below
+    return found
+
+
+async def _historized(node: Any) -> bool:
+    from asyncua.ua.attribute_ids import AttributeIds
+
+    value = await node.read_attribute(AttributeIds.UserAccessLevel)
+    return bool(int(value.Value.Value or 0) & _HISTORY_READ)

@@ -1,0 +1,212 @@
+"""``ParquetArchive``: a company's archive of Parquet files as a source of recordings."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stemwatch.connectors.connector import (
+    WHOLE,
+    ConnectorError,
+    TagInfo,
+    UnknownTag,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.models.recording import Recording, Role
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.archive.loaded import Loaded
+    from stemwatch.connectors.historian.columns import Column
+    from stemwatch.connectors.historian.notes import Notes
+
+_DEFAULTS = ReadOptions()
+_ENDINGS = (".parquet", ".parq", ".pq")
+_ALWAYS = (Role.OP, Role.MV)
+
+
+@dataclass(frozen=True)
+class ParquetAddress:
+    """Where a Parquet archive is and how to read it. Implements ``archive.ArchiveAddress``.
+
+    ``before_s`` seconds before each window are read too, for tags that are written when they
+    change.
+    """
+
+    path: str
+    options: ReadOptions = field(default_factory=ReadOptions)
+    before_s: float = 0.0
+
+    def open(self) -> ParquetArchive:
+        """The archive; nothing is read yet."""
+        return ParquetArchive(self.path, self.options, before_s=self.before_s)
+
+    def __str__(self) -> str:
+        return self.path
+
+
+class ParquetArchive:
+    """One Parquet file, a folder of them, or a partitioned folder.
+
+    Implements ``stemwatch.connectors.connector.Connector``. Three layouts are understood, told by
+    the columns: a column for each tag; a row for each sample with tag, time, value and quality; a
+    row for each instant of a valve with the columns op, mv, pv, sp, mode, whose tags are then
+    ``VALVE.op`` and so on. Of ``options`` those that name columns, zone and good codes count.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        options: ReadOptions = _DEFAULTS,
+        *,
+        before_s: float = 0.0,
+    ) -> None:
+        # Late: pyarrow is loaded where an archive is read, `stemwatch --help` does not need it.
+        from stemwatch.connectors.parquet.catalog import Catalog
+
+        self.path = os.fspath(path)
+        self.options = options
+        self.before_s = before_s
+        self._catalog = Catalog(self.path)
+
+    def tags(self) -> Sequence[TagInfo]:
+        """Every tag with its unit, how many values it has where the footers say it (else 0), and
+        a role where its name or column leaves no doubt."""
+        from stemwatch.connectors.parquet.listing import list_tags
+
+        return list_tags(self._catalog.files(), self.options, Path(self.path).stem)
+
+    def names(self) -> list[str]:
+        """Every tag, without looking at samples where the footers name them."""
+        from stemwatch.connectors.parquet.reading import keys_in
+
+        return list(keys_in(self._catalog.files(), self.options))
+
+    def present(self, valve: ValveTags) -> ValveTags:
+        """``valve`` without the roles beside OP and MV whose tag is not in the archive."""
+        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
+        missing = {tag for tag in optional if not self._has(tag)}
+        tags = {
+            role: mapping
+            for role, mapping in valve.tags.items()
+            if role in _ALWAYS or mapping.tag not in missing
+        }
+        return replace(valve, tags=tags)
+
+    def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
+        """The recording of one valve, out of as many files as the window touches.
+
+        Raises ``UnknownTag`` for a tag that no file has, ``ConnectorError`` for a window without
+        samples of OP or local times without a zone, and ``UnreadableSource`` where the archive, or
+        every file that the window touches, cannot be read.
+        """
+        from stemwatch.connectors.archive.loaded import need_op
+        from stemwatch.connectors.historian.recordings import assemble
+
+        need_op(self.path, valve)
+        return assemble(self._load(valve, window), valve, window)
+
+    def _load(self, valve: ValveTags, window: Window) -> Loaded:
+        from stemwatch.connectors.archive.loaded import Loaded, bounds_of, nothing_in
+        from stemwatch.connectors.historian.notes import Notes
+        from stemwatch.connectors.parquet.layout import WORDS
+        from stemwatch.connectors.parquet.reading import column_of, read_pieces
+
+        notes, bounds = Notes(), bounds_of(window, self.before_s)
+        files = self._catalog.files()
+        tags = list(dict.fromkeys(mapping.tag for mapping in valve.tags.values()))
+        pieces = read_pieces(files, tags, bounds, self.options, notes)
+        columns: dict[str, Column] = {}
+        known, zone = True, ""
+        for role, mapping in valve.tags.items():
+            if mapping.tag not in pieces:
+                columns[mapping.tag] = self._empty(mapping.tag)
+                continue
+            columns[mapping.tag], instants = column_of(
+                mapping.tag,
+                pieces[mapping.tag],
+                bounds,
+                self.options,
+                notes,
+                self.path,
+                as_mode=role is Role.MODE,
+            )
+            known, zone = known and instants.known, zone or instants.zone
+        op = valve.tags[Role.OP].tag
+        if not columns[op].file_ns.size:
+            holds = ". ".join([self._holds(op), *notes.problems[:1]])
+            raise nothing_in(self.path, op, window, holds)
+        layouts = {one.layout(self.options).kind for one in files if one.is_open}
+        return Loaded(
+            where=self.path,
+            layout="; ".join(WORDS[kind] for kind in sorted(layouts)),
+            columns=columns,
+            known=known,
+            zone=zone,
+            decisions=[*notes.decisions, *self._said(notes)],
+            problems=notes.problems,
+        )
+
+    def _said(self, notes: Notes) -> list[str]:
+        if not self.before_s:
+            return []
+        return [f"{self.before_s:g} s before the window were read for values that still held."]
+
+    def _has(self, tag: str) -> bool:
+        from stemwatch.connectors.parquet.reading import place_of
+
+        for file in self._catalog.files():
+            try:
+                layout = file.layout(self.options)
+                place = place_of(tag, layout)
+                if place and (place.key is None or file.has_key(layout, place.key)):
+                    return True
+            except ConnectorError:
+                continue
+        return False
+
+    def _empty(self, tag: str) -> Column:
+        """A tag without a row in the window. Raises ``UnknownTag`` where it never had one."""
+        from stemwatch.connectors.archive.loaded import empty_column
+
+        if self._has(tag):
+            return empty_column(tag)
+        names = self.names()
+        near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
+        raise UnknownTag(
+            f"{self.path}: there is no tag {tag!r} among {len(names)}; the nearest are "
+            f"{', '.join(map(repr, near))}"
+        )
+
+    def _holds(self, tag: str) -> str:
+        from stemwatch.connectors.parquet.listing import covered
+
+        return covered(self._catalog.files(), tag, self.options)
+
+
+def is_parquet(path: str | os.PathLike[str]) -> bool:
+    """Whether a path names a Parquet file, or a folder with one in it and below."""
+    place = Path(path)
+    if place.is_file():
+        return place.name.lower().endswith(_ENDINGS)
+    if not place.is_dir():
+        return False
+    return any(one.name.lower().endswith(_ENDINGS) for one in place.rglob("*") if one.is_file())
+
+
+def split_archives(sources: Sequence[str]) -> tuple[list[str], list[str]]:
+    """What a user typed, as Parquet archives and as what may hold text exports.
+
+    A folder may hold both and is then in both lists; a pattern is taken by its ending.
+    """
+    archives = [
+        one
+        for one in sources
+        if is_parquet(one) or (one.lower().endswith(_ENDINGS) and not Path(one).exists())
+    ]
+    return archives, [one for one in sources if one not in archives or Path(one).is_dir()]

@@ -1,0 +1,100 @@
+"""What an archive holds: its tags, and the time they cover, from footers where those say it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stemwatch.connectors.archive.loaded import instant_of
+from stemwatch.connectors.connector import ConnectorError, TagInfo
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.roles import Candidate, propose_roles
+from stemwatch.connectors.parquet.file import ArchiveFile
+from stemwatch.connectors.parquet.layout import Layout
+from stemwatch.connectors.parquet.reading import place_of, tags_of
+from stemwatch.models.recording import Role
+
+_YEARS_NS = 2**62
+_ROLES = {role.value: role for role in Role}
+
+
+def list_tags(files: Sequence[ArchiveFile], options: ReadOptions, stem: str) -> list[TagInfo]:
+    """Every tag, in the files' order. Raises ``ConnectorError`` where no file can be read."""
+    samples: dict[str, int] = {}
+    units: dict[str, str] = {}
+    roles: dict[str, tuple[Role, str]] = {}
+    broken: list[ConnectorError] = []
+    for file in files:
+        try:
+            layout = file.layout(options)
+            keys = file.key_values(layout)
+        except ConnectorError as error:
+            broken.append(error)
+            continue
+        counts = _counts(file, layout)
+        for tag in tags_of(layout, keys):
+            samples[tag] = samples.get(tag, 0) + counts.get(tag, 0)
+            if place := place_of(tag, layout):
+                units[tag] = units.get(tag) or layout.units.get(place.column, "")
+                if layout.kind == "valves" and place.column.lower() in _ROLES:
+                    roles[tag] = _ROLES[place.column.lower()], str(place.key)
+    if broken and not samples:
+        raise broken[0]
+    named = [(tag, units.get(tag, ""), "", None) for tag in samples]
+    return [
+        _info(one, samples[one.tag], roles.get(one.tag))
+        for one in propose_roles(named, stem=stem, mv_is_output=False)
+    ]
+
+
+def _info(one: Candidate, samples: int, declared: tuple[Role, str] | None) -> TagInfo:
+    role, valve, remark = one.role, one.valve, one.remark
+    if declared is not None:
+        role, valve = declared
+        remark = f"the archive has it in the column {role.value} of valve {valve}"
+    return TagInfo(
+        tag=one.tag,
+        unit=one.unit,
+        samples=samples,
+        proposed_role=role,
+        proposed_valve=valve,
+        remark=remark,
+    )
+
+
+def _counts(file: ArchiveFile, layout: Layout) -> dict[str, int]:
+    """Values of each tag, where the footer alone can tell."""
+    groups = file.groups(layout)
+    counts: dict[str, int] = {}
+    for group, rows in enumerate(groups.rows):
+        only = groups.only(group)
+        if layout.key is not None and only is None:
+            return {}
+        for tag in tags_of(layout, [only] if only is not None else []):
+            place = place_of(tag, layout)
+            nulls = None if place is None else file.nulls(group, place.column)
+            if nulls is None:
+                return {}
+            counts[tag] = counts.get(tag, 0) + rows - nulls
+    return counts
+
+
+def covered(files: Sequence[ArchiveFile], tag: str, options: ReadOptions) -> str:
+    """What time the files that hold ``tag`` cover, as the end of a sentence."""
+    first, last = _YEARS_NS, -_YEARS_NS
+    for file in files:
+        try:
+            layout = file.layout(options)
+        except ConnectorError:
+            continue
+        place = place_of(tag, layout)
+        if place is None:
+            continue
+        groups = file.groups(layout)
+        for group in groups.wanted(None if place.key is None else [place.key], (None, None)):
+            if abs(groups.first_ns[group]) < _YEARS_NS:
+                first = min(first, groups.first_ns[group])
+                last = max(last, groups.last_ns[group])
+    if first > last:
+        return "the files do not say what time they cover"
+    shown = (f"{instant_of(ns):%Y-%m-%d %H:%M:%S}" for ns in (first, last))
+    return f"the archive covers {' to '.join(shown)} by its own clock"

@@ -1,0 +1,314 @@
+"""Rows of a valve's tags in a window, out of however many files, to columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.archive.loaded import Bounds
+from stemwatch.connectors.archive.numbers import Codes, number_column
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.columns import Column, convert
+from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw import RawColumn
+from stemwatch.connectors.historian.times import Instants
+from stemwatch.connectors.historian.units import canonical
+from stemwatch.connectors.parquet.catalog import may_hold
+from stemwatch.connectors.parquet.file import ArchiveFile, as_floats
+from stemwatch.connectors.parquet.layout import SEPARATORS, Layout, is_number
+from stemwatch.connectors.parquet.times import (
+    Stamps,
+    file_bounds,
+    is_naive,
+    placed,
+    read_stamps,
+)
+from stemwatch.models.recording import Bools
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a file keeps a tag: the key its rows bear (``None``: every row) and the column."""
+
+    key: str | None
+    column: str
+
+
+@dataclass
+class Pieces:
+    """What was read of one tag, row group by row group."""
+
+    stamps: list[Stamps] = field(default_factory=list)
+    values: list[Any] = field(default_factory=list)  # Arrow, as the files have them
+    codes: list[Any] = field(default_factory=list)  # Arrow or None, one for each of ``values``
+    quality_name: str = "quality"
+    unit: str = ""
+    written: bool = False  # the times were texts or numbers
+
+
+def place_of(tag: str, layout: Layout) -> Place | None:
+    """Where a file of this layout would keep ``tag``."""
+    if layout.kind == "wide":
+        return Place(None, layout.values[tag]) if tag in layout.values else None
+    if layout.kind == "narrow":
+        column = next(iter(layout.values))
+        if layout.key is None:
+            return Place(None, column) if tag == layout.fixed else None
+        return Place(tag, column)
+    for ending, column in layout.values.items():
+        for sign in SEPARATORS:
+            if tag.lower().endswith(sign + ending.lower()) and len(tag) > len(ending) + 1:
+                return Place(tag[: -len(ending) - 1], column)
+    return None
+
+
+def read_pieces(
+    files: Sequence[ArchiveFile],
+    tags: Sequence[str],
+    bounds: Bounds,
+    options: ReadOptions,
+    notes: Notes,
+) -> dict[str, Pieces]:
+    """What ``files`` hold of ``tags`` between the bounds, in the files' order.
+
+    A file that cannot be read is noted as a problem and costs the others nothing. Raises
+    ``UnreadableSource`` where no file at all could be read.
+    """
+    found: dict[str, Pieces] = {}
+    tried, broken = 0, []
+    for file in files:
+        if not may_hold(file.keys, bounds):
+            continue
+        tried += 1
+        try:
+            _read_file(file, tags, bounds, options, notes, found)
+        except UnreadableSource as error:
+            broken.append(error)
+            notes.problem(str(error))
+    if broken and len(broken) == tried:
+        raise broken[0]
+    return found
+
+
+def _read_file(
+    file: ArchiveFile,
+    tags: Sequence[str],
+    bounds: Bounds,
+    options: ReadOptions,
+    notes: Notes,
+    found: dict[str, Pieces],
+) -> None:
+    layout = file.layout(options)
+    places = {tag: place for tag in tags if (place := place_of(tag, layout))}
+    if not places:
+        return
+    naive = is_naive(file.fragment.physical_schema, layout.time)
+    own = file_bounds(bounds, naive, options, file.path)
+    keys = None if layout.key is None else sorted({str(p.key) for p in places.values()})
+    groups = file.groups(layout)
+    wanted = groups.wanted(keys, own)
+    mixed = [g for g in wanted if groups.only(g) is None]
+    columns = _columns(layout, places.values(), with_key=bool(mixed), file=file)
+    for group, table in file.read(wanted, columns, layout.key if mixed else None):
+        stamps = read_stamps(table.column(layout.time), layout.time, options, file.path, notes)
+        for tag, place in places.items():
+            rows = _rows(table, layout, place, groups.only(group))
+            if rows is not False:
+                _add(found.setdefault(tag, Pieces()), table, stamps, rows, layout, place)
+
+
+def _columns(layout: Layout, places: Any, *, with_key: bool, file: ArchiveFile) -> list[str]:
+    names = [layout.time]
+    for place in places:
+        names += [place.column, layout.qualities.get(place.column, "")]
+    names.append(layout.unit_column or "")
+    if with_key and layout.key is not None and layout.key not in file.keys:
+        names.append(layout.key)
+    return [name for name in dict.fromkeys(names) if name]
+
+
+def _rows(table: Any, layout: Layout, place: Place, only: str | None) -> Bools | bool:
+    """Which rows are the place's: all (True), none (False) or a mask."""
+    if place.key is None:
+        return True
+    if only is not None:
+        return only == place.key
+    mask = rows_with(table.column(layout.key), place.key)
+    return mask if mask.any() else False
+
+
+def rows_with(column: Any, key: str) -> Bools:
+    """(n,) True where a column of texts, plain or as a dictionary, is ``key``."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    import pyarrow.types as kinds
+
+    if not kinds.is_dictionary(column.type):
+        same = pc.equal(pc.cast(column, pa.string()), key)
+        return np.asarray(pc.fill_null(same, False).to_numpy().astype(bool))
+    masks: list[Bools] = []
+    for chunk in column.chunks:
+        at = pc.index(pc.cast(chunk.dictionary, pa.string()), key).as_py()
+        same = pc.fill_null(pc.equal(chunk.indices, at), False)
+        masks.append(same.to_numpy(zero_copy_only=False).astype(bool))
+    return np.concatenate(masks) if masks else np.zeros(0, dtype=bool)
+
+
+def _add(
+    pieces: Pieces, table: Any, stamps: Stamps, rows: Bools | bool, layout: Layout, place: Place
+) -> None:
+    import pyarrow as pa
+
+    value = table.column(place.column)
+    quality = layout.qualities.get(place.column)
+    code = None if quality is None else table.column(quality)
+    if not isinstance(rows, bool):
+        keep = pa.array(rows)
+        value = value.filter(keep)
+        code = None if code is None else code.filter(keep)
+        stamps = Stamps(ns=stamps.ns[rows], ok=stamps.ok[rows], naive=stamps.naive)
+    pieces.values.append(value)
+    pieces.codes.append(code)
+    pieces.stamps.append(stamps)
+    pieces.quality_name = quality or pieces.quality_name
+    pieces.written = not str(table.schema.field(layout.time).type).startswith(("timestamp", "date"))
+    pieces.unit = pieces.unit or layout.units.get(place.column, "")
+    if not pieces.unit and layout.unit_column and len(value):
+        said = table.column(layout.unit_column)
+        first = said.filter(pa.array(rows))[0] if not isinstance(rows, bool) else said[0]
+        pieces.unit = canonical(str(first.as_py() or ""))
+
+
+def column_of(
+    tag: str,
+    pieces: Pieces,
+    bounds: Bounds,
+    options: ReadOptions,
+    notes: Notes,
+    where: str,
+    *,
+    as_mode: bool,
+) -> tuple[Column, Instants]:
+    """The column of a tag between the bounds, and what is known of its times.
+
+    Raises ``UnreadableSource`` where quality codes cannot be understood.
+    """
+    instants = _instants(pieces, options, notes)
+    inside = _inside(instants, bounds)
+    instants = Instants(
+        ns=instants.ns[inside], ok=instants.ok[inside], known=instants.known, zone=instants.zone
+    )
+    codes = _codes(pieces, inside, options)
+    if all(is_number(value.type) for value in pieces.values):
+        values = np.concatenate([as_floats(value) for value in pieces.values])[inside]
+        column = number_column(
+            tag,
+            instants.ns,
+            instants.ok,
+            values,
+            where=where,
+            unit=pieces.unit,
+            codes=codes,
+            as_mode=as_mode,
+        )
+        return column, instants
+    cells = [text for value in pieces.values for text in _texts(value)]
+    raw = RawColumn(
+        tag=tag,
+        cells=[cells[row] for row in np.flatnonzero(inside).tolist()],
+        unit=pieces.unit,
+        quality_codes=None if codes is None else [codes.words[i] for i in codes.index],
+        quality_name=pieces.quality_name,
+    )
+    decimal, good = options.decimal or ".", options.good_quality
+    column = convert(raw, instants, decimal=decimal, good=good, name=where, as_mode=as_mode)
+    return column, instants
+
+
+def _instants(pieces: Pieces, options: ReadOptions, notes: Notes) -> Instants:
+    stamps = Stamps(
+        ns=np.concatenate([one.ns for one in pieces.stamps]),
+        ok=np.concatenate([one.ok for one in pieces.stamps]),
+        naive=any(one.naive for one in pieces.stamps),
+    )
+    return placed(stamps, pieces.written, options, notes)
+
+
+def _inside(instants: Instants, bounds: Bounds) -> Bools:
+    start, stop = bounds
+    inside = np.ones(instants.ns.size, dtype=bool)
+    if start is not None:
+        inside &= instants.ns >= start
+    if stop is not None:
+        inside &= instants.ns < stop
+    return inside
+
+
+def _codes(pieces: Pieces, inside: Bools, options: ReadOptions) -> Codes | None:
+    """Quality codes of all pieces; an empty one where a piece has none."""
+    if all(code is None for code in pieces.codes):
+        return None
+    words: dict[str, int] = {"": 0}
+    parts = [
+        np.zeros(len(value), dtype=np.int64) if code is None else _encoded(code, words)
+        for value, code in zip(pieces.values, pieces.codes, strict=True)
+    ]
+    index = np.concatenate(parts)[inside]
+    used = np.unique(index)
+    kept = [word for word, number in words.items() if number in set(used.tolist())]
+    return Codes(
+        words=kept,
+        index=np.searchsorted(used, index),
+        name=pieces.quality_name,
+        good=options.good_quality,
+    )
+
+
+def _encoded(code: Any, words: dict[str, int]) -> NDArray[np.int64]:
+    """(n,) numbers in ``words`` of a column of codes; new ones are added to it."""
+    import pyarrow.compute as pc
+    import pyarrow.types as kinds
+
+    if not kinds.is_dictionary(code.type):
+        code = pc.dictionary_encode(code)
+    parts = []
+    for chunk in code.chunks:
+        known = [words.setdefault(_word(one), len(words)) for one in chunk.dictionary.to_pylist()]
+        at = pc.fill_null(chunk.indices, len(known)).to_numpy(zero_copy_only=False)
+        parts.append(np.array([*known, 0], dtype=np.int64)[at])
+    return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+
+
+def _word(code: object) -> str:
+    return "" if code is None else str(code).strip()
+
+
+def _texts(array: Any) -> Iterator[str]:
+    return ("" if one is None else str(one) for one in array.to_pylist())
+
+
+def keys_in(files: Sequence[ArchiveFile], options: ReadOptions) -> Mapping[str, None]:
+    """Every tag of the archive, in the files' order. Files that cannot be read are left out."""
+    tags: dict[str, None] = {}
+    for file in files:
+        try:
+            layout = file.layout(options)
+            keys = file.key_values(layout)
+        except UnreadableSource:
+            continue
+        tags |= dict.fromkeys(tags_of(layout, keys))
+    return tags
+
+
+def tags_of(layout: Layout, keys: Sequence[str]) -> list[str]:
+    """The tags of a file whose key column holds ``keys``."""
+    if layout.kind == "wide":
+        return list(layout.values)
+    if layout.kind == "narrow":
+        return [layout.fixed] if layout.key is None else list(keys)
+    return [f"{key}.{ending}" for key in keys for ending in layout.values]

@@ -1,0 +1,227 @@
+"""``SqlArchive``: a historian in a database as a source of recordings."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
+
+from stemwatch.connectors.connector import (
+    WHOLE,
+    ConnectorError,
+    TagInfo,
+    UnknownTag,
+    UnreadableSource,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.sql.address import SqlAddress
+from stemwatch.connectors.sql.template import fault_of
+from stemwatch.models.recording import Recording, Role
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from stemwatch.connectors.archive.loaded import Loaded
+    from stemwatch.connectors.historian.columns import Column
+    from stemwatch.connectors.historian.notes import Notes
+    from stemwatch.connectors.historian.times import Instants
+    from stemwatch.connectors.sql.database import Database
+    from stemwatch.connectors.sql.rows import Samples
+
+LAYOUT = "a query for each tag"
+_FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
+_ALWAYS = (Role.OP, Role.MV)
+_TEXT_BOUNDS = "%Y-%m-%d %H:%M:%S"
+
+
+class SqlArchive:
+    """A database behind a query template; implements ``stemwatch.connectors.connector.Connector``.
+
+    Raises ``UnreadableSource`` for a template that is not one SELECT with the right parameters.
+    """
+
+    def __init__(self, address: SqlAddress) -> None:
+        self.address = address
+        for text, with_tag in ((address.query, True), (address.tags_query, False)):
+            if text and (fault := fault_of(text, with_tag=with_tag)):
+                raise UnreadableSource(
+                    f"{address}: the query cannot be used: found {fault.found}; expected "
+                    f"{fault.expected}"
+                )
+
+    @cached_property
+    def _database(self) -> Database:
+        from stemwatch.connectors.sql.database import Database
+
+        return Database(self.address.url, str(self.address))
+
+    def tags(self) -> Sequence[TagInfo]:
+        """What the query of tags lists, with unit and samples where it gives them; nothing where
+        no such query was given. No roles are guessed."""
+        if not self.address.tags_query:
+            return []
+        from stemwatch.connectors.sql.database import ask
+
+        with self._database.reading() as connection:
+            names, parts = ask(connection, self.address.tags_query, {}, self.address.chunk)
+            lower = [name.lower() for name in names]
+            at = {key: lower.index(key) for key in ("tag", "unit", "samples") if key in lower}
+            at.setdefault("tag", 0)
+            rows = [row for part in parts for row in part]
+        return [
+            TagInfo(
+                tag=str(row[at["tag"]]),
+                unit=str(row[at["unit"]] or "") if "unit" in at else "",
+                samples=int(row[at["samples"]] or 0) if "samples" in at else 0,
+            )
+            for row in rows
+        ]
+
+    def present(self, valve: ValveTags) -> ValveTags:
+        """``valve`` without the roles beside OP and MV whose tag was never archived."""
+        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
+        if not optional:
+            return valve
+        with self._database.reading() as connection:
+            there = {tag for tag in optional if self._has(connection, tag)}
+        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in there}
+        return replace(valve, tags=tags)
+
+    def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
+        """The recording of one valve: one query for each tag, in one read-only transaction.
+
+        Raises ``UnknownTag`` for a tag without a row at any time, and ``ConnectorError`` for a
+        window without samples of OP, local times without a zone, and a database that does not
+        answer.
+        """
+        from stemwatch.connectors.archive.loaded import need_op
+        from stemwatch.connectors.historian.recordings import assemble
+
+        need_op(str(self.address), valve)
+        with self._database.reading() as connection:
+            loaded = self._load(connection, valve, window)
+        return assemble(loaded, valve, window)
+
+    def _load(self, connection: Connection, valve: ValveTags, window: Window) -> Loaded:
+        from stemwatch.connectors.archive.loaded import Loaded, nothing_in
+        from stemwatch.connectors.historian.notes import Notes
+
+        notes, columns = Notes(), {}
+        known, zone = True, ""
+        for role, mapping in valve.tags.items():
+            column, instants = self._column(connection, mapping.tag, role, window, notes)
+            columns[mapping.tag] = column
+            if instants is not None:
+                known, zone = known and instants.known, zone or instants.zone
+        op = valve.tags[Role.OP].tag
+        if not columns[op].file_ns.size:
+            holds = f"the query was asked from {self._shown(window)}"
+            raise nothing_in(str(self.address), op, window, holds)
+        if not self._database.only_reads:
+            notes.decide(
+                f"{self._database.dialect} knows no read-only transaction; the query is one "
+                "SELECT, but let the account that asks have no right to write."
+            )
+        return Loaded(
+            where=str(self.address),
+            layout=LAYOUT,
+            columns=columns,
+            known=known,
+            zone=zone,
+            decisions=notes.decisions,
+            problems=notes.problems,
+        )
+
+    def _column(
+        self, connection: Connection, tag: str, role: Role, window: Window, notes: Notes
+    ) -> tuple[Column, Instants | None]:
+        from stemwatch.connectors.archive.loaded import bounds_of, empty_column, inside
+        from stemwatch.connectors.sql.rows import column_of, instants_of
+
+        samples = self._samples(connection, tag, window)
+        if not samples.times:
+            if not self._has(connection, tag):
+                raise self._unknown(tag)
+            return empty_column(tag), None
+        options, name = self.address.options, str(self.address)
+        instants = instants_of(samples, options, name, notes)
+        column = column_of(tag, samples, instants, options, name, "", as_mode=role is Role.MODE)
+        if not instants.known:
+            return column, instants
+        return inside(column, bounds_of(window, self.address.before_s)), instants
+
+    def _samples(self, connection: Connection, tag: str, window: Window) -> Samples:
+        from stemwatch.connectors.sql.database import ask
+        from stemwatch.connectors.sql.rows import gathered
+
+        parameters = {"tag": tag, **self._bounds(window)}
+        names, parts = ask(connection, self.address.query, parameters, self.address.chunk)
+        samples = gathered(parts, names, str(self.address))
+        self._check_texts(samples, parameters["start"])
+        return samples
+
+    def _bounds(self, window: Window) -> dict[str, Any]:
+        """``start`` and ``end`` as the database compares them."""
+        from datetime import timedelta
+
+        start = window.start
+        if start is not None:
+            start -= timedelta(seconds=self.address.before_s)
+        return {
+            "start": self._bound(start or _FIRST),
+            "end": self._bound(window.stop or _LAST),
+        }
+
+    def _bound(self, instant: datetime) -> Any:
+        """An instant; local without an offset where the zone was said; text where it is text."""
+        zone, dialect = self.address.options.zone, self._database.dialect
+        if dialect == "postgresql" and not self.address.bounds_format:
+            return instant if zone is None else instant.astimezone(ZoneInfo(zone))
+        local = instant.astimezone(UTC if zone is None else ZoneInfo(zone)).replace(tzinfo=None)
+        if self.address.bounds_format:
+            return local.strftime(self.address.bounds_format)
+        return local.isoformat(sep=" ") if dialect == "sqlite" else local
+
+    def _check_texts(self, samples: Samples, start: Any) -> None:
+        """Texts are compared letter by letter: bounds must be written as the times are."""
+        first = samples.times[0] if samples.times else None
+        if not isinstance(first, str) or not isinstance(start, str):
+            return
+        shapes = [re.sub(r"\d", "0", one)[: len("2026-01-05 06:00:00")] for one in (first, start)]
+        if shapes[0] != shapes[1]:
+            raise ConnectorError(
+                f"{self.address}: times are kept as texts such as {first!r}, but were compared "
+                f"with {start!r}, so that rows would be lost; expected bounds written as the times "
+                "are. Say bounds_format, such as %Y-%m-%dT%H:%M:%S, or convert in the query"
+            )
+
+    def _has(self, connection: Connection, tag: str) -> bool:
+        """Whether there is a row at any time; its time shows how times are written."""
+        from itertools import islice
+
+        from stemwatch.connectors.sql.database import ask
+        from stemwatch.connectors.sql.rows import gathered
+
+        parameters = {"tag": tag, **self._bounds(WHOLE)}
+        names, parts = ask(connection, self.address.query, parameters, 1)
+        samples = gathered(islice(parts, 1), names, str(self.address))
+        self._check_texts(samples, parameters["start"])
+        return bool(samples.times)
+
+    def _unknown(self, tag: str) -> UnknownTag:
+        names = [info.tag for info in self.tags()]
+        near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
+        shown = f"the nearest of {len(names)} are {', '.join(map(repr, near))}" if near else ""
+        return UnknownTag(
+            f"{self.address}: the query gives no sample of {tag!r} at any time; "
+            + (shown or "say tags_query, which lists the tags, and the nearest are shown here")
+        )
+
+    def _shown(self, window: Window) -> str:
+        return " to ".join(str(bound) for bound in self._bounds(window).values())

@@ -1,0 +1,115 @@
+"""The only place that talks to the database: it connects, asks, and never commits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stemwatch.connectors.archive.secret import Secret, without_password
+from stemwatch.connectors.connector import ConnectorError, UnreadableSource
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection, Engine
+
+# What makes a session read only, for engines where SQLAlchemy has no option of its own.
+_READ_ONLY = {
+    "sqlite": "PRAGMA query_only = ON",
+    "mysql": "SET SESSION TRANSACTION READ ONLY",
+    "mariadb": "SET SESSION TRANSACTION READ ONLY",
+    "oracle": "SET TRANSACTION READ ONLY",
+}
+
+
+class Database:
+    """A database that is only read.
+
+    Each reading has a connection and a transaction of its own, read only where the engine can,
+    which ends in a rollback.
+    """
+
+    def __init__(self, url: Secret, name: str) -> None:
+        self._url = url
+        self.name = name
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """A connection. Raises ``ConnectorError`` where it cannot be made or a query fails."""
+        from sqlalchemy.exc import SQLAlchemyError
+
+        engine = self._engine()
+        try:
+            with engine.connect() as connection:
+                if engine.dialect.name == "postgresql":
+                    connection = connection.execution_options(postgresql_readonly=True)
+                yield connection
+                connection.rollback()
+        except SQLAlchemyError as error:
+            raise self._explained(error) from None
+        finally:
+            engine.dispose()
+
+    @property
+    def dialect(self) -> str:
+        """The engine's name in SQLAlchemy, such as ``postgresql``."""
+        return self._engine().dialect.name
+
+    @property
+    def only_reads(self) -> bool:
+        """Whether the engine itself refuses to write in our transactions."""
+        return self.dialect == "postgresql" or self.dialect in _READ_ONLY
+
+    def _engine(self) -> Engine:
+        from sqlalchemy import create_engine, event, make_url
+        from sqlalchemy.exc import SQLAlchemyError
+        from sqlalchemy.pool import NullPool
+
+        try:
+            url = make_url(self._url.reveal())
+            if url.drivername == "postgresql":
+                url = url.set(drivername="postgresql+psycopg")
+            _check_file(url.get_backend_name(), url.database, self.name)
+            engine = create_engine(url, poolclass=NullPool, hide_parameters=True)
+        except (SQLAlchemyError, ImportError) as error:
+            raise UnreadableSource(
+                f"{self.name}: the database URL cannot be used "
+                f"({without_password(str(error)).splitlines()[0]}); expected a URL such as "
+                "postgresql://user@host/database, and the driver that it names installed"
+            ) from None
+        if statement := _READ_ONLY.get(engine.dialect.name):
+            event.listen(engine, "connect", lambda raw, _: _execute(raw, statement))
+        return engine
+
+    def _explained(self, error: Exception) -> ConnectorError:
+        said = without_password(str(getattr(error, "orig", None) or error)).strip()
+        shown = said.splitlines()[0] if said else type(error).__name__
+        return ConnectorError(
+            f"{self.name}: the database did not answer the query ({shown}); check that it is "
+            "reached and that the query runs there as it stands, with this account"
+        )
+
+
+def ask(
+    connection: Connection, query: str, parameters: Mapping[str, Any], chunk: int
+) -> tuple[Sequence[str], Iterator[Sequence[Sequence[Any]]]]:
+    """Names of the columns, and the rows in parts of at most ``chunk``, as they come in."""
+    from sqlalchemy import text
+
+    streamed = connection.execution_options(stream_results=True, yield_per=chunk)
+    result = streamed.execute(text(query), dict(parameters))
+    return list(result.keys()), result.partitions()
+
+
+def _execute(raw: Any, statement: str) -> None:
+    cursor = raw.cursor()
+    cursor.execute(statement)
+    cursor.close()
+
+
+def _check_file(backend: str, database: str | None, name: str) -> None:
+    """SQLite would make a file that is not there."""
+    if backend != "sqlite" or not database or database == ":memory:":
+        return
+    if not database.startswith("file:") and not Path(database).is_file():
+        raise UnreadableSource(f"{name}: there is no file {database}; expected a SQLite database")

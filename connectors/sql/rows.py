@@ -1,0 +1,172 @@
+"""Rows of a query, chunk by chunk, to the samples of one tag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from stemwatch.connectors.archive.loaded import ns_of
+from stemwatch.connectors.archive.numbers import Codes, number_column
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian.columns import Column, convert
+from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.times import Instants, read_instants
+from stemwatch.connectors.historian.zones import to_utc
+
+_NAMES = ("time", "value", "quality")
+
+
+@dataclass
+class Samples:
+    """What the query gave of one tag, as the driver gave it.
+
+    Numbers are kept in arrays of a chunk each; rows of text are rare and kept as they are.
+    """
+
+    times: list[Any] = field(default_factory=list)
+    values: list[np.ndarray[tuple[int], np.dtype[np.float64]]] = field(default_factory=list)
+    texts: list[str] | None = None  # of every row, once one value was a text
+    index: list[int] = field(default_factory=list)
+    words: dict[str, int] = field(default_factory=dict)
+    has_quality: bool = False
+
+    def add(self, rows: Sequence[Sequence[Any]], where: tuple[int, int, int | None]) -> None:
+        """Take a chunk; ``where`` are the places of time, value and quality."""
+        time, value, quality = where
+        self.times += [row[time] for row in rows]
+        given = [row[value] for row in rows]
+        if self.texts is None and any(isinstance(one, str) for one in given):
+            self.texts = [_text(one) for part in self.values for one in part.tolist()]
+        if self.texts is not None:
+            self.texts += [_text(one) for one in given]
+        else:
+            self.values.append(np.array([_number(one) for one in given], dtype=np.float64))
+        if quality is not None:
+            self.has_quality = True
+            codes = ("" if row[quality] is None else str(row[quality]).strip() for row in rows)
+            self.index += [self.words.setdefault(code, len(self.words)) for code in codes]
+
+
+def places(names: Sequence[str], name: str) -> tuple[int, int, int | None]:
+    """The columns of time, value and quality: by name, else the first, second and third.
+
+    Raises ``ConnectorError`` for fewer than two.
+    """
+    lower = [one.lower() for one in names]
+    if "time" in lower and "value" in lower:
+        quality = lower.index("quality") if "quality" in lower else None
+        return lower.index("time"), lower.index("value"), quality
+    if len(names) < 2:
+        raise ConnectorError(
+            f"{name}: the query gives {', '.join(names) or 'no column'}; expected time, value and "
+            "perhaps quality"
+        )
+    return 0, 1, 2 if len(names) > 2 else None
+
+
+def _number(value: Any) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _text(value: Any) -> str:
+    return "" if value is None or value != value else str(value)
+
+
+def instants_of(samples: Samples, options: ReadOptions, name: str, notes: Notes) -> Instants:
+    """The times of all rows. Datetimes with an offset are what they say; those without are local
+    times of the zone that was given; texts and numbers are understood as in a text export."""
+    times = samples.times
+    if not all(isinstance(one, datetime) for one in times):
+        table = RawTable(
+            layout="",
+            times=RawTimes(texts=[_written(one) for one in times], name="time"),
+            columns=(),
+            numbers=range(1, len(times) + 1),
+            separator=",",
+        )
+        return read_instants(table, options, name, notes)
+    ns = np.fromiter((_ns(one) for one in times), dtype=np.int64, count=len(times))
+    ok = np.ones(ns.size, dtype=bool)
+    if all(one.tzinfo is not None for one in times):
+        return Instants(ns=ns, ok=ok, known=True, zone="The database gives instants.")
+    if options.zone is None:
+        sentence = (
+            "The times have no zone and none was given: durations are right, the date is not known."
+        )
+        notes.decide(sentence)
+        return Instants(ns=ns, ok=ok, known=False, zone=sentence)
+    ns, ok = to_utc(
+        ns,
+        ok,
+        options.zone,
+        ambiguous_hour=options.ambiguous_hour,
+        missing_hour=options.missing_hour,
+        groups=[None],
+        notes=notes,
+    )
+    sentence = f"Times without offset are local times of {options.zone}."
+    notes.decide(sentence)
+    return Instants(ns=ns, ok=ok, known=True, zone=sentence)
+
+
+def _ns(instant: datetime) -> int:
+    aware = instant if instant.tzinfo is not None else instant.replace(tzinfo=UTC)
+    ns = ns_of(aware)
+    assert ns is not None
+    return ns
+
+
+def _written(time: Any) -> str:
+    return "" if time is None else str(time)
+
+
+def column_of(
+    tag: str,
+    samples: Samples,
+    instants: Instants,
+    options: ReadOptions,
+    name: str,
+    unit: str,
+    *,
+    as_mode: bool,
+) -> Column:
+    """The column of a tag. Raises ``UnreadableSource`` for quality codes of unknown meaning."""
+    if samples.texts is not None:
+        words = list(samples.words)
+        raw = RawColumn(
+            tag=tag,
+            cells=samples.texts,
+            unit=unit,
+            quality_codes=[words[i] for i in samples.index] if samples.has_quality else None,
+        )
+        decimal, good = options.decimal or ".", options.good_quality
+        return convert(raw, instants, decimal=decimal, good=good, name=name, as_mode=as_mode)
+    codes = None
+    if samples.has_quality:
+        index = np.array(samples.index, dtype=np.int64)
+        codes = Codes(words=list(samples.words), index=index, good=options.good_quality)
+    values = np.concatenate([*samples.values, np.zeros(0)])
+    return number_column(
+        tag,
+        instants.ns,
+        instants.ok,
+        values,
+        where=name,
+        unit=unit,
+        codes=codes,
+        as_mode=as_mode,
+    )
+
+
+def gathered(parts: Iterator[Sequence[Sequence[Any]]], names: Sequence[str], name: str) -> Samples:
+    """All chunks of one query."""
+    samples, where = Samples(), places(names, name)
+    for rows in parts:
+        samples.add(rows, where)
+    return samples

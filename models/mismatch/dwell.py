@@ -1,0 +1,111 @@
+"""Whether the breakaways come later the longer the stem has rested, told from the events alone.
+
+A trajectory is the wrong evidence for this: one breakaway drawn otherwise hides what a hundred of
+them show together. Each assimilated breakaway tells how far the force was from its level, and the
+recording how long the stem had rested. A breakaway that comes late by chance has rested a little
+longer for it, so that a small slope is found on valves without dwell too: the limit is high.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import ndtri, stdtr
+
+from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch.bench import Bench
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, scored
+from stemwatch.models.mismatch.terms.dwell_dependent_breakaway import T0_S
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.parameters import Bounds
+
+SLUG = "dwell_dependent_breakaway"
+FEWEST_EVENTS = 10
+# Largest of 170 simulated valves without dwell, 12 % scatter among them: 4.2.
+LEAST_Z = 5.2
+LEAST_RISE, MOST_RISE = 0.1, 1.0  # percent of span per e-fold of rest
+ROUNDS, WIDE = 12, 2.0  # of reweighting; scales from which an event counts less than half
+MOST_Z = 8.0
+_SMALLEST = 1e-6
+
+
+@dataclass(frozen=True)
+class Dwelling:
+    """``rise`` of the breakaway, percent of span per e-fold of ``1 + rest/t0``, with its standard
+    ``error`` and normal score ``z``; ``usual`` is the mean of ``ln(1 + rest/t0)``, ``events`` how
+    many breakaways told it."""
+
+    rise: float
+    error: float
+    z: float
+    usual: float
+    events: int
+
+    @property
+    def convincing(self) -> bool:
+        """True where valves without dwell do not show as much, and none would show more."""
+        return self.z >= LEAST_Z and LEAST_RISE <= self.rise <= MOST_RISE
+
+
+def dwelling(bench: Bench, fitted: Fitted) -> Dwelling | None:
+    """The slope of how late breakaways come over the logarithm of the rest before.
+
+    Robust regression (Cauchy's weights) with one level for each direction, on the breakaways that
+    the model assimilates; Student's t read as a normal score. ``None`` with fewer than ten, and
+    where an archive drew lines: when the stem let go is not known well enough there.
+    """
+    if bench.slack.any():
+        return None
+    candidate = fitted.candidates.mean(axis=0)
+    _, early_late = bench.assimilated(fitted.layout, candidate)
+    seen = early_late[bench.onsets.at] != 0.0
+    late = early_late[bench.onsets.at[seen]]
+    if late.size < FEWEST_EVENTS:
+        return None
+    rested = bench.onsets.rested[seen] * bench.problem.interval_s
+    side = bench.onsets.side[seen]
+    columns = np.column_stack((side > 0.0, side < 0.0, np.log1p(rested / T0_S))).astype(np.float64)
+    slope, error = _slope(columns[:, columns.any(axis=0)], late)
+    t = slope / max(error, _SMALLEST)
+    z = float(-ndtri(stdtr(late.size - columns.shape[1], -abs(t))) * np.sign(t))
+    usual = float(np.mean(columns[:, -1]))
+    return Dwelling(slope, error, float(np.clip(z, -MOST_Z, MOST_Z)), usual, int(late.size))
+
+
+def begun(bench: Bench, plain: Fitted, seen: Dwelling) -> Fitted:
+    """``plain``, a fit with the term of dwell at neutral, refitted with the rise that was ``seen``.
+
+    The rise is held to two standard errors about it: the trajectories hardly tell it, and would
+    give it up for a larger S and J.
+    """
+    place = plain.layout.places[SLUG]
+    low, high = plain.layout.bounds.low.copy(), plain.layout.bounds.high.copy()
+    low[place] = max(seen.rise - 2.0 * seen.error, LEAST_RISE)
+    high[place] = min(seen.rise + 2.0 * seen.error, MOST_RISE)
+    layout = replace(plain.layout, bounds=Bounds(low, high))
+    candidates = plain.candidates.copy()
+    S, J = candidates[:, at.S_PERCENT], candidates[:, at.S_PERCENT] * candidates[:, at.RATIO]
+    # It raises the breakaway only: S and J alike were read too large by what is usual.
+    less = np.minimum(seen.rise * seen.usual, 0.9 * J)
+    candidates[:, at.S_PERCENT] = S - less
+    candidates[:, at.RATIO] = (J - less) / np.maximum(S - less, _SMALLEST)
+    candidates[:, place] = seen.rise
+    return again(bench, scored(bench, layout, layout.bounds.clip(candidates)), CAREFUL)
+
+
+def _slope(columns: Floats, values: Floats) -> tuple[float, float]:
+    """The last coefficient of a robust regression and its standard error."""
+    weight = np.ones(values.size)
+    left = values
+    for _ in range(ROUNDS):
+        weighted = columns * weight[:, None]
+        normal = weighted.T @ columns
+        found = np.linalg.lstsq(normal, weighted.T @ values, rcond=None)[0]
+        left = values - columns @ found
+        scale = WIDE * 1.4826 * float(np.median(np.abs(left))) + _SMALLEST
+        weight = 1.0 / (1.0 + (left / scale) ** 2)
+    freedom = max(values.size - columns.shape[1], 1)
+    variance = float(weight @ left**2) / freedom * values.size / float(weight.sum())
+    spread = np.linalg.pinv((columns * weight[:, None]).T @ columns) * variance
+    return float(found[-1]), float(np.sqrt(max(spread[-1, -1], 0.0)))

@@ -1,0 +1,95 @@
+"""One-time links: by them people choose their own passwords, and nobody else knows one."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from urllib.parse import urlencode
+
+from stemwatch.service.access.passwords import check_password, hash_password
+from stemwatch.service.access.secret import digest_of, new_secret
+from stemwatch.service.store.access_records import Link, LinkKind, Role, User
+from stemwatch.service.store.columns import clean_text
+from stemwatch.service.store.store import Store
+
+PATH = "/welcome"
+LIFETIMES = {
+    LinkKind.FIRST: timedelta(hours=24),
+    LinkKind.INVITATION: timedelta(days=3),
+    LinkKind.PASSWORD: timedelta(hours=24),
+}
+LONGEST_NAME = 80
+
+
+class LinkIsOver(Exception):
+    """A one-time link that lets nobody in: used, withdrawn, too old, or never made."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "This link has been used, has run out or was withdrawn. Ask an admin for a new one."
+        )
+
+
+class BadName(ValueError):
+    """A name that nobody can sign in with; the text says what is expected."""
+
+
+def address_of(secret: str, base_url: str) -> str:
+    """The link as an address below ``base_url``."""
+    return f"{base_url.rstrip('/')}{PATH}?{urlencode({'link': secret})}"
+
+
+def make_link(
+    store: Store,
+    kind: LinkKind,
+    role: Role,
+    *,
+    by: str,
+    now: datetime,
+    user: int | None = None,
+    note: str = "",
+) -> tuple[str, Link]:
+    """The secret of a new one-time link, which is known only here and now, and its record."""
+    secret = new_secret()
+    expires = now + LIFETIMES[kind]
+    link = store.access_links.make(
+        digest_of(secret), kind, role, by=by, now=now, expires=expires, user=user, note=note
+    )
+    return secret, link
+
+
+def find_link(store: Store, secret: str, now: datetime) -> Link:
+    """The record of a link that still lets somebody in. Raises ``LinkIsOver``."""
+    link = store.access_links.find(digest_of(secret)) if secret else None
+    first = link is not None and link.kind is LinkKind.FIRST
+    if link is None or not link.is_open(now) or (first and not store.accounts.is_empty()):
+        raise LinkIsOver
+    return link
+
+
+def use_link(store: Store, secret: str, name: str, password: str, now: datetime) -> User:
+    """Use a link up: a new user, or a new password of the user it was made for.
+
+    Raises ``LinkIsOver``, ``BadName``, ``WeakPassword``, ``NameTaken``; after the last three the
+    link is as good as before.
+    """
+    link = find_link(store, secret, now)
+    digest = digest_of(secret)
+    if link.kind is LinkKind.PASSWORD:
+        owner = store.accounts.get(link.user_id or 0)
+        check_password(password, "" if owner is None else owner.name)
+        found = store.accounts.new_password_by_link(digest, hash_password(password), now)
+    else:
+        name = check_name(name)
+        check_password(password, name)
+        found = store.accounts.add_by_link(digest, name, hash_password(password), now)
+    if found is None:
+        raise LinkIsOver
+    return found
+
+
+def check_name(name: str) -> str:
+    """A name as it is shown, blanks set right. Raises ``BadName``."""
+    plain = " ".join(clean_text(name).split())
+    if not plain or len(plain) > LONGEST_NAME or not plain.isprintable():
+        raise BadName(f"a name of 1 to {LONGEST_NAME} letters is expected")
+    return plain

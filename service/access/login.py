@@ -1,0 +1,91 @@
+"""Signing in with name and password: the same answer and the same time whether or not there is
+such a user, throttled by name and address, and each attempt in the audit log."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+
+from stemwatch.service.access import throttle
+from stemwatch.service.access.passwords import LONGEST, hash_password, is_dated, matches
+from stemwatch.service.access.sessions import IDLE, begin_session
+from stemwatch.service.store.access_records import Entry, Outcome, User
+from stemwatch.service.store.store import Store
+
+ACTION = "sign in"
+WRONG = "Name or password is wrong."
+
+
+class LoginRefused(Exception):
+    """Nobody was let in; the text is for whoever tried."""
+
+
+class TooMany(LoginRefused):
+    """Too many attempts; ``wait_s`` says how long to wait."""
+
+    def __init__(self, wait_s: int) -> None:
+        self.wait_s = wait_s
+        super().__init__(f"Too many attempts to sign in. Try again in {wait_s} s.")
+
+
+def sign_in(
+    store: Store, name: str, password: str, *, now: datetime, address: str, agent: str = ""
+) -> tuple[User, str]:
+    """The user, and the cookie of a new session. Raises ``LoginRefused`` and ``Busy``."""
+    waits = throttle.waits_of(name, address)
+    until = store.attempts.begin(waits, now=now, forget=throttle.FORGET)
+    if until is not None:
+        raise TooMany(max(1, math.ceil((until - now).total_seconds())))
+    user = check(store, name, password, now)
+    if user is None:
+        _note(store, name, now, address, Outcome.REFUSED)
+        raise LoginRefused(WRONG)
+    store.attempts.succeeded(throttle.key_of_name(name), [throttle.key_of_address(address)])
+    cookie = begin_session(store, user.id, now=now, address=address, agent=agent)
+    _note(store, name, now, address, Outcome.DONE)
+    store.web_sessions.remove_ended(now=now, idle=IDLE)
+    store.attempts.remove_old(now - 2 * throttle.FORGET)
+    return user, cookie
+
+
+def check(store: Store, name: str, password: str, now: datetime) -> User | None:
+    """The user whose name and password these are; ``None`` where there is none, or who is
+    disabled. Takes the same time in either case. Raises ``Busy``."""
+    found = store.accounts.password_of(name)
+    password = password[: 4 * LONGEST]
+    right = matches(password, None if found is None else found[1])
+    if found is None or not right or found[0].disabled is not None:
+        return None
+    user, stored = found
+    store.accounts.note_login(user.id, now, hash_password(password) if is_dated(stored) else None)
+    return user
+
+
+def confirm(store: Store, user: User, password: str, *, now: datetime, address: str) -> bool:
+    """Whether somebody who is signed in knows the password; throttled as a login is."""
+    waits = throttle.waits_of(user.name, address)
+    until = store.attempts.begin(waits, now=now, forget=throttle.FORGET)
+    if until is not None:
+        raise TooMany(max(1, math.ceil((until - now).total_seconds())))
+    found = store.accounts.password_of(user.name)
+    if found is None or not matches(password[: 4 * LONGEST], found[1]):
+        return False
+    store.attempts.succeeded(throttle.key_of_name(user.name), [throttle.key_of_address(address)])
+    return True
+
+
+def _note(store: Store, name: str, now: datetime, address: str, outcome: Outcome) -> None:
+    """An entry; of a name that nobody has only that, since it may be a password."""
+    known = store.accounts.find(name)
+    store.audit.add(
+        Entry(
+            at=now,
+            who="" if known is None else known.name,
+            how="",
+            address=address,
+            action=ACTION,
+            about="" if known is not None else "a name that nobody has",
+            outcome=outcome,
+            detail="disabled" if known is not None and known.disabled is not None else "",
+        )
+    )

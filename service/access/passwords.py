@@ -1,0 +1,96 @@
+"""Passwords: what is asked of them, and their argon2id hashes.
+
+argon2id with 64 MiB, three passes and four lanes, the second choice of RFC 9106 (section 4). Two
+are worked out at a time, so that many who sign in at once cannot fill the memory.
+"""
+
+from __future__ import annotations
+
+import threading
+import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from argon2 import PasswordHasher
+from argon2.exceptions import InvalidHashError, VerificationError
+
+from stemwatch.service.store.accounts import name_key
+
+SHORTEST, LONGEST = 12, 200
+FEWEST_SIGNS = 5
+_AT_ONCE, _PATIENCE_S = 2, 10.0
+_HASHER = PasswordHasher(
+    time_cost=3, memory_cost=64 * 1024, parallelism=4, hash_len=32, salt_len=16
+)
+_ROOM = threading.BoundedSemaphore(_AT_ONCE)
+# Of a password that nobody has: a name that is unknown costs the same time as one that is known.
+NOBODYS = (
+    "$argon2id$v=19$m=65536,t=3,p=4$QNSI6KqEqQio6CQb6C4UFA"
+    "$VKLNqmmLjHyOvZIF4gwZvabUFL3L9w8SHfxgtPcidSI"
+)
+_KNOWN = ("password", "passwort", "stemwatch", "qwerty", "qwertz", "123456", "abcdef", "letmein")
+
+
+class WeakPassword(ValueError):
+    """A password that is not taken; the text says what is expected."""
+
+
+class Busy(Exception):
+    """Too many passwords are being checked at once."""
+
+
+def check_password(password: str, name: str) -> None:
+    """Raise ``WeakPassword`` where a password is too short, too long, or easily guessed."""
+    plain = _normal(password)
+    # Some signs are spelt out by normalising: what counts is what somebody has to find out.
+    if min(len(plain), len(password)) < SHORTEST or max(len(plain), len(password)) > LONGEST:
+        raise WeakPassword(
+            f"a password of {SHORTEST} to {LONGEST} characters is expected; several words are easy "
+            "to keep in mind"
+        )
+    folded = name_key(plain)
+    left = folded.replace(name_key(name), "") if name_key(name) else folded
+    for word in _KNOWN:
+        left = left.replace(word, "")
+    if len(set(folded)) < FEWEST_SIGNS or len(left) < SHORTEST // 2:
+        raise WeakPassword(
+            "this password is easily guessed: it is little more than the name, one of the usual "
+            "words, or a few signs again and again"
+        )
+
+
+def hash_password(password: str) -> str:
+    """The hash with its salt and parameters. Raises ``Busy``."""
+    with _room():
+        return _HASHER.hash(_normal(password))
+
+
+def matches(password: str, stored: str | None) -> bool:
+    """Whether a password belongs to a hash; takes the same time where there is none. Raises
+    ``Busy``."""
+    with _room():
+        try:
+            right = _HASHER.verify(stored or NOBODYS, _normal(password))
+        except (VerificationError, InvalidHashError):
+            return False
+    return right and stored is not None
+
+
+def is_dated(stored: str) -> bool:
+    """Whether a hash was made with other parameters than those of today."""
+    return _HASHER.check_needs_rehash(stored)
+
+
+@contextmanager
+def _room() -> Iterator[None]:
+    if not _ROOM.acquire(timeout=_PATIENCE_S):
+        raise Busy("many people are signing in at once; try again in a moment")
+    try:
+        yield
+    finally:
+        _ROOM.release()
+
+
+def _normal(password: str) -> str:
+    """One spelling, whichever keyboard it was typed on (NFKC, as NIST SP 800-63B asks)."""
+    return unicodedata.normalize("NFKC", password)

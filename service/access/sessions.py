@@ -1,0 +1,70 @@
+"""Sessions of browsers: begun by a password, found by a cookie, ended by time or on request.
+
+The store keeps the digest of the cookie, so that sessions survive a restart and nobody who reads
+the database can take one over. Each request asks the store: what is ended has ended at once.
+"""
+
+from __future__ import annotations
+
+import hmac
+from datetime import datetime, timedelta
+
+from stemwatch.service.access.rights import Visitor
+from stemwatch.service.access.secret import digest_of, new_secret
+from stemwatch.service.store.access_records import WebSession
+from stemwatch.service.store.store import Store
+
+IDLE = timedelta(hours=12)  # a shift: longer unused, and a session has ended
+LONGEST = timedelta(days=7)
+NOTED_EVERY = timedelta(minutes=1)  # how exactly "last used" is kept; not a write per request
+SESSION = "session"
+_FORMS = b"stemwatch forms"
+
+
+def begin_session(
+    store: Store, user: int, *, now: datetime, address: str = "", agent: str = ""
+) -> str:
+    """A new session; what its cookie holds, known only here and to the browser."""
+    secret = new_secret()
+    store.web_sessions.begin(
+        digest_of(secret),
+        user,
+        now=now,
+        expires=now + LONGEST,
+        address=address,
+        agent=agent[:200],
+    )
+    return secret
+
+
+def visitor_of_cookie(
+    store: Store, cookie: str, now: datetime, *, active: bool = True
+) -> Visitor | None:
+    """Who asks with this cookie; ``None`` where its session has ended. ``active`` is false for
+    what a page asks for by itself, which keeps no session alive."""
+    digest = digest_of(cookie)
+    found = store.web_sessions.find(digest, now=now, idle=IDLE)
+    if found is None:
+        return None
+    if active and now - found.seen >= NOTED_EVERY:
+        store.web_sessions.touch(digest, now)
+    user = found.user
+    return Visitor(
+        name=user.name,
+        role=user.role,
+        how=SESSION,
+        user=user.id,
+        session=digest,
+        mark=mark_of(cookie),
+    )
+
+
+def mark_of(cookie: str) -> str:
+    """What the forms of a page carry: worked out from the cookie, so that it belongs to one
+    session and is the same after a restart, and the cookie cannot be worked out from it."""
+    return hmac.new(cookie.encode("utf-8", "replace"), _FORMS, "sha256").hexdigest()
+
+
+def sessions_of(store: Store, user: int, now: datetime) -> list[WebSession]:
+    """The sessions of a user that go on."""
+    return store.web_sessions.of_user(user, now=now, idle=IDLE)

@@ -1,0 +1,90 @@
+"""API tokens: shown once, kept as digests, good for their scopes and never for more than their
+user may at that moment."""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+from stemwatch.service.access.links import BadName, check_name
+from stemwatch.service.access.rights import Visitor, scopes_of
+from stemwatch.service.access.secret import digest_of, new_secret
+from stemwatch.service.store.access_records import Role, Scope, User
+from stemwatch.service.store.store import Store
+
+BEGINS = "stw_"  # by which scanners of repositories and people know a token
+SHOWN = len(BEGINS) + 6
+NOTED_EVERY = timedelta(minutes=1)
+ENVIRONMENT = "STEMWATCH_WEB_TOKEN"
+SHORTEST_OF_ENVIRONMENT = 16
+MOST_OF_USER = 50
+
+
+class BadToken(ValueError):
+    """A token that cannot be made; the text says what is expected."""
+
+
+def make_token(
+    store: Store,
+    user: User,
+    name: str,
+    scopes: Sequence[Scope],
+    *,
+    now: datetime,
+    days: int | None = 90,
+) -> str:
+    """A new token of ``user``, known only here and to whoever asked; ``days`` ``None`` is for
+    ever. Raises ``BadToken``."""
+    try:
+        name = check_name(name)
+    except BadName as error:
+        raise BadToken(str(error)) from None
+    allowed = scopes_of(user.role)
+    if not scopes or any(scope not in allowed for scope in scopes):
+        words = ", ".join(allowed)
+        raise BadToken(f"a token of a user who is {user.role} has scopes out of {words}")
+    if len([one for one in store.api_tokens.all(user.id) if one.is_open(now)]) >= MOST_OF_USER:
+        raise BadToken(f"at most {MOST_OF_USER} tokens of one user; revoke one first")
+    secret = BEGINS + new_secret()
+    store.api_tokens.add(
+        digest_of(secret),
+        user.id,
+        name,
+        [scope for scope in Scope if scope in scopes],
+        begins=secret[:SHOWN],
+        now=now,
+        expires=None if days is None else now + timedelta(days=days),
+    )
+    return secret
+
+
+def visitor_of_token(store: Store, secret: str, now: datetime) -> Visitor | None:
+    """Who asks with this token; ``None`` where it lets nobody in."""
+    token = store.api_tokens.find(digest_of(secret)) if secret else None
+    if token is None or not token.is_open(now):
+        return None
+    if token.last_used is None or now - token.last_used >= NOTED_EVERY:
+        store.api_tokens.note_use(token.id, now)
+    return Visitor(
+        name=token.user.name,
+        role=token.user.role,
+        how=f"token {token.name}",
+        user=token.user.id,
+        scopes=frozenset(token.scopes),
+    )
+
+
+def visitor_of_environment(secret: str, expected: str) -> Visitor | None:
+    """Who asks with the token that the service was started with: it reads and acts, and belongs
+    to nobody. One that is too short to be safe lets nobody in."""
+    if len(expected) < SHORTEST_OF_ENVIRONMENT:
+        return None
+    if not hmac.compare_digest(secret.encode("utf-8", "replace"), expected.encode()):
+        return None
+    return Visitor(
+        name=ENVIRONMENT,
+        role=Role.ENGINEER,
+        how="token of the environment",
+        scopes=frozenset((Scope.READ, Scope.ACT)),
+    )

@@ -1,0 +1,165 @@
+"""Tags that bring nothing good while their device answers: a broken transmitter, card or register.
+
+One alert for each valve, naming its tags; one for the device where so many of its valves are
+concerned that they share a cause. A device that is silent as a whole is ``silence``'s; a signal
+that is good and does not move is a verdict of the screening.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.columns import clean_text
+from stemwatch.service.store.live_tables import SampleReasonRow, SampleRow, TagRow
+from stemwatch.service.store.samples import EPOCH, microseconds
+from stemwatch.service.store.store import Store
+
+VALVE, MANY = f"{AlertKind.NO_DATA.value}:valve:", f"{AlertKind.NO_DATA.value}:many:"
+_FRESH = timedelta(seconds=60)  # younger than this is a sample of now, not one from the spool
+_LOOK_BACK = timedelta(days=1)  # how far the last good sample is looked for
+_NAMED = 12  # valves of one alert that are listed
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadTag:
+    """A tag of a valve without a good sample: which role it has, and its number in the store."""
+
+    valve: str
+    role: str
+    tag: str
+    number: int
+
+
+def dead_tags(
+    store: Store, plant: Plant, devices: Sequence[str], limit: timedelta, now: datetime
+) -> dict[str, list[DeadTag]]:
+    """The dead tags of each valve on ``devices``, which answer.
+
+    A tag is dead where its samples of the last ``limit`` are all bad, one of now among them: while
+    old samples still come from the spool nothing is known of it. Raises ``StoreError``.
+    """
+    found: dict[str, list[DeadTag]] = defaultdict(list)
+    for device in devices:
+        with store.access.reading() as session:
+            dead = _dead(session, device, limit, now)
+        for valve in plant.valves.values() if dead else ():
+            if valve.source != device:
+                continue
+            for role, tag in valve.tags.given().items():
+                number = dead.get(clean_text(tag.tag))
+                if number is not None:
+                    one = DeadTag(valve=valve.id, role=role.value, tag=tag.tag, number=number)
+                    found[valve.id].append(one)
+    return dict(found)
+
+
+def raised_of(
+    store: Store,
+    plant: Plant,
+    dead: Mapping[str, Sequence[DeadTag]],
+    already_open: set[str],
+    now: datetime,
+) -> list[Raised]:
+    """An alert for each valve, or for its device where many have one cause. Why and since when is
+    looked up for those that are new."""
+    by_device: dict[str, list[str]] = defaultdict(list)
+    for valve in dead:
+        by_device[plant.valves[valve].source].append(valve)
+    raised: list[Raised] = []
+    for device, valves in by_device.items():
+        on_it = sum(one.source == device for one in plant.valves.values())
+        rules = plant.alerts
+        if len(valves) >= rules.common_valves and len(valves) >= rules.common_share * on_it:
+            raised.append(_many(plant, device, valves))
+            continue
+        for valve in valves:
+            known = VALVE + valve in already_open
+            why = {} if known else _why(store, dead[valve], now)
+            raised.append(_one(plant, valve, dead[valve], why))
+    return raised
+
+
+def _dead(session: Session, device: str, limit: timedelta, now: datetime) -> dict[str, int]:
+    """The number of each tag of ``device`` whose samples since ``now - limit`` are all bad."""
+    since = SampleRow.at_us > microseconds(now - limit)
+    of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == TagRow.id, since)
+    of_tag = of_tag.order_by(SampleRow.at_us.desc()).limit(1).correlate(TagRow)
+    newest = of_tag.scalar_subquery()
+    good = of_tag.where(SampleRow.quality == 0).scalar_subquery()
+    rows = select(TagRow.name, TagRow.id).where(
+        TagRow.source == device, newest > microseconds(now - _FRESH), good.is_(None)
+    )
+    return {name: number for name, number in session.execute(rows)}
+
+
+def _why(store: Store, tags: Sequence[DeadTag], now: datetime) -> dict[str, str]:
+    """For each tag since when it is dead, and what its newest sample says."""
+    said: dict[str, str] = {}
+    since_us = microseconds(now - _LOOK_BACK)
+    with store.access.reading() as session:
+        for one in tags:
+            mine = select(SampleRow.at_us).where(SampleRow.tag_id == one.number)
+            newest_first = SampleRow.at_us.desc()
+            good = mine.where(SampleRow.quality == 0, SampleRow.at_us > since_us)
+            last = session.scalar(good.order_by(newest_first).limit(1))
+            words = session.scalar(
+                select(SampleReasonRow.words)
+                .join(SampleRow, SampleRow.reason_id == SampleReasonRow.id)
+                .where(SampleRow.tag_id == one.number)
+                .order_by(newest_first)
+                .limit(1)
+            )
+            when = "for more than a day"
+            if last is not None:
+                when = f"since {EPOCH + timedelta(microseconds=last):%Y-%m-%d %H:%M} UTC"
+            said[one.tag] = f"{when} ({words})" if words else when
+    return said
+
+
+def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, str]) -> Raised:
+    entry = plant.valves[valve]
+    name = f"{valve} ({entry.description})" if entry.description else valve
+    listed = "; ".join(
+        f"{one.role.upper()} {one.tag} {why.get(one.tag, '')}".strip() for one in tags
+    )
+    return Raised(
+        cause=VALVE + valve,
+        kind=AlertKind.NO_DATA,
+        severity=_severity(entry.criticality),
+        text=(
+            f"{name}: no good sample of {listed}. {entry.source} answers, so look at the signal: "
+            "its transmitter, its card, its register."
+        ),
+        valve=valve,
+        source=entry.source,
+        evidence={"tags": [one.tag for one in tags]},
+    )
+
+
+def _many(plant: Plant, device: str, valves: Sequence[str]) -> Raised:
+    listed = ", ".join(valves[:_NAMED])
+    more = f" and {len(valves) - _NAMED} more" if len(valves) > _NAMED else ""
+    return Raised(
+        cause=MANY + device,
+        kind=AlertKind.NO_DATA,
+        severity=_severity(max(plant.valves[one].criticality for one in valves)),
+        text=(
+            f"{len(valves)} valves of {device} have signals without a good sample, while it "
+            f"answers ({listed}{more}). Look first for what they share: a card, a gateway behind "
+            "it, a range of registers."
+        ),
+        source=device,
+        evidence={"valves": list(valves)},
+    )
+
+
+def _severity(criticality: int) -> AlertSeverity:
+    return AlertSeverity.HIGH if criticality == 3 else AlertSeverity.MEDIUM

@@ -1,0 +1,183 @@
+"""``stemwatch accounts``: who may sign in, from the machine that the service runs on.
+
+Nobody's password is set here: people choose their own by one-time links.
+"""
+
+from __future__ import annotations
+
+import getpass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from stemwatch.service.store.access_records import LinkKind, Role, User
+    from stemwatch.service.store.store import Store
+
+accounts_app = typer.Typer(
+    name="accounts", no_args_is_help=True, help="Users of the pages, and one-time links for them."
+)
+Name = Annotated[str, typer.Argument(help="The user's name.")]
+RoleWord = Annotated[str, typer.Option(help="viewer, engineer or admin.")]
+PlantFile = Annotated[Path | None, typer.Option(help="plant.toml, for its database.")]
+Database = Annotated[str, typer.Option(help="Database URL, instead of --plant.")]
+Address = Annotated[str, typer.Option(help="Where the pages are, for the link.")]
+PAGES = "http://127.0.0.1:8300/"
+
+
+@accounts_app.command("list")
+def list_users(plant: PlantFile = None, db: Database = "") -> None:
+    """Show who may sign in, and as what."""
+    from stemwatch.service.cli import views
+
+    with _store(plant, db) as store:
+        users = store.accounts.all()
+    for user in users:
+        seen = f"{user.last_login:%Y-%m-%d %H:%M} UTC" if user.last_login else "never"
+        state = ", disabled" if user.disabled else ""
+        said = f"{user.name}: {user.role}{state}, last signed in {seen}"
+        views.out.print(views.escape(said), highlight=False, soft_wrap=True)
+    if not users:
+        views.out.print("Nobody can sign in yet.", highlight=False)
+
+
+@accounts_app.command("first-link")
+def first_link(plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
+    """Print a new one-time link for the first admin; the one before it lets nobody in any more."""
+    from stemwatch.service.access import setup
+
+    with _store(plant, db) as store:
+        link = setup.first_link(store, address)
+        if link is None:
+            raise typer.BadParameter(
+                "somebody can sign in already; 'accounts add --role admin' makes a link for one "
+                "more admin, 'accounts reset NAME' one for a new password"
+            )
+        _note(store, "manage users", "link for the first admin")
+    _show(link)
+
+
+@accounts_app.command("add")
+def add(
+    note: Annotated[str, typer.Argument(help="For whom the link is.")] = "",
+    role: RoleWord = "viewer",
+    plant: PlantFile = None,
+    db: Database = "",
+    address: Address = PAGES,
+) -> None:
+    """Print a one-time link at which a new user chooses name and password."""
+    from stemwatch.service.store.access_records import LinkKind
+
+    with _store(plant, db) as store:
+        link = _link(store, address, LinkKind.INVITATION, _role(role), note)
+        _note(store, "manage users", f"invite {note}; role {role}")
+    _show(link)
+
+
+@accounts_app.command("reset")
+def reset(name: Name, plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
+    """Print a one-time link at which a user chooses a new password."""
+    from stemwatch.service.store.access_records import LinkKind
+
+    with _store(plant, db) as store:
+        user = _user(store, name)
+        if user.disabled is not None:
+            raise typer.BadParameter(f"{user.name} is disabled; enable the user first")
+        link = _link(store, address, LinkKind.PASSWORD, user.role, user.name, user.id)
+        _note(store, "manage users", f"link for a new password; {user.name}")
+    _show(link)
+
+
+@accounts_app.command("set-role")
+def set_role(
+    name: Name,
+    role: Annotated[str, typer.Argument(help="viewer, engineer or admin.")],
+    plant: PlantFile = None,
+    db: Database = "",
+) -> None:
+    """Change what a user may do; it holds at once."""
+    with _store(plant, db) as store:
+        user = _user(store, name)
+        store.accounts.set_role(user.id, _role(role))
+        _note(store, "manage users", f"{user.name}; role {role}; before {user.role}")
+
+
+@accounts_app.command("disable")
+def disable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
+    """Let a user in no more: sessions end, tokens and links rest."""
+    with _store(plant, db) as store:
+        user = _user(store, name)
+        store.accounts.disable(user.id, datetime.now(UTC))
+        _note(store, "manage users", f"{user.name}; disable")
+
+
+@accounts_app.command("enable")
+def enable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
+    """Let a user in again."""
+    with _store(plant, db) as store:
+        user = _user(store, name)
+        store.accounts.enable(user.id)
+        _note(store, "manage users", f"{user.name}; enable")
+
+
+@contextmanager
+def _store(plant: Path | None, db: str) -> Iterator[Store]:
+    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.store.store import open_store
+
+    if not db and plant is None:
+        raise typer.BadParameter("give --plant plant.toml or --db URL")
+    address = db or load_plant(o.need_file(plant or Path(), "--plant")).storage
+    with open_store(address) as store:
+        yield store
+
+
+def _user(store: Store, name: str) -> User:
+    found = store.accounts.find(name)
+    if found is None:
+        raise typer.BadParameter(f"there is no user {name}", param_hint="NAME")
+    return found
+
+
+def _role(word: str) -> Role:
+    from stemwatch.service.store.access_records import Role
+
+    if word not in list(Role):
+        raise typer.BadParameter(f"{', '.join(Role)} is expected, received {word!r}")
+    return Role(word)
+
+
+def _link(
+    store: Store, address: str, kind: LinkKind, role: Role, note: str, user: int | None = None
+) -> str:
+    from stemwatch.service.access.links import address_of, make_link
+
+    now = datetime.now(UTC)
+    secret, _ = make_link(store, kind, role, by="command line", now=now, user=user, note=note)
+    return address_of(secret, address)
+
+
+def _show(link: str) -> None:
+    from stemwatch.service.cli import views
+
+    views.out.print(views.escape(link), highlight=False, soft_wrap=True)
+
+
+def _note(store: Store, action: str, about: str) -> None:
+    """An entry in the audit log: by whom this machine is used, and what for."""
+    from stemwatch.service.store.access_records import Entry
+
+    try:
+        who = getpass.getuser()
+    except (KeyError, OSError):  # a container may have no name for its user
+        who = "somebody on this machine"
+    now = datetime.now(UTC)
+    store.audit.add(
+        Entry(at=now, who=who, how="command line", address="", action=action, about=about)
+    )

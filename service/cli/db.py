@@ -1,0 +1,253 @@
+"""``stemwatch db``: version, upgrade, check, backup, restore, copy and prune of the store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from stemwatch.service.plantfile.plant import Plant
+    from stemwatch.service.store.address import Address
+
+db_app = typer.Typer(
+    name="db",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    help="Look after the database: versions, checks, backups, moving, pruning.",
+)
+WHICH = "Which database"
+
+PlantFile = Annotated[
+    Path | None,
+    typer.Option("--plant", help="plant.toml, for its database.", rich_help_panel=WHICH),
+]
+Url = Annotated[
+    str,
+    typer.Option(
+        "--db",
+        help="Its URL, instead of --plant; $STEMWATCH_STORAGE_URL goes for both.",
+        rich_help_panel=WHICH,
+    ),
+]
+
+
+@db_app.callback()
+def _db() -> None:
+    """Look after the database: versions, checks, backups, moving, pruning."""
+
+
+@db_app.command()
+def version(plant: PlantFile = None, db: Url = "") -> None:
+    """Say which schema the database has, and which this program writes. Changes nothing."""
+    from stemwatch.service.cli import db_views
+    from stemwatch.service.store.engine import existing_engine
+    from stemwatch.service.store.migrate import current_revision, newest_revision
+    from stemwatch.service.store.transfer.carry import disposing, one_instant
+
+    address = _address(plant, db)
+    with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
+        found = current_revision(connection)
+    db_views.say(f"{address}: schema {found or 'none'}; this program writes {newest_revision()}")
+
+
+@db_app.command()
+def upgrade(plant: PlantFile = None, db: Url = "") -> None:
+    """Bring the schema to the newest; whatever opens the database does the same.
+
+    Takes its time on PostgreSQL where many samples have to be moved. Make a backup first.
+    """
+    from stemwatch.service.cli import db_views
+    from stemwatch.service.store.engine import make_engine
+    from stemwatch.service.store.migrate import newest_revision
+    from stemwatch.service.store.migrate import upgrade as bring_up
+    from stemwatch.service.store.transfer.carry import disposing
+
+    address = _address(plant, db)
+    with disposing(make_engine(address)) as engine:
+        bring_up(engine, address)
+    db_views.say(f"{address}: schema {newest_revision()}")
+
+
+@db_app.command()
+def downgrade(
+    schema: Annotated[str, typer.Argument(help="Such as 0003; `db version` says the present one.")],
+    plant: PlantFile = None,
+    db: Url = "",
+    yes: Annotated[bool, typer.Option("--yes", help="Do it.")] = False,
+) -> None:
+    """Take the schema back, for an older program. What only newer schemas hold is LOST."""
+    from stemwatch.service.cli import db_views
+    from stemwatch.service.store.engine import existing_engine
+    from stemwatch.service.store.migrate import take_back
+    from stemwatch.service.store.transfer.carry import disposing
+
+    address = _address(plant, db)
+    if not yes:
+        raise typer.BadParameter(
+            "tables and columns that schema does not have would be lost: make a backup with "
+            "`stemwatch db backup`, then say --yes",
+            param_hint="--yes",
+        )
+    with disposing(existing_engine(address)) as engine:
+        take_back(engine, address, schema)
+    db_views.say(f"{address}: schema {schema}")
+
+
+@db_app.command()
+def check(plant: PlantFile = None, db: Url = "") -> None:
+    """Look the database over: schema, integrity, orphans, partitions, numbering, sizes.
+
+    Changes nothing. Exit status 1 where something needs to be done.
+    """
+    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.store.checking import check as look
+
+    address = _address(plant, db)
+    health = look(address)
+    views.out.print(db_views.health_table(str(address), health))
+    for note in health.notes:
+        db_views.say(note)
+    for problem in health.problems:
+        views.say_error(problem)
+    if health.problems:
+        raise typer.Exit(1)
+    db_views.say("Nothing is wrong.")
+
+
+@db_app.command()
+def backup(
+    file: Annotated[Path, typer.Argument(help="The file to write, such as stemwatch.zip.")],
+    plant: PlantFile = None,
+    db: Url = "",
+) -> None:
+    """Write the whole database to one file, which either engine can be restored from.
+
+    The service may go on: the file holds one instant. It holds names, remarks and the hashes of
+    passwords: only its owner may read it.
+    """
+    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.store.transfer.carry import backup as carry
+
+    address = _address(plant, db)
+    told = carry(address, file)
+    views.out.print(db_views.told_table(f"{address} in {file}", told))
+
+
+@db_app.command()
+def restore(
+    file: Annotated[Path, typer.Argument(help="A file that `db backup` wrote.")],
+    plant: PlantFile = None,
+    db: Url = "",
+) -> None:
+    """Fill an empty database from a backup, all of it or nothing, and bring its schema up.
+
+    A database that holds anything is left alone: give a new one.
+    """
+    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.store.transfer.carry import restore as carry
+
+    address = _address(plant, db)
+    told = carry(o.need_file(file, "FILE"), address)
+    views.out.print(db_views.told_table(f"{file} in {address}", told))
+
+
+@db_app.command()
+def copy(
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            envvar="STEMWATCH_COPY_TO",
+            show_envvar=True,
+            help="URL of the empty database. The variable keeps its password off the screen.",
+        ),
+    ],
+    plant: PlantFile = None,
+    db: Url = "",
+) -> None:
+    """Bring everything into another, empty database, such as from SQLite to PostgreSQL.
+
+    Rows are counted and compared by a digest, and all of them come or none. Stop the service
+    first: what it writes meanwhile is not copied. The first database stays as it is.
+    """
+    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.store.address import Address
+    from stemwatch.service.store.transfer.carry import copy as carry
+
+    origin, target = _address(plant, db), Address(to)
+    told = carry(origin, target)
+    views.out.print(db_views.told_table(f"{origin} in {target}", told))
+    db_views.say(f"Now give {target} as storage.url, or in STEMWATCH_STORAGE_URL.")
+
+
+@db_app.command()
+def prune(
+    plant: PlantFile = None,
+    db: Url = "",
+    samples_days: Annotated[
+        float | None,
+        typer.Option(min=1, help="Keep so many days of samples; with --plant, what it says."),
+    ] = None,
+    results_days: Annotated[
+        float | None,
+        typer.Option(min=1, help="Keep so many days of screenings; each valve's latest stays."),
+    ] = None,
+    alerts_days: Annotated[
+        float | None,
+        typer.Option(min=1, help="Keep so many days of closed alerts and their messages."),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Remove it; without, only count.")] = False,
+) -> None:
+    """Remove what is over age; first without --yes, to see how much that is.
+
+    The running service removes old samples by itself. Baselines, notes and maintenance stay.
+    """
+    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.store import pruning
+    from stemwatch.service.store.store import open_store
+
+    address = _address(plant, db)
+    if samples_days is None and plant is not None:
+        samples_days = float(_plant(plant).service.keep_samples_days)
+    ages = pruning.Ages(
+        samples_days=samples_days, results_days=results_days, alerts_days=alerts_days
+    )
+    if ages == pruning.Ages():
+        raise typer.BadParameter("give --samples-days, --results-days or --alerts-days")
+    with open_store(_existing(address)) as store:
+        went = pruning.prune(store, ages) if yes else pruning.would_prune(store, ages)
+    views.out.print(db_views.pruned_table(str(address), went, done=yes))
+    if not yes and went.total:
+        db_views.say("Nothing was removed; --yes does it. Make a backup first.")
+
+
+def _address(plant: Path | None, db: str) -> Address:
+    import os
+
+    from stemwatch.service.store.address import Address
+
+    if db:
+        return Address(db)
+    if plant is not None:
+        return _plant(plant).storage
+    if url := os.environ.get("STEMWATCH_STORAGE_URL"):
+        return Address(url)
+    raise typer.BadParameter("give --plant plant.toml or --db URL, or set STEMWATCH_STORAGE_URL")
+
+
+def _plant(path: Path) -> Plant:
+    from stemwatch.service.plantfile import load_plant
+
+    return load_plant(o.need_file(path, "--plant"))
+
+
+def _existing(address: Address) -> Address:
+    """The address, where there is a database already."""
+    from stemwatch.service.store.engine import existing_engine
+
+    existing_engine(address).dispose()
+    return address

@@ -1,0 +1,58 @@
+"""``stemwatch maintenance-report``: pages and work orders from what is stored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+
+def maintenance_report(
+    plant: Annotated[
+        Path | None, typer.Option(help="plant.toml, for its database, strokes and samples.")
+    ] = None,
+    db: Annotated[str, typer.Option(help="Database URL, instead of the plant's.")] = "",
+    run: Annotated[
+        int | None, typer.Option(min=1, help="Number of the run; else each valve's latest look.")
+    ] = None,
+    valve: Annotated[
+        list[str] | None, typer.Option(help="A valve's id; may be given several times.")
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="A page for each valve, healthy ones too.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path(
+        "stemwatch-maintenance"
+    ),
+    zone: o.Zone = "",
+) -> None:
+    """Write a page for each valve that needs work, and work orders for a maintenance system.
+
+    The pages come as HTML and PDF, in the order of their priority, with what was found, what to
+    check in which order, parts and isolation hints; the work orders as XLSX and CSV.
+    """
+    from stemwatch.service.cli import views
+    from stemwatch.service.maintenance.from_store import report_of_store
+    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.store.store import open_store
+
+    if not db and plant is None:
+        raise typer.BadParameter("give --plant plant.toml or --db URL")
+    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
+    address = db or (loaded.storage if loaded else db)
+    with open_store(address) as store:
+        files = report_of_store(
+            store,
+            out,
+            plant=loaded,
+            run=run,
+            valves=valve or (),
+            zone=zone,
+            everything=everything,
+        )
+    views.out.print(files.book.counts, highlight=False)
+    for path in (files.pdf, files.html, files.xlsx, files.csv):
+        views.out.print(views.escape(str(path.resolve())), highlight=False, soft_wrap=True)

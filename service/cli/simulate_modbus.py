@@ -1,0 +1,134 @@
+"""``stemwatch simulate --modbus``: a plant whose valves wear, behind a Modbus server."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import signal
+from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from stemwatch.models.plant import PlantLoop
+    from stemwatch.service.modbus_plant import PlantServer, Wear
+    from stemwatch.service.store.store import Store
+
+WEAR = re.compile(r"(?P<tag>.+)=(?P<S>\d+(?:\.\d+)?)(?:/(?P<J>\d+(?:\.\d+)?))?")
+USUAL = "6/2.4"  # S and J of the valve that wears where nobody names one
+_SHOWN = 12  # loops of which the map is printed
+
+
+def serve_modbus(
+    loops: Sequence[PlantLoop],
+    out: Path,
+    *,
+    host: str,
+    port: int,
+    speed: float,
+    seed: int,
+    wear: Sequence[str] | None,
+    wear_over_s: float,
+    repairs: str,
+) -> None:
+    """Serve ``loops`` until Ctrl-C or SIGTERM, with ``plant.toml`` in ``out``."""
+    from stemwatch.service.cli import views
+    from stemwatch.service.modbus_plant import serve_plant
+    from stemwatch.service.store.store import open_store
+
+    wearing = wear_of(loops, wear, wear_over_s)
+
+    def ready(server: PlantServer, file: Path) -> None:
+        views.out.print(map_table(loops))
+        if len(loops) > _SHOWN:
+            views.out.print(f"and so on; {len(loops)} loops in all.", highlight=False)
+        worn = ", ".join(wearing) or "none"
+        for line in (
+            f"Modbus on {server.host}:{server.port}, unit {server.unit_id}, for reading only",
+            f"Plant file: {file}",
+            f"Valves that wear: {worn}. Ctrl-C ends it.",
+        ):
+            views.out.print(views.escape(line), highlight=False, soft_wrap=True)
+
+    # asyncio ends in order on SIGINT; SIGTERM shall do the same.
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    views.say(f"Simulating {len(loops)} loops ...")
+    with contextlib.ExitStack() as stack:
+        beside = None
+        if repairs:
+            beside = _fitting(stack.enter_context(open_store(repairs)), loops)
+        serve_plant(
+            loops,
+            out,
+            host,
+            port,
+            speed=speed,
+            every_s=round(1.0 / speed, 3),
+            wear=wearing,
+            seed=seed,
+            ready=ready,
+            beside=beside,
+        )
+
+
+def _fitting(
+    store: Store, loops: Sequence[PlantLoop]
+) -> Callable[[PlantServer], Awaitable[object]]:
+    """What repairs the valves of which maintenance is recorded in ``store`` from now on."""
+    from stemwatch.service.cli import views
+    from stemwatch.service.live_demo import Fitter, repair_what_is_recorded
+
+    def told(tag: str) -> None:
+        views.out.print(views.escape(f"{tag} was repaired and is as new."), highlight=False)
+
+    fitter = Fitter(store, [loop.tag for loop in loops])
+    return lambda server: repair_what_is_recorded(fitter, server, told)
+
+
+def wear_of(
+    loops: Sequence[PlantLoop], asked: Sequence[str] | None, over_s: float
+) -> dict[str, Wear]:
+    """Which valves wear and how, from ``TAG=S`` or ``TAG=S/J``; the first one where nothing is
+    asked, nobody where ``none`` is. Raises ``typer.BadParameter``."""
+    from stemwatch.service.modbus_plant import Wear
+
+    if asked and "none" in asked:
+        return {}
+    known = [loop.tag for loop in loops]
+    found: dict[str, Wear] = {}
+    for text in asked or [f"{known[0]}={USUAL}"]:
+        read = WEAR.fullmatch(text)
+        if read is None:
+            raise typer.BadParameter(
+                f"{text!r} is not understood; expected TAG=S or TAG=S/J in percent of span, such "
+                f"as {known[0]}={USUAL}, or none",
+                param_hint="--wear",
+            )
+        if read["tag"] not in known:
+            raise typer.BadParameter(
+                f"no loop {read['tag']} in this plant; it has {', '.join(known[:_SHOWN])}",
+                param_hint="--wear",
+            )
+        try:
+            found[read["tag"]] = Wear(
+                S_percent=float(read["S"]), J_percent=float(read["J"] or 0.0), over_s=over_s
+            )
+        except ValueError as error:
+            raise typer.BadParameter(str(error), param_hint="--wear") from error
+    return found
+
+
+def map_table(loops: Sequence[PlantLoop]) -> Table:
+    """Which register holds which signal, of the first loops."""
+    from rich.table import Table
+
+    from stemwatch.service.modbus_plant.layout import registers
+
+    table = Table("tag", "holding register", "as manuals print it", "type", "unit")
+    for line in registers(loops[:_SHOWN]):
+        table.add_row(line.tag, str(line.address), f"{40_001 + line.address}", line.kind, line.unit)
+    return table

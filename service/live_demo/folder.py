@@ -1,0 +1,75 @@
+"""``DemoFolder``: where the demo keeps what it makes, and makes room for itself."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from stemwatch.service.collector.lock import FolderLock
+
+ABOUT = "about.txt"
+PLANT_FILE, LOG_FILE, DATABASE = "plant.toml", "service.log", "stemwatch.db"
+SPOOL, REPORTS, MAILS = "stemwatch-spool", "stemwatch-reports", "mails"
+_FILES = (PLANT_FILE, LOG_FILE, DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm")
+_SAYS = (
+    "Made by `stemwatch demo --live`. The next live demo in this folder begins anew and removes\n"
+    "plant file, database, samples, reports, mails and log of this one.\n"
+)
+
+
+class DemoFolder:
+    """The demo's folder at ``path``, made where there is none and held until ``release``.
+
+    The simulated plant begins with a new valve at every start, so what an earlier demo left is
+    removed. Raises ``FileExistsError`` for a folder that holds something and is no demo's, and
+    ``BlockingIOError`` where a demo runs in it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path.resolve()
+        about = self.path / ABOUT
+        if self.path.exists() and not about.is_file() and any(self.path.iterdir()):
+            raise FileExistsError(
+                f"{path} holds other files and was not made by a live demo; name a new folder or "
+                "an empty one with --out"
+            )
+        self.path.mkdir(parents=True, exist_ok=True)
+        try:
+            self._lock = FolderLock(self.path)
+        except BlockingIOError:
+            raise BlockingIOError(
+                f"a live demo is running in {path}; end it, or name another folder with --out"
+            ) from None
+        about.write_text(_SAYS, encoding="utf-8", newline="\n")
+        self._clear()
+
+    @property
+    def mails(self) -> Path:
+        """The folder of the mails."""
+        return self.path / MAILS
+
+    @property
+    def plant_file(self) -> Path:
+        """The plant file of the service."""
+        return self.path / PLANT_FILE
+
+    @property
+    def log(self) -> Path:
+        """The log of the service."""
+        return self.path / LOG_FILE
+
+    @property
+    def database(self) -> str:
+        """The URL of the service's database."""
+        return f"sqlite:///{self.path / DATABASE}"
+
+    def release(self) -> None:
+        """Let another demo have the folder."""
+        self._lock.release()
+
+    def _clear(self) -> None:
+        for name in _FILES:
+            (self.path / name).unlink(missing_ok=True)
+        for name in (SPOOL, REPORTS, MAILS):
+            if (self.path / name).is_dir():
+                shutil.rmtree(self.path / name)

@@ -1,0 +1,70 @@
+"""Which control loops the live demo has."""
+
+from __future__ import annotations
+
+from stemwatch.models.plant import Actuator, PlantLoop, Valve
+from stemwatch.models.plant.loop import (
+    Archive,
+    Controller,
+    Load,
+    LoadKind,
+    Process,
+    PvRange,
+)
+
+WEARING = "FIC-101"
+INTERVAL_S = 0.2  # of the simulated registers; polls are slower
+_FLOW = PvRange(unit="t/h", low=0.0, high=40.0)
+
+
+def live_loops() -> list[PlantLoop]:
+    """Three quick loops with healthy valves. The first one's will wear; the third one oscillates
+    all along, because of what flows and not because of its valve."""
+    load = Load(kind=LoadKind.COLOURED, size=1.6, time_s=8.0)
+    wave = Load(kind=LoadKind.OSCILLATING, size=4.0, time_s=25.0, drift_rad=0.25)
+    return [
+        PlantLoop(
+            tag=WEARING,
+            description="Naphtha feed to the reactor",
+            area="Reforming",
+            criticality=3,
+            story="healthy at first, then it wears",
+            valve=Valve.showing(0.4, 0.16, actuator=Actuator(air_lag_s=0.4)),
+            process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
+            controller=Controller(gain=0.5, reset_s=2.4, scan_s=0.2),
+            archive=Archive(interval_s=INTERVAL_S),
+            pv_range=_FLOW,
+            loads=(load,),
+        ),
+        PlantLoop(
+            tag="FIC-102",
+            description="Recycle gas to the charge heater",
+            area="Reforming",
+            criticality=3,
+            story="healthy, smart positioner",
+            valve=_positioned(),
+            process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
+            controller=Controller(gain=0.5, reset_s=3.0, scan_s=0.2, set_point=42.0, output=55.0),
+            archive=Archive(interval_s=INTERVAL_S),
+            pv_range=_FLOW,
+            loads=(Load(kind=LoadKind.COLOURED, size=1.2, time_s=10.0),),
+        ),
+        PlantLoop(
+            tag="FIC-103",
+            description="Reflux to the stabiliser",
+            area="Fractionation",
+            criticality=2,
+            story="healthy, oscillating disturbance",
+            valve=Valve.showing(0.4, 0.1, actuator=Actuator(air_lag_s=0.4)),
+            process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
+            controller=Controller(gain=0.5, reset_s=3.0, scan_s=0.2, set_point=58.0, output=47.0),
+            archive=Archive(interval_s=INTERVAL_S),
+            pv_range=_FLOW,
+            loads=(wave, Load(kind=LoadKind.COLOURED, size=0.6, time_s=8.0)),
+        ),
+    ]
+
+
+def _positioned() -> Valve:
+    actuator = Actuator(air_lag_s=1.5)
+    return Valve.showing(0.3, 0.0, positioner_gain=9.0, actuator=actuator)

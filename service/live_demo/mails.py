@@ -1,0 +1,121 @@
+"""``MailCatcher``: a mail server on this machine that keeps what it is sent and passes nothing
+on."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from email import message_from_bytes, policy
+from email.message import EmailMessage
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from aiosmtpd.smtp import SMTP
+
+LIST = "index.html"
+TEMPLATE = "mails.html"
+LARGEST = 1 << 20
+_SHOWN = 100  # the newest mails that the list shows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Caught:
+    """A mail that arrived: when, in which file, from whom to whom, about what."""
+
+    at: datetime
+    file: str
+    sender: str
+    to: str
+    subject: str
+    text: str
+
+
+class MailCatcher:
+    """Takes mails by SMTP on loopback, keeps each as ``0001.eml`` and so on in ``folder``, and
+    lists them in ``index.html`` there, the newest first.
+
+    Use it with ``async with``; ``port`` 0 takes a free one, which ``port`` then tells. ``told`` is
+    called with each mail. A mail of more than 1 MiB is refused.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        port: int = 0,
+        told: Callable[[Caught], object] = lambda mail: None,
+    ) -> None:
+        self.folder, self.port = folder, port
+        self.caught: list[Caught] = []
+        self._told = told
+        self._server: asyncio.Server | None = None
+
+    @property
+    def list_file(self) -> Path:
+        """The page that lists the mails."""
+        return self.folder / LIST
+
+    async def __aenter__(self) -> MailCatcher:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._write_list()
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(self._session, "127.0.0.1", self.port)
+        self.port = self._server.sockets[0].getsockname()[1]
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._server is not None:
+            self._server.close()
+
+    def _session(self) -> SMTP:
+        from aiosmtpd.smtp import SMTP
+
+        return SMTP(_Handler(self._keep), hostname="localhost", data_size_limit=LARGEST)
+
+    def _keep(self, content: bytes) -> None:
+        name = f"{len(self.caught) + 1:04d}.eml"
+        (self.folder / name).write_bytes(content)
+        mail = message_from_bytes(content, policy=policy.default)
+        caught = Caught(
+            at=datetime.now().astimezone(),
+            file=name,
+            sender=str(mail.get("From", "")),
+            to=str(mail.get("To", "")),
+            subject=str(mail.get("Subject", "")),
+            text=_text_of(mail),
+        )
+        self.caught.append(caught)
+        self._write_list()
+        self._told(caught)
+
+    def _write_list(self) -> None:
+        from jinja2 import Environment, FileSystemLoader
+
+        # What is in a mail comes from the plant: text, whatever is written in it.
+        pages = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True)
+        text = pages.get_template(TEMPLATE).render(
+            mails=self.caught[::-1][:_SHOWN], count=len(self.caught)
+        )
+        fresh = self.list_file.with_suffix(".new")
+        fresh.write_text(text, encoding="utf-8", newline="\n")
+        fresh.replace(self.list_file)
+
+
+class _Handler:
+    """What the mail server does with a mail."""
+
+    def __init__(self, keep: Callable[[bytes], None]) -> None:
+        self._keep = keep
+
+    async def handle_DATA(self, server: object, session: object, envelope: Any) -> str:
+        """Keep the mail; the name of this method is the library's."""
+        content = envelope.original_content or b""
+        self._keep(content)
+        return "250 kept"
+
+
+def _text_of(mail: EmailMessage) -> str:
+    body = mail.get_body(("plain",))
+    return "" if body is None else str(body.get_content())

@@ -1,0 +1,79 @@
+"""The plant file of the live demo's service."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+from stemwatch.models.plant import PlantLoop
+from stemwatch.service.live_demo.folder import REPORTS, SPOOL
+from stemwatch.service.live_demo.pace import Pace
+from stemwatch.service.modbus_plant import plant_toml
+
+_BASELINE_RATIO = 4.0
+MAILBOX = "maintenance@demo.invalid"
+_HEAD = """\
+# Written by `stemwatch demo --live` at each start. The times suit a demonstration: wear that takes
+# months takes minutes here. A plant would poll once a second, screen each night, and look at a day:
+# every_s = 1.0, cron = "30 2 * * *", window_s = 86400.0, and no [limits] of its own.
+
+"""
+
+
+def demo_toml(
+    loops: Sequence[PlantLoop],
+    pace: Pace,
+    *,
+    modbus_port: int,
+    mail_port: int,
+    pages_port: int = 0,
+) -> str:
+    """A whole ``plant.toml``: the simulated device and its valves, a schedule, a mailbox.
+
+    The plant's name says on every page that it is simulated and how fast. Mails link to the pages
+    where ``pages_port`` is known beforehand.
+    """
+    fast = "" if pace.speed == 1.0 else f", {pace.speed:g} times as fast as the clock"
+    plant = plant_toml(
+        loops,
+        host="127.0.0.1",
+        port=modbus_port,
+        every_s=pace.every_s,
+        name=f"Live demo (simulated{fast})",
+    )
+    return _HEAD + plant + _service(pace, mail_port, pages_port)
+
+
+def _service(pace: Pace, mail_port: int, pages_port: int) -> str:
+    address = f"http://127.0.0.1:{pages_port}/" if pages_port else ""
+    return f"""
+[limits]
+min_duration_s = {pace.shortest_s}
+# A baseline of minutes has seen less than one of a day; what follows it a little worse is no news.
+baseline_ratio_watch = {_BASELINE_RATIO}
+
+[service]
+address = {json.dumps(address)}
+spool = {json.dumps(SPOOL)}
+reports = {json.dumps(REPORTS)}
+window_s = {pace.window_s}
+workers = 1
+
+[alerts]
+raise_after_runs = 2
+of_runs = 3
+
+[[schedules]]
+name = "all valves, every {pace.schedule_s:g} s"
+every_s = {pace.schedule_s}
+window_s = {pace.window_s}
+
+[[notifiers]]
+name = "maintenance"
+kind = "mail"
+host = "127.0.0.1"
+port = {mail_port}
+security = "none"
+sender = "stemwatch@demo.invalid"
+to = [{json.dumps(MAILBOX)}]
+"""

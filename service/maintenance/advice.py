@@ -1,0 +1,151 @@
+"""What to check, in which order, with which parts and behind which isolation; from ``advice.toml``.
+
+All of it is advice by kind of finding. It knows neither the plant nor its rules, and says so.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cache
+from importlib.resources import files
+
+MOST_STEPS = 9  # a page holds no more, and nobody reads more at the valve
+
+
+class Level(IntEnum):
+    """How far one must go for a step, from the cheapest to the dearest."""
+
+    DESK = 0
+    LOOK = 1
+    MANUAL = 2
+    AIR = 3
+    LINE = 4
+
+
+LEVEL_NAME = {
+    Level.DESK: "desk",
+    Level.LOOK: "at the valve, in service",
+    Level.MANUAL: "loop in manual",
+    Level.AIR: "air off",
+    Level.LINE: "line isolated",
+}
+HINT = (
+    "Hints by kind of finding, not a work permit: the permit, lock-out and line-breaking rules of "
+    "the site and the instructions of the makers decide."
+)
+ISOLATION = {
+    Level.DESK: "No isolation: this is work at the desk.",
+    Level.LOOK: (
+        "Valve in service: it may move at any time and without warning. Keep hands and tools out "
+        "of yoke, stem and linkage."
+    ),
+    Level.MANUAL: (
+        "Loop in manual, agreed with the control room; think of cascades, interlocks and what a "
+        "move of 5 % does to the process; somebody stands at the bypass where it bears none."
+    ),
+    Level.AIR: (
+        "Air shut and vented, locked and tagged: the valve goes to its fail position, so agree on "
+        "bypass or safe state first. Volume tanks, boosters and lock-up valves keep pressure. The "
+        "actuator's spring holds energy: release it as the maker says before anything is opened, "
+        "and never hang on the coupling to hold the plug."
+    ),
+    Level.LINE: (
+        "Pressure boundary: bypass open, block valves before and after the valve shut, locked and "
+        "tagged; depressurise, drain, flush, and prove it at vent and bonnet. Medium may be "
+        "trapped between the block valves, in the bonnet and behind the packing; mind heat and "
+        "hazardous medium. Gland nuts only when no pressure is left; leak test before it goes back."
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to check or do."""
+
+    level: Level
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """Everything that ``advice.toml`` says of one kind of finding.
+
+    ``title`` has at most 30 letters; ``damage`` and ``cause`` are codes of ISO 14224 (failure mode,
+    failure mechanism), ``part`` is the object part that is suspected first.
+    """
+
+    kind: str
+    title: str
+    parts: tuple[str, ...]
+    damage: str
+    cause: str
+    part: str
+    steps: tuple[Step, ...]
+    otherwise: tuple[str, ...] = ()  # what looks alike, a sentence each
+
+
+@cache
+def catalogue() -> Mapping[str, Advice]:
+    """The advice for every kind, by its name."""
+    text = files("stemwatch.service.maintenance").joinpath("advice.toml").read_text("utf-8")
+    return {kind: _advice(kind, table) for kind, table in tomllib.loads(text).items()}
+
+
+def advice_for(kind: str) -> Advice:
+    """The advice for ``kind``; that for an unknown movement where a newer version named it."""
+    known = catalogue()
+    return known.get(kind, known["unknown"])
+
+
+def steps_for(kinds: Iterable[str]) -> tuple[Step, ...]:
+    """The steps of several kinds together, the cheapest first, none twice, ``MOST_STEPS`` at most.
+
+    All of the first kind's are there; the others fill what room is left, in turn.
+    """
+    first, *queues = ([*advice_for(kind).steps] for kind in kinds)
+    taken = first
+    while any(queues) and len(taken) < MOST_STEPS:
+        for queue in queues:
+            step = queue.pop(0) if queue else None
+            if step is not None and step not in taken and len(taken) < MOST_STEPS:
+                taken.append(step)
+    return tuple(sorted(taken, key=lambda step: step.level))
+
+
+def parts_for(kinds: Iterable[str]) -> tuple[str, ...]:
+    """What to have at hand for several kinds, none twice; "none" only where it stands alone."""
+    every = list(dict.fromkeys(part for kind in kinds for part in advice_for(kind).parts))
+    needed = [part for part in every if not part.startswith("none")]
+    return tuple(needed or every[:1])
+
+
+def isolation_for(steps: Iterable[Step]) -> tuple[tuple[Level, str], ...]:
+    """What each level that ``steps`` reach asks for, the cheapest first; the desk only alone."""
+    levels = sorted({step.level for step in steps})
+    beyond = [level for level in levels if level > Level.DESK]
+    return tuple((level, ISOLATION[level]) for level in beyond or levels)
+
+
+def _advice(kind: str, table: Mapping[str, object]) -> Advice:
+    steps, parts, alike = table["steps"], table["parts"], table.get("otherwise", [])
+    assert isinstance(steps, list)
+    assert isinstance(parts, list)
+    assert isinstance(alike, list)
+    return Advice(
+        kind=kind,
+        title=str(table["title"]),
+        parts=tuple(map(str, parts)),
+        damage=str(table["damage"]),
+        cause=str(table["cause"]),
+        part=str(table["object"]),
+        steps=tuple(_step(one) for one in steps),
+        otherwise=tuple(map(str, alike)),
+    )
+
+
+def _step(text: str) -> Step:
+    level, _, said = text.partition(": ")
+    return Step(Level[level.upper()], said)

@@ -1,0 +1,83 @@
+"""The maintenance report of what is stored: of a run, or of each valve's latest screening."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from stemwatch.models.findings import Screening
+from stemwatch.service.maintenance.stored import (
+    Kept,
+    background_of,
+    facts_of,
+    kept_latest,
+    kept_of_run,
+)
+from stemwatch.service.maintenance.write import MaintenanceFiles, write_maintenance
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.report.context import ReportContext, SourceNotRead
+from stemwatch.service.report.discoveries import tested
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.store import Store
+
+
+def report_of_store(
+    store: Store,
+    out_dir: Path,
+    *,
+    plant: Plant | None = None,
+    run: int | None = None,
+    valves: Collection[str] = (),
+    zone: str = "",
+    everything: bool = False,
+) -> MaintenanceFiles:
+    """Write the report of ``run``, or without one of each valve's latest screening, into
+    ``out_dir``; of ``valves`` only, where some are named.
+
+    What stands beside friction is decided over all valves either way. Raises ``StoreError`` where
+    there is no such run, or none of a valve that was named.
+    """
+    every = kept_latest(store) if run is None else kept_of_run(store, run)
+    known = {one.valve for one in every}
+    if unknown := sorted(set(valves) - known):
+        where = "the store" if run is None else f"run {run}"
+        raise StoreError(
+            f"{store.address}: {where} has no screening of {', '.join(map(repr, unknown))}; "
+            f"it has {len(known)} valves, such as {', '.join(sorted(known)[:5]) or 'none'}"
+        )
+    chosen = [one for one in every if not valves or one.valve in valves]
+    context = ReportContext(
+        started=datetime.now(UTC) if run is None else store.run(run).started,
+        plant=plant.name if plant is not None else "",
+        zone=zone or (plant.zone if plant is not None else None) or "UTC",
+        valves=facts_of(store, plant, chosen),
+        p_elsewhere=_p_elsewhere(every, valves),
+    )
+    background = background_of(store, plant, run)
+    return write_maintenance(chosen, context, out_dir, background, everything=everything)
+
+
+def report_of_run(
+    store: Store, plant: Plant, run: int, screenings: Sequence[Screening], out_dir: Path
+) -> MaintenanceFiles:
+    """Write the report of all valves of a scheduled run. ``screenings`` are those of them whose
+    samples are still here, for the pictures; the others come as they are stored."""
+    here = {one.valve for one in screenings}
+    rest = [one for one in kept_of_run(store, run) if one.valve not in here]
+    every = [*screenings, *rest]
+    aside = store.queue.set_aside(run)
+    context = ReportContext(
+        started=store.run(run).started,
+        plant=plant.name,
+        zone=plant.zone or "UTC",
+        valves=facts_of(store, plant, every),
+        sources_not_read=tuple(SourceNotRead(source=valve, reason=why) for valve, why in aside),
+    )
+    return write_maintenance(every, context, out_dir, background_of(store, plant, run))
+
+
+def _p_elsewhere(every: list[Kept], valves: Collection[str]) -> tuple[float | None, ...]:
+    """The p values of the valves that were tested and are not in the report."""
+    others = [one.mismatch for one in every if valves and one.valve not in valves]
+    return tuple(one.p_value for one in others if tested(one))

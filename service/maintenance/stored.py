@@ -1,0 +1,194 @@
+"""What the store tells of a plant: the screenings of a run, or the latest of each valve, and what
+came before them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+
+from sqlalchemy import ColumnElement, select
+from sqlalchemy.orm import Session, defer
+
+from stemwatch.connectors.connector import ConnectorError, Window
+from stemwatch.models.findings import Screening
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
+from stemwatch.models.recording import Recording
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance.background import LOOK_BACK, Background, Past
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.report.context import PreviousFinding, ValveFacts
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.records import StoredScreening, StoredValve
+from stemwatch.service.store.rows import stored_screening
+from stemwatch.service.store.screenings import latest_screening_id
+from stemwatch.service.store.store import Store
+from stemwatch.service.store.stored_samples import StoredSamples
+from stemwatch.service.store.tables import ScreeningRow, ValveRow
+
+# Enough for a typical stretch of the picture; a day of three tags at 1 s is a quarter of a million.
+LONGEST_READ = timedelta(hours=4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kept(Screening):
+    """A screening as the store has it: without samples, but with its window."""
+
+    kept_window: tuple[datetime | None, datetime | None] = (None, None)
+
+    @property
+    def window(self) -> tuple[datetime | None, datetime | None]:
+        """UTC start and end, ``None`` where the source did not tell."""
+        return self.kept_window
+
+
+def kept_of_run(store: Store, run: int) -> list[Kept]:
+    """Every screening of a run. Raises ``StoreError`` where there is no such run."""
+    store.run(run)
+    with store.access.reading("reading a run's screenings") as session:
+        return _kept(session, ScreeningRow.run_id == run)
+
+
+def kept_latest(store: Store) -> list[Kept]:
+    """Each valve's latest screening."""
+    with store.access.reading("reading the latest screenings") as session:
+        newest = select(latest_screening_id()).select_from(ValveRow)
+        return _kept(session, ScreeningRow.id.in_(newest))
+
+
+def kept(stored: StoredScreening) -> Kept:
+    """A stored screening as the report shows it."""
+    return Kept(
+        valve=stored.valve,
+        verdict=stored.verdict,
+        reason=stored.reason,
+        advice=stored.advice,
+        shape=stored.shape,
+        severity=stored.severity,
+        confidence=stored.confidence,
+        S=stored.S,
+        J=stored.J,
+        residuals=stored.residuals,
+        quality=stored.quality,
+        indicators={},
+        still_seen=stored.still_seen,
+        baseline_note=stored.baseline_note,
+        provenance=stored.provenance,
+        mismatch=stored.mismatch,
+        seconds=stored.seconds,
+        kept_window=stored.window,
+    )
+
+
+def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> Background:
+    """What the store knows beside the screenings; pictures of valves whose samples it keeps."""
+
+    def earlier(screening: Screening) -> Sequence[Past]:
+        with store.access.reading("reading earlier screenings") as session:
+            return read_earlier(session, screening)
+
+    def samples(screening: Screening) -> Recording | None:
+        if screening.recording is not None:
+            return screening.recording
+        return read_samples(store, plant, screening)
+
+    return Background(earlier=earlier, work=store.maintenance, samples=samples, run=run)
+
+
+def read_earlier(session: Session, screening: Screening, limit: int = LOOK_BACK) -> list[Past]:
+    """The screenings before this one, newest first. One without dates is taken to be the last."""
+    one = ScreeningRow
+    columns = (one.at, one.run_id, one.verdict, one.severity, one.s_percent, one.j_percent)
+    found = (one.mismatch_finding, one.mismatch_slugs)
+    statement = select(*columns, *found).where(one.valve == screening.valve)
+    statement = statement.order_by(one.at.desc(), one.id.desc()).limit(limit)
+    end = screening.window[1]
+    # Its own row stands first where nothing tells when it was.
+    statement = statement.offset(1) if end is None else statement.where(one.at < end)
+    return [
+        Past(
+            at=row.at,
+            run=row.run_id,
+            verdict=Verdict(row.verdict),
+            severity=row.severity,
+            S=row.s_percent,
+            J=row.j_percent,
+            finding=row.mismatch_finding,
+            effects=tuple(row.mismatch_slugs or ()),
+        )
+        for row in session.execute(statement)
+    ]
+
+
+def facts_of(
+    store: Store, plant: Plant | None, screenings: Sequence[Screening]
+) -> dict[str, ValveFacts]:
+    """What plant file and store say of the valves, and what was found of them before."""
+    known = {valve.id: valve for valve in store.valves()}
+    with store.access.reading("reading earlier screenings") as session:
+        return {
+            one.valve: _facts(known.get(one.valve), plant, one.valve, _previous(session, one))
+            for one in screenings
+        }
+
+
+def _facts(
+    known: StoredValve | None, plant: Plant | None, valve: str, previous: PreviousFinding | None
+) -> ValveFacts:
+    entry = plant.valves.get(valve) if plant is not None else None
+    told = entry or known
+    if told is None:
+        return ValveFacts(previous=previous)
+    return ValveFacts(
+        description=told.description,
+        area=told.area,
+        criticality=str(told.criticality),
+        stroke="" if entry is None else entry.stroke or "",
+        previous=previous,
+    )
+
+
+def _previous(session: Session, screening: Screening) -> PreviousFinding | None:
+    earlier = read_earlier(session, screening, limit=1)
+    if not earlier:
+        return None
+    last = earlier[0]
+    return PreviousFinding(
+        verdict=last.verdict, S=last.S, J=last.J, severity=last.severity, started=last.at
+    )
+
+
+def read_samples(store: Store, plant: Plant | None, screening: Screening) -> Recording | None:
+    """The end of the screened window, where the store has samples of it."""
+    start, end = screening.window
+    if plant is None or start is None or end is None or screening.valve not in plant.valves:
+        return None
+    if not plant.is_live(screening.valve):
+        return None
+    source = StoredSamples(store.samples, plant.valves[screening.valve].source)
+    window = Window(start=max(start, end - LONGEST_READ), stop=end)
+    try:
+        return source.read(plant.valve_tags(screening.valve), window)
+    except (ConnectorError, StoreError):
+        return None  # removed by now: the page says that there is no picture
+
+
+def _kept(session: Session, which: ColumnElement[bool]) -> list[Kept]:
+    statement = select(ScreeningRow).options(defer(ScreeningRow.mismatch)).where(which)
+    rows = session.scalars(statement.order_by(ScreeningRow.valve, ScreeningRow.id))
+    return [_of_row(row) for row in rows]
+
+
+def _of_row(row: ScreeningRow) -> Kept:
+    """The row as a screening. A healthy valve on which nothing was named gets no page: of its
+    mismatch only the verdict counts, and reading all of it for thousands takes long."""
+    if row.verdict != Verdict.HEALTHY.value or row.mismatch_slugs:
+        return kept(stored_screening(row))
+    light = kept(stored_screening(row, with_mismatch=False))
+    if row.mismatch_finding is None:
+        return light
+    numbers = Stiction(S=light.S, J=light.J)
+    found = Mismatch(
+        finding=Finding(row.mismatch_finding), sentence="", naive=numbers, restated=numbers
+    )
+    return replace(light, mismatch=found)

@@ -1,0 +1,87 @@
+"""How the parts of the service are doing, for ``/healthz``, ``/ready`` and ``/metrics``.
+
+The text of a check reaches whoever asks: it names no address and no secret.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from stemwatch.service.plantfile import Plant
+from stemwatch.service.scheduler import Alarm
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.store import Store
+
+if TYPE_CHECKING:
+    from stemwatch.service.web.site import Check
+
+_OLD_STATE = timedelta(seconds=60)
+_SCHEDULES_LATE_S = 60.0  # three looks at the schedules
+_NOT_HEARD = "nothing is heard of it"
+_FAULTY = "it does not answer as it should; the page of sources says why"
+
+
+def checks(
+    store: Store, plant: Plant, alarm: Alarm, working: Sequence[threading.Thread] = ()
+) -> list[Check]:
+    """Each part with what it says. ``vital`` are those without which nothing is to be expected:
+    the store, the scheduler, threads that must not end, the collector's process."""
+    from stemwatch.service.web.site import Check
+
+    found = [_scheduler(alarm)]
+    found += [
+        Check(name=one.name, ok=False, says="it has ended; the log says why", vital=True)
+        for one in working
+        if not one.is_alive()
+    ]
+    try:
+        states = {state.source: state for state in store.sources.states()}
+        going = store.queue.going()
+    except StoreError:
+        says = "the database does not answer"
+        return [*found, Check(name="store", ok=False, says=says, vital=True)]
+    found.append(Check(name="store", ok=True, vital=True))
+    late = [run for run in going if run.heartbeat and _old(run.heartbeat)]
+    to_do = f"{len(going)} {'run' if len(going) == 1 else 'runs'} to do"
+    says = f"run {late[0].id} has been silent for a while" if late else to_do
+    found.append(Check(name="runs", ok=not late, says=says))
+    if plant.devices:
+        found.append(_collector([states[name] for name in plant.devices if name in states]))
+    for name in plant.devices:
+        state = states.get(name)
+        if state is None or _old(state.updated):
+            found.append(Check(name=f"device {name}", ok=False, says=_NOT_HEARD))
+        else:
+            says = _FAULTY if state.fault else ""  # a fault may hold the device's address
+            found.append(Check(name=f"device {name}", ok=not says, says=says))
+    return found
+
+
+def _scheduler(alarm: Alarm) -> Check:
+    from stemwatch.service.web.site import Check
+
+    silent_s = alarm.silent_s
+    if silent_s is None:
+        says = "the schedules were not looked at yet"
+    elif silent_s > _SCHEDULES_LATE_S:
+        says = f"the schedules were looked at {silent_s:.0f} s ago"
+    else:
+        says = ""
+    return Check(name="scheduler", ok=not says, says=says, vital=True)
+
+
+def _collector(states: Sequence[SourceState]) -> Check:
+    """The collector speaks of every device each few seconds, whether the device answers or not."""
+    from stemwatch.service.web.site import Check
+
+    heard = any(not _old(state.updated) for state in states)
+    says = "" if heard else "it has not spoken of any device in the last minute"
+    return Check(name="collector", ok=heard, says=says, vital=True)
+
+
+def _old(instant: datetime) -> bool:
+    return datetime.now(UTC) - instant > _OLD_STATE

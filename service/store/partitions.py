@@ -1,0 +1,158 @@
+"""How PostgreSQL lays out samples: one partition for each day in UTC, or a hypertable.
+
+Days are made ahead of the samples and dropped whole when they are over age, which costs nothing
+however much is in them. What falls on a day that has no partition lies in ``samples_default`` and
+is as good as any other sample. SQLite has one plain table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from enum import StrEnum
+
+from sqlalchemy import Connection, text
+
+DAY_US = 86_400_000_000
+DAYS_AHEAD = 7
+MOST_DAYS_BACK = 400  # older samples lie in the default partition
+DEFAULT = "samples_default"
+_PREFIX = "samples_2"  # samples_20260301
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_LOCK = 0x57E3_DA15  # any number of our own: PostgreSQL's advisory lock for partitions
+_LOCK_WAIT = "5s"  # a partition waits for readers of the table, and others then wait for it
+_KIND = text("SELECT relkind FROM pg_class WHERE oid = to_regclass('samples')")
+_HYPERTABLE = text(
+    "SELECT count(*) FROM timescaledb_information.hypertables "
+    "WHERE hypertable_name = 'samples' AND hypertable_schema = current_schema()"
+)
+_EXTENSION = text("SELECT extversion FROM pg_extension WHERE extname = 'timescaledb'")
+_CHILDREN = text(
+    "SELECT child.relname FROM pg_inherits "
+    "JOIN pg_class AS child ON child.oid = pg_inherits.inhrelid "
+    "WHERE pg_inherits.inhparent = to_regclass('samples') ORDER BY child.relname"
+)
+
+
+class Layout(StrEnum):
+    """How the table of samples lies in its database."""
+
+    PLAIN = "plain table"
+    PARTITIONS = "partitions by day"
+    HYPERTABLE = "TimescaleDB hypertable"
+
+
+def layout_of(connection: Connection) -> Layout:
+    """How samples lie in this database."""
+    if connection.dialect.name != "postgresql":
+        return Layout.PLAIN
+    if connection.execute(_KIND).scalar() in ("p", b"p"):
+        return Layout.PARTITIONS
+    if timescale_version(connection) and connection.execute(_HYPERTABLE).scalar():
+        return Layout.HYPERTABLE
+    return Layout.PLAIN
+
+
+def timescale_version(connection: Connection) -> str | None:
+    """The version of TimescaleDB that is installed in this PostgreSQL database, if it is."""
+    version: str | None = connection.execute(_EXTENSION).scalar()
+    return version
+
+
+def is_partition(table: str) -> bool:
+    """Whether a table's name is that of a part of ``samples``."""
+    return table == DEFAULT or (table.startswith(_PREFIX) and table[8:].isdigit())
+
+
+def partition_name(day: int) -> str:
+    """The partition of the ``day``-th day since 1970-01-01 in UTC."""
+    return f"samples_{_EPOCH + timedelta(days=day):%Y%m%d}"
+
+
+def day_of(instant: datetime) -> int:
+    """Which day since 1970-01-01 in UTC an instant falls on."""
+    return (instant - _EPOCH) // timedelta(days=1)
+
+
+def days_there(connection: Connection) -> dict[int, str]:
+    """The days that have a partition, with its name."""
+    names = connection.execute(_CHILDREN).scalars()
+    return {_day_named(name): name for name in names if name != DEFAULT and is_partition(name)}
+
+
+def wanted_days(days: Iterable[int], now: datetime) -> set[int]:
+    """Of ``days``, and those that come next, the ones that shall have a partition.
+
+    A clock that is wrong by decades must not make thousands of tables.
+    """
+    today = day_of(now)
+    near = {day for day in days if today - MOST_DAYS_BACK <= day <= today + DAYS_AHEAD}
+    return near | set(range(today, today + DAYS_AHEAD + 1))
+
+
+def make_days(connection: Connection, days: Iterable[int]) -> int:
+    """Give each of ``days`` its partition, with what already lies in the default one; how many
+    were new. Needs a transaction of its own: other writers wait for its end.
+
+    Raises SQLAlchemy's ``OperationalError`` where the table is in use for longer than five seconds.
+    """
+    missing = set(days) - set(days_there(connection))
+    if not missing:
+        return 0
+    connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_WAIT}'"))
+    connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
+    missing -= set(days_there(connection))  # another process may have been quicker
+    occupied = _days_in_default(connection, missing)
+    for day in sorted(missing):
+        for statement in _statements(day, occupied=day in occupied):
+            connection.execute(text(statement))
+    return len(missing)
+
+
+def drop_days(connection: Connection, before: int) -> int:
+    """Drop the partitions of all days before day ``before``; how many samples went with them."""
+    connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
+    old = [name for day, name in sorted(days_there(connection).items()) if day < before]
+    gone = sum(_rows_of(connection, name) for name in old)
+    if old:
+        connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_WAIT}'"))
+        connection.execute(text(f"DROP TABLE {', '.join(old)}"))
+    return gone
+
+
+def drop_chunks(before_us: int) -> str:
+    """The statement that drops a hypertable's chunks that end before ``before_us``."""
+    return f"SELECT drop_chunks('samples', older_than => BIGINT '{before_us}')"
+
+
+def _day_named(name: str) -> int:
+    return day_of(datetime.strptime(name.removeprefix("samples_"), "%Y%m%d").replace(tzinfo=UTC))
+
+
+def _rows_of(connection: Connection, table: str) -> int:
+    return int(connection.execute(text(f"SELECT count(*) FROM {table}")).scalar_one())
+
+
+def _days_in_default(connection: Connection, days: set[int]) -> set[int]:
+    found = connection.execute(
+        text(
+            f"SELECT DISTINCT floor(at_us::numeric / {DAY_US})::bigint FROM {DEFAULT} "
+            "WHERE at_us >= :first AND at_us < :stop"
+        ),
+        {"first": min(days, default=0) * DAY_US, "stop": (max(days, default=0) + 1) * DAY_US},
+    )
+    return {int(day) for day in found.scalars()} & days
+
+
+def _statements(day: int, *, occupied: bool) -> list[str]:
+    name = partition_name(day)
+    first, stop = day * DAY_US, (day + 1) * DAY_US
+    bounds = f"FOR VALUES FROM ({first}) TO ({stop})"
+    if not occupied:
+        return [f"CREATE TABLE {name} PARTITION OF samples {bounds}"]
+    return [
+        f"CREATE TABLE {name} (LIKE {DEFAULT} INCLUDING ALL)",
+        f"WITH moved AS (DELETE FROM {DEFAULT} WHERE at_us >= {first} AND at_us < {stop} "
+        f"RETURNING *) INSERT INTO {name} SELECT * FROM moved",
+        f"ALTER TABLE samples ATTACH PARTITION {name} {bounds}",
+    ]

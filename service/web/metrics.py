@@ -1,0 +1,213 @@
+"""``/metrics``: how the service is doing, in the text format of Prometheus.
+
+Everything is read when it is asked for, from the store and the spool's folder, so that one page
+speaks for all processes. Labels are devices, notifiers and fixed words; valves and tags are none,
+so that the number of series does not grow with the plant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+
+from fastapi import APIRouter, Response
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
+from prometheus_client.registry import CollectorRegistry
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service import __version__
+from stemwatch.service.collector.backlog import backlog
+from stemwatch.service.store.alerts import AlertKind, AlertSeverity
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.records import RunState
+from stemwatch.service.store.sources import SourceState
+from stemwatch.service.web.desk import AtDesk, Desk
+from stemwatch.service.web.queries.figures import NOT_SCREENED, Figures, read_figures
+
+PREFIX = "stemwatch_"
+DELIVERY_STATES = ("waiting", "failing", "sent", "given_up")
+_OVER = (RunState.DONE, RunState.CANCELLED, RunState.FAILED, RunState.SKIPPED)
+_GOING = (RunState.WAITING, RunState.RUNNING)
+# (figure of the source, name of the metric, what it is); counts begin anew with the collector.
+_DEVICE_COUNTS = (
+    ("polls", "device_polls", "Polls made since the collector started"),
+    ("missed", "device_polls_missed", "Instants that were not polled in time"),
+    ("reconnects", "device_reconnects", "Connections opened again"),
+)
+_DEVICE_GAUGES = (
+    ("late_p99_s", "device_lateness_p99_seconds", "From an instant to its last answer, p99"),
+    ("poll_p99_s", "device_poll_p99_seconds", "What a poll takes, p99"),
+    ("refused_tags", "device_refused_tags", "Tags that the device does not hand out"),
+)
+
+router = APIRouter(tags=["health"])
+
+
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+def metrics(desk: AtDesk) -> Response:
+    """The state of the service for Prometheus. While the database is away it is told without
+    what stands there, and ``stemwatch_database_up`` is 0."""
+    return Response(metrics_text(desk), media_type=CONTENT_TYPE_LATEST)
+
+
+def metrics_text(desk: Desk) -> bytes:
+    """The answer's body."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Told(list(told(desk))))
+    return generate_latest(registry)
+
+
+class _Told:
+    """Metrics that are known already, as a registry wants them."""
+
+    def __init__(self, known: list[Metric]) -> None:
+        self._known = known
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics."""
+        return self._known
+
+
+def told(desk: Desk) -> Iterator[Metric]:
+    """Every metric, as it stands now."""
+    yield _gauge("info", "The version that runs", [({"version": __version__}, 1.0)])
+    try:
+        states = desk.store.sources.states()
+        with desk.reading() as session:
+            figures = read_figures(session)
+    except StoreError:
+        yield _one("database_up", "1 where the database answers", 0.0)
+    else:
+        yield _one("database_up", "1 where the database answers", 1.0)
+        yield from _of_devices(_known_devices(desk, states), desk.now)
+        yield from _of_runs(figures)
+        yield from _of_alerts(desk, figures)
+    yield from _of_parts(desk)
+    yield from _of_spool(desk)
+
+
+def _known_devices(desk: Desk, states: list[SourceState]) -> list[SourceState]:
+    """The devices that the plant file names; what it named once is no series for ever."""
+    plant = desk.site.plant
+    return [
+        one
+        for one in states
+        if one.kind != "folder" and (plant is None or one.source in plant.devices)
+    ]
+
+
+def _of_devices(devices: list[SourceState], now: datetime) -> Iterator[Metric]:
+    samples = _counter("samples", "Samples polled since the collector started, by quality")
+    for one in devices:
+        for quality in ("good", "bad"):
+            _add(samples, {"device": one.source, "quality": quality}, one.figures.get(quality, 0))
+    yield samples
+    for key, name, says in _DEVICE_COUNTS:
+        counter = _counter(name, says)
+        for one in devices:
+            _add(counter, {"device": one.source}, one.figures.get(key, 0))
+        yield counter
+    for key, name, says in _DEVICE_GAUGES:
+        known = [one for one in devices if key in one.figures]
+        yield _gauge(name, says, [({"device": one.source}, one.figures[key]) for one in known])
+    up = [({"device": one.source}, float(one.connected and not one.fault)) for one in devices]
+    yield _gauge("device_up", "1 where the device answers without a fault", up)
+    ages = [(one.source, one.last_good) for one in devices]
+    yield _gauge(
+        "device_last_good_age_seconds",
+        "Since the last poll with a good sample",
+        [({"device": name}, _age_s(at, now)) for name, at in ages if at is not None],
+    )
+    heard = [({"device": one.source}, _age_s(one.updated, now)) for one in devices]
+    yield _gauge("device_heard_age_seconds", "Since the collector spoke of the device", heard)
+    dropped = max((one.figures.get("dropped", 0.0) for one in devices), default=0.0)
+    refused = max((one.figures.get("store_refused", 0.0) for one in devices), default=0.0)
+    yield _counter("samples_dropped", "Samples that neither disk nor memory held", dropped)
+    yield _counter("samples_refused", "Samples that the store refused for good", refused)
+
+
+def _of_runs(figures: Figures) -> Iterator[Metric]:
+    runs = _counter("runs", "Runs that are over, by outcome")
+    for state in _OVER:
+        _add(runs, {"outcome": state.value}, figures.runs.get(state.value, 0))
+    yield runs
+    going = [({"state": one.value}, float(figures.runs.get(one.value, 0))) for one in _GOING]
+    yield _gauge("queue_runs", "Runs that wait or go on", going)
+    yield _one("queue_valves", "Valves that these still have to do", figures.valves_to_do)
+    yield _counter("valves_set_aside", "Valves of all runs without a result", figures.set_aside)
+    words = (*(verdict.value for verdict in Verdict), NOT_SCREENED)
+    counts = [({"verdict": word}, float(figures.verdicts.get(word, 0))) for word in words]
+    yield _gauge("valves", "Valves by the verdict of their latest screening", counts)
+    last = figures.last_run
+    if last is None:
+        return
+    yield _one("last_run_seconds", "What the run finished last took", last.seconds)
+    yield _one("last_run_finished_timestamp_seconds", "When it ended", last.finished_s)
+    valve_s = [({"stat": "mean"}, last.valve_mean_s), ({"stat": "max"}, last.valve_max_s)]
+    yield _gauge("last_run_valve_seconds", "Work on one valve in that run", valve_s)
+
+
+def _of_alerts(desk: Desk, figures: Figures) -> Iterator[Metric]:
+    counts = [
+        (
+            {"kind": kind.value, "severity": severity.value},
+            float(figures.alerts.get((kind.value, severity.value), 0)),
+        )
+        for kind in AlertKind
+        for severity in AlertSeverity
+    ]
+    yield _gauge("alerts_open", "Open alerts without the false ones", counts)
+    plant = desk.site.plant
+    names = sorted({name for name, _ in figures.deliveries} if plant is None else plant.notifiers)
+    states = [
+        ({"notifier": name, "state": state}, float(figures.deliveries.get((name, state), 0)))
+        for name in names
+        for state in DELIVERY_STATES
+    ]
+    yield _gauge("deliveries", "Messages by what became of them", states)
+
+
+def _of_parts(desk: Desk) -> Iterator[Metric]:
+    """The vital parts as ``/ready`` sees them."""
+    parts = [({"part": one.name}, float(one.ok)) for one in desk.site.checks() if one.vital]
+    yield _gauge("part_up", "1 where a vital part of the service works", parts)
+
+
+def _of_spool(desk: Desk) -> Iterator[Metric]:
+    plant = desk.site.plant
+    if plant is None or not plant.devices:
+        return
+    waits = backlog(plant.beside(plant.service.spool))
+    yield _one("spool_bytes", "What waits on disk for the store", waits.size_bytes)
+    yield _gauge(
+        "spool_age_seconds", "How long the oldest has waited", [({}, waits.age_s(desk.now))]
+    )
+    yield _counter("spool_lost_samples", "Samples that a full spool dropped", waits.lost_samples)
+
+
+def _age_s(at: datetime, now: datetime) -> float:
+    return max(0.0, (now - at).total_seconds())
+
+
+def _gauge(name: str, says: str, values: Iterable[tuple[dict[str, str], float]]) -> Metric:
+    family = GaugeMetricFamily(PREFIX + name, f"{says}.")
+    for labels, value in values:
+        _add(family, labels, value)
+    return family
+
+
+def _one(name: str, says: str, value: float) -> Metric:
+    return _gauge(name, says, [({}, value)])
+
+
+def _counter(name: str, says: str, value: float | None = None) -> Metric:
+    family = CounterMetricFamily(PREFIX + name, f"{says}.")
+    if value is not None:
+        _add(family, {}, value)
+    return family
+
+
+def _add(family: Metric, labels: dict[str, str], value: float) -> None:
+    suffix = "_total" if family.type == "counter" else ""
+    family.add_sample(family.name + suffix, labels, float(value))

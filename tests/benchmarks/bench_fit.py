@@ -1,0 +1,235 @@
+"""The S, J fit beside what else one could do, on the same simulated sticking loops and one core.
+
+    python tests/benchmarks/bench_fit.py [--valves 16] [--seed 5151] [--json FILE]
+
+Recordings come from the force-balance plant, so S and J are known. All methods minimise the same
+robust loss over the same first part of the record, with the same compiled kernel where they run it
+candidate by candidate:
+
+- *stemwatch*: ``fit_stickslip`` whole: three hypotheses, the choice between them, the refit on the
+  whole record. Its *simulations* are counted; *times them bare* is its time over that of so many
+  bare simulations, that is, what the search costs beside the simulating.
+- *grid, numpy*: S, J and zero over 40 x 12 x 3 candidates, all of them vectorised in numpy and one
+  step of Python for each sample; S and J alone, no dead time, lag or speed limit.
+- *DE, S and J*: scipy's differential evolution over S, J/S and zero.
+- *DE, all*: the same over everything ``stemwatch`` fits: dead time, lags and speeds as well.
+
+*S off* and *J off* are medians of the distance from the truth in percent of span; *loss* is the
+mean of the loss that a method reached on the part it minimised, over that of the hypothesis that
+stemwatch chose, fitted to that part (below 1 is lower). Where it chose S and J alone, the wider
+model may well reach less.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from stemwatch.models.plant import draw_sticky, simulate_loop
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip.fit import StickSlipFit, Workbench, fit_stickslip
+from stemwatch.models.stickslip.parameters import to_kernel
+from stemwatch.models.stickslip.problem import Problem
+
+GRID_S, GRID_RATIO, GRID_ZERO = 40, 12, 3
+SEED = 1
+
+
+@dataclass(frozen=True)
+class Valve:
+    """A simulated recording and its truth, percent of span."""
+
+    recording: Recording
+    S: float
+    J: float
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a method said of a valve, in which time, with how many simulations."""
+
+    seconds: float
+    candidate: Floats
+    simulations: int
+
+
+class Counter:
+    """Counts the candidates that ``Problem.losses`` is asked for while it stands in its place."""
+
+    def __init__(self) -> None:
+        self.simulations = 0
+        self._own = Problem.losses
+
+    def __enter__(self) -> Counter:
+        def counted(problem: Problem, candidates: Floats, delta: float) -> tuple[Floats, Floats]:
+            self.simulations += candidates.shape[0]
+            return self._own(problem, candidates, delta)
+
+        Problem.losses = counted  # type: ignore[method-assign, assignment]  # to count
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        Problem.losses = self._own  # type: ignore[method-assign]
+
+
+def valves(count: int, seed: int) -> list[Valve]:
+    """Sticking loops with all shapes in turn."""
+    loops = [
+        simulate_loop(loop, 1000 * seed + n) for n, loop in enumerate(draw_sticky(count, seed))
+    ]
+    return [Valve(recording=one.recording, S=one.truth.S, J=one.truth.J) for one in loops]
+
+
+def ours(valve: Valve) -> tuple[Result, StickSlipFit]:
+    """The product's fit, once counted and once timed."""
+    with Counter() as counter:
+        fit_stickslip(valve.recording)
+    began = time.process_time()
+    fit = fit_stickslip(valve.recording)
+    return Result(time.process_time() - began, fit.candidate, counter.simulations), fit
+
+
+def bare_seconds(fit: StickSlipFit, simulations: int) -> float:
+    """Seconds that so many bare simulations of this recording take, one vector after another."""
+    problem, q = fit.bench.problem, to_kernel(fit.candidate, fit.bench.restick)[0]
+    out, marks = np.empty(problem.op.size), problem.resynced_marks()
+    taken = []
+    for _ in range(50):
+        began = time.perf_counter()
+        kernel.simulate(problem.op, problem.mv, marks, problem.interval_s, q, out)
+        taken.append(time.perf_counter() - began)
+    return simulations * float(np.median(taken))
+
+
+def training_loss(bench: Workbench) -> Callable[[Floats], Floats]:
+    """The loss over the training part as a function of candidates (m, 9)."""
+    return bench.loss(bench.problem.training_blocks())
+
+
+def numpy_grid(bench: Workbench) -> Result:
+    """S, J/S and zero on a grid, every candidate in one array, sample by sample."""
+    began = time.process_time()
+    problem = bench.problem
+    widths = np.linspace(0.0, bench.bounds.high[at.S_PERCENT], GRID_S)
+    ratios = np.linspace(0.0, 1.3, GRID_RATIO)
+    error = (problem.mv - problem.op)[problem.scored]
+    middle = float(np.percentile(error, 2) + np.percentile(error, 98)) / 2.0
+    zeros = middle + problem.swing * np.linspace(-0.05, 0.05, GRID_ZERO)
+    s, ratio, zero = (one.ravel() for one in np.meshgrid(widths, ratios, zeros, indexing="ij"))
+    fs, fd = 0.5 * s * (1.0 + ratio), 0.5 * s * (1.0 - ratio)
+    train = problem.training_blocks()
+    until = int(np.flatnonzero(np.isin(problem.block, np.flatnonzero(train)))[-1]) + 1
+    x = np.clip(problem.mv[0] - zero, problem.op[0] - fs, problem.op[0] + fs)
+    moving, way = np.zeros(s.size, dtype=bool), np.ones(s.size)
+    product, total = np.zeros(s.size), 0
+    for k in range(1, until):
+        step = problem.op[k] - problem.op[k - 1]
+        moving &= way * step > 0.0
+        force = problem.op[k] - x
+        breaks = ~moving & (np.abs(force) > fs)
+        way = np.where(breaks, np.sign(force), way)
+        moving |= breaks
+        x = np.where(moving, problem.op[k] - way * fd, x)
+        if problem.block[k] >= 0:
+            product += np.log1p(((problem.mv[k] - x - zero) / bench.delta) ** 2)
+            total += 1
+    best = int(np.argmin(product))
+    candidate = np.zeros(at.N_COORDINATES)
+    candidate[[at.S_PERCENT, at.RATIO, at.ZERO]] = s[best], ratio[best], zero[best]
+    return Result(time.process_time() - began, candidate, s.size)
+
+
+def evolution(bench: Workbench, free: tuple[int, ...]) -> Result:
+    """scipy's differential evolution over ``free``, its population handed over at once."""
+    loss = training_loss(bench)
+    count = 0
+
+    def value(drawn: Floats) -> Floats:
+        nonlocal count
+        candidates = np.zeros((drawn.shape[1], at.N_COORDINATES))
+        candidates[:, list(free)] = drawn.T
+        count += candidates.shape[0]
+        return loss(candidates)
+
+    limits = list(zip(bench.bounds.low[list(free)], bench.bounds.high[list(free)], strict=True))
+    began = time.process_time()
+    found = differential_evolution(
+        value, limits, rng=SEED, vectorized=True, updating="deferred", polish=False
+    )
+    candidate = np.zeros(at.N_COORDINATES)
+    candidate[list(free)] = found.x
+    return Result(time.process_time() - began, candidate, count)
+
+
+def measure(count: int, seed: int) -> list[dict[str, object]]:
+    """One row for each method."""
+    some = valves(count, seed)
+    fit_stickslip(some[0].recording)  # compiled before the clock runs
+    narrow = (at.S_PERCENT, at.RATIO, at.ZERO)
+    wide = (*narrow, *at.ACTUATOR)
+    found: dict[str, list[tuple[Result, float]]] = {}
+    bare = []
+    for valve in some:
+        own, fit = ours(valve)
+        bare.append(bare_seconds(fit, own.simulations))
+        loss = training_loss(fit.bench)
+        least = float(loss(fit.trained[None, :])[0])
+        tried = {
+            "stemwatch": own,
+            "grid, numpy": numpy_grid(fit.bench),
+            "DE, S and J": evolution(fit.bench, narrow),
+            "DE, all": evolution(fit.bench, wide),
+        }
+        for name, one in tried.items():
+            reached = least if one is own else float(loss(one.candidate[None, :])[0])
+            found.setdefault(name, []).append((one, reached / least))
+    own_seconds = float(np.mean([one.seconds for one, _ in found["stemwatch"]]))
+    rows = [_row(name, some, results, own_seconds) for name, results in found.items()]
+    rows[0]["times_bare"] = round(own_seconds / float(np.mean(bare)), 2)
+    return rows
+
+
+def _row(
+    name: str, some: list[Valve], results: list[tuple[Result, float]], own_seconds: float
+) -> dict[str, object]:
+    seconds = float(np.mean([one.seconds for one, _ in results]))
+    s = np.array([one.candidate[at.S_PERCENT] for one, _ in results])
+    j = s * np.array([one.candidate[at.RATIO] for one, _ in results])
+    return {
+        "method": name,
+        "seconds": round(seconds, 4),
+        "times_ours": round(seconds / own_seconds, 2),
+        "simulations": round(float(np.mean([one.simulations for one, _ in results]))),
+        "times_bare": None,
+        "S_off": round(float(np.median(np.abs(s - [valve.S for valve in some]))), 3),
+        "J_off": round(float(np.median(np.abs(j - [valve.J for valve in some]))), 3),
+        "loss": round(float(np.mean([ratio for _, ratio in results])), 3),
+    }
+
+
+def main() -> None:
+    """Read the options, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--valves", type=int, default=16)
+    parser.add_argument("--seed", type=int, default=5151)
+    parser.add_argument("--json", type=Path)
+    asked = parser.parse_args()
+    rows = measure(asked.valves, asked.seed)
+    print("".join(f"{name.replace('_', ' '):>14}" for name in rows[0]))
+    for row in rows:
+        print("".join(f"{'-' if cell is None else cell:>14}" for cell in row.values()))
+    if asked.json:
+        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""A reading that is bent over the stroke is told from one that is stretched."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch.bend import bend
+from stemwatch.models.mismatch.crossfit import scored
+from stemwatch.models.mismatch.limits import convincing
+from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played, rescaled
+
+
+def fitted(recording, **base):
+    """The bench of a recording and the true S and J on both folds, with ``base`` coordinates."""
+    bench = bench_of(recording)
+    layout = bench.layout(hypothesis())
+    row = candidate(layout, base={getattr(at, name): value for name, value in base.items()})
+    return bench, scored(bench, layout, np.vstack((row, row)))
+
+
+@pytest.mark.parametrize("bow", [1.0, -1.5])
+def test_a_bowed_reading_is_bent(bow):
+    """An S over the stroke is left over by S, J, zero and span, and a cubic finds it."""
+    plain = played()
+    mv = plain.mv.values
+    bench, found = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
+    assert convincing(bend(bench, found), bench.told, "bend")
+
+
+@pytest.mark.parametrize(("gain", "zero"), [(0.0, 0.0), (0.06, -1.0), (-0.08, 0.5)])
+def test_a_stretched_reading_is_not(gain, zero):
+    """Where zero and span are in the model, nothing of the residual follows the travel."""
+    recording = played(base={at.GAIN: gain, at.ZERO: zero})
+    bench, found = fitted(recording, GAIN=gain, ZERO=zero)
+    assert not convincing(bend(bench, found), bench.told, "bend")
+
+
+def test_a_stem_that_never_moves_tells_nothing():
+    """Too few samples on a fold: no bend, and no crash."""
+    bench, found = fitted(played(samples=120))
+    assert bend(bench, found).mean < 0.04

@@ -1,0 +1,130 @@
+"""What an archive dropped still bounds the model: corridors about drawn lines, and what is made
+of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stemwatch.models.mismatch.base import base_bounds, first_scatter
+from stemwatch.models.mismatch.bench import make_bench
+from stemwatch.models.mismatch.drawn import NARROWEST_DOOR, WIDEST_DOOR, door
+from stemwatch.models.mismatch.explain import explain, look_of, problem_of, scores
+from stemwatch.models.mismatch.limits import convincing
+from stemwatch.models.mismatch.record import settle
+from stemwatch.models.plant.compression import swinging_door
+from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.fit import CANONICAL
+from tests.models.mismatch.chain import candidate, hypothesis, played, rescaled
+
+DEVIATION = 0.4  # percent
+
+
+def archived(recording, deviation=DEVIATION):
+    """The recording with its position through a swinging door, and what was stored (n,)."""
+    mv = recording.mv.values
+    stored = swinging_door(mv, deviation)
+    index = np.arange(mv.size)
+    drawn = np.interp(index, index[stored], mv[stored])
+    return rescaled(recording, np.round(drawn, 4)), stored
+
+
+def bench_with_slack(recording):
+    """The workbench of a compressed recording as ``explain`` makes it."""
+    settled = settle(recording)
+    problem = problem_of(recording, settled)
+    look = look_of(problem)
+    scatter = first_scatter(look)
+    bounds = base_bounds(problem, look)
+    return make_bench(problem, look, bounds, 0.15, CANONICAL, scatter, settled.slack)
+
+
+@given(
+    deviation=st.floats(0.1, 0.45),
+    noise=st.floats(0.02, 0.15),
+    seed=st.integers(1, 50),
+)
+@settings(max_examples=15, deadline=None)
+def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
+    """The slack is as wide as the archive's door where that can be told, and never absurd."""
+    true = played(noise=noise, seed=seed)
+    recording, stored = archived(true, deviation)
+    found = door(recording.mv.values, stored)
+    assert NARROWEST_DOOR <= found <= WIDEST_DOOR
+    error = np.abs(recording.mv.values - true.mv.values)
+    assert np.mean(error > found) < 0.02
+
+
+def test_slack_stands_at_drawn_values_only():
+    """Stored points are measured, the others are bounded, and a frozen stretch is neither."""
+    recording, stored = archived(played())
+    settled = settle(recording)
+    assert np.array_equal(settled.real, settled.slack == 0.0)
+    assert np.mean(settled.real == stored) > 0.97
+    mv = recording.mv.values.copy()
+    mv[600:900] = mv[600]
+    frozen = settle(rescaled(recording, mv))
+    assert not (frozen.real | (frozen.slack > 0.0))[650:850].any()
+
+
+def test_a_record_without_lines_has_no_slack():
+    """A measured position is scored sample by sample, as ever."""
+    assert not settle(played()).slack.any()
+
+
+def test_the_residual_is_nothing_inside_the_corridor_and_counts_from_its_edge():
+    """A run is charged by how far it leaves the corridor, at a stored point by all of it."""
+    bench = bench_with_slack(archived(played())[0])
+    mv, slack = bench.problem.mv, bench.slack
+    assert not bench.residual(mv + 0.99 * slack).any()
+    assert bench.residual(mv - 2.0 * slack) == pytest.approx(slack)
+    measured = bench.measured
+    assert bench.residual(mv - 0.3)[measured] == pytest.approx(0.3)
+    assert int(bench.told.sum()) == np.count_nonzero(measured) < 0.5 * bench.counts.sum()
+
+
+def test_the_truth_costs_less_than_a_stem_that_jumps_otherwise():
+    """The corridors alone tell the true J from another one, stored points left aside."""
+    bench = bench_with_slack(archived(played(S=4.0, J=1.6))[0])
+    layout = bench.layout(hypothesis())
+    inside = bench.problem.scored & ~bench.measured
+
+    def left(J):
+        run, _ = bench.assimilated(layout, candidate(layout, S=4.0, J=J))
+        return float(np.sum(bench.residual(run)[inside] ** 2))
+
+    assert left(1.6) < 0.3 * min(left(0.2), left(3.2))
+
+
+def test_a_resting_stem_is_put_where_it_was_measured():
+    """No block of time begins on a value that the archive drew."""
+    bench = bench_with_slack(archived(played())[0])
+    begins = np.flatnonzero(bench.marks == kernel.RESYNC)
+    assert begins.size > 5
+    assert not bench.slack[begins - 1].any()
+
+
+def test_a_lag_is_named_through_a_door():
+    """Where one sample in ten is stored, three seconds of lag are still seen, and as long."""
+    found = explain(archived(played(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
+    assert any("actuator_lag" in one.members for one in found.effects)
+    assert found.restated.S.value == pytest.approx(4.0, abs=0.6)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_door_alone_is_no_physics(seed):
+    """Lines instead of samples make no term convincing."""
+    recording, stored = archived(played(seed=seed))
+    assert not explain(recording).effects
+    counts = np.bincount(np.flatnonzero(stored) * 20 // stored.size, minlength=20).astype(float)
+    assert scores(recording)
+    assert not convincing_any(scores(recording), counts)
+
+
+def convincing_any(found, counts):
+    """Whether any score (mean, t) would pass the limits of its term."""
+    from stemwatch.models.stickslip.fit import Advantage
+
+    return any(convincing(Advantage(*one), counts, slug) for slug, one in found.items())

@@ -1,0 +1,91 @@
+"""Dwell is told by a hundred breakaways where no trajectory tells it, and scatter is not dwell."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch.crossfit import scored
+from stemwatch.models.mismatch.dwell import LEAST_Z, begun, dwelling
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.naming import neutral
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.plant.hidden import draw_effect, draw_nulls, simulate_hidden
+from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+
+DWELL = "dwell_dependent_breakaway"
+
+
+def base_of(recording, S=4.0, J=1.2):
+    """The bench of a recording, and S and J alone on both folds."""
+    bench = bench_of(recording)
+    layout = bench.layout(hypothesis())
+    row = candidate(layout, S, J)
+    return bench, scored(bench, layout, np.vstack((row, row)))
+
+
+@cache
+def simulated(place):
+    """A valve of the plant with hidden dwell: the recording, S, J, and the rise."""
+    case, run = simulate_hidden(draw_effect(DWELL, place + 1, 4021)[place])
+    return run.recording, run.truth.S, run.truth.J, case.sizes[f"{DWELL}.percent"]
+
+
+@pytest.mark.parametrize("rise", [0.2, 0.4])
+def test_the_rise_of_the_breakaways_is_seen(rise):
+    """A stem that the fitted chain made: a slope over the rests, and no steeper than the rise.
+
+    Between two samples of a quick ramp the force is not known, which flattens the slope.
+    """
+    bench, found = base_of(played(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6)
+    seen = dwelling(bench, found)
+    assert seen is not None
+    assert seen.z >= LEAST_Z
+    assert 0.25 * rise < seen.rise < 1.2 * rise
+
+
+def test_without_dwell_there_is_none():
+    """Breakaways at one level have no slope."""
+    seen = dwelling(*base_of(played(samples=7200)))
+    assert seen is None or not seen.convincing
+
+
+def test_too_few_breakaways_tell_nothing():
+    """Fewer than ten events are no regression."""
+    assert dwelling(*base_of(played(samples=120))) is None
+
+
+def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
+    """What the breakaways showed stays in the model; S and J shrink by what was the rise's."""
+    bench, found = base_of(played(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0)
+    seen = dwelling(bench, found)
+    assert seen is not None
+    plain = neutral(bench, found, hypothesis().plus(catalogue()[DWELL]))
+    fitted = begun(bench, plain, seen)
+    values = fitted.values(DWELL)
+    assert np.all(np.abs(values - seen.rise) <= 2.0 * seen.error + 1e-9)
+    assert np.all(fitted.candidates[:, 0] < 4.8)
+
+
+@pytest.mark.parametrize("place", [0, 2])
+def test_hidden_dwell_is_named_with_its_events(place):
+    """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer."""
+    recording, S, J, rise = simulated(place)
+    found = explain(recording)
+    (one,) = found.effects
+    assert DWELL == one.slug
+    assert one.evidence.events_z >= LEAST_Z
+    assert "breakaways together" in one.evidence.note
+    assert one.parameters["b"].low <= one.parameters["b"].value <= one.parameters["b"].high
+    assert one.parameters["b"].value == pytest.approx(rise, rel=0.6)
+    restated = abs(found.restated.S.value - S) + abs(found.restated.J.value - J)
+    assert restated < 0.12 * (S + J)
+
+
+@pytest.mark.parametrize("place", [1, 7])
+def test_scatter_is_not_dwell(place):
+    """With 12 % scatter a late breakaway has rested longer, and is still no dwell."""
+    _, run = simulate_hidden(draw_nulls(place + 1, 4022)[place])
+    assert not explain(run.recording).effects

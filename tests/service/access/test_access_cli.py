@@ -1,0 +1,81 @@
+"""``stemwatch accounts``: links and users from the machine itself."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from stemwatch.service.access.links import use_link
+from stemwatch.service.access.setup import make_user
+from stemwatch.service.store.access_records import Role
+from stemwatch.service.store.audit import Wanted
+from stemwatch.service.store.store import open_store
+from tests.service.access.conftest import PASSWORD
+from tests.service.conftest import stemwatch as stemwatch
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    """Where an empty database is."""
+    return f"sqlite:///{tmp_path / 'store.db'}"
+
+
+def secret_in(said: str) -> str:
+    """The secret of the link that a command printed."""
+    return re.search(r"/welcome\?link=([\w-]{43})", said)[1]
+
+
+def test_the_first_admin_gets_a_new_link_until_there_is_one(stemwatch, url: str) -> None:
+    """Who lost the one of the first start asks for another; later the way is another one."""
+    outcome = stemwatch("accounts", "first-link", "--db", url, "--address", "https://valves/")
+    assert outcome.status == 0
+    assert "https://valves/welcome?link=" in outcome.said
+    with open_store(url) as store:
+        use_link(store, secret_in(outcome.said), "Karl", PASSWORD, datetime.now(UTC))
+    outcome = stemwatch("accounts", "first-link", "--db", url)
+    assert outcome.status == 2
+    assert "accounts reset" in outcome.said
+
+
+def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
+    """Each command does what its help says, and is in the audit log."""
+    with open_store(url) as store:
+        make_user(store, "Karl", PASSWORD, Role.ADMIN)
+        make_user(store, "Ann", PASSWORD, "viewer")
+    added = stemwatch("accounts", "add", "Bob", "--role", "engineer", "--db", url)
+    with open_store(url) as store:
+        bob = use_link(store, secret_in(added.said), "Bob", PASSWORD, datetime.now(UTC))
+    assert bob.role is Role.ENGINEER
+    reset = stemwatch("accounts", "reset", "ann", "--db", url)
+    with open_store(url) as store:
+        ann = use_link(store, secret_in(reset.said), "", "one more phrase", datetime.now(UTC))
+    assert ann.name == "Ann"
+    assert stemwatch("accounts", "set-role", "Ann", "admin", "--db", url).status == 0
+    assert stemwatch("accounts", "disable", "Bob", "--db", url).status == 0
+    said = stemwatch("accounts", "list", "--db", url).said
+    assert "Ann: admin" in said
+    assert "Bob: engineer, disabled" in said
+    assert stemwatch("accounts", "enable", "Bob", "--db", url).status == 0
+    with open_store(url) as store:
+        assert len(store.audit.read(Wanted(action="manage users"))) == 5
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("list",), "--plant plant.toml or --db URL"),
+        (("reset", "Nobody", "--db", "{url}"), "there is no user Nobody"),
+        (("add", "--role", "boss", "--db", "{url}"), "viewer, engineer, admin is expected"),
+        (("disable", "Karl", "--db", "{url}"), "the only admin"),
+    ],
+)
+def test_a_wrong_command_says_what_is_expected(stemwatch, url: str, words, said: str) -> None:
+    """And ends with status 2."""
+    with open_store(url) as store:
+        make_user(store, "Karl", PASSWORD, "admin")
+    outcome = stemwatch("accounts", *(word.format(url=url) for word in words))
+    assert outcome.status == 2
+    assert said in outcome.said

@@ -1,0 +1,73 @@
+"""What is asked of a password, and how it is kept."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stemwatch.service.access.passwords import (
+    NOBODYS,
+    SHORTEST,
+    WeakPassword,
+    check_password,
+    hash_password,
+    is_dated,
+    matches,
+)
+from tests.service.access.conftest import PASSWORD
+
+
+@pytest.mark.parametrize(
+    ("password", "said"),
+    [
+        ("short", "12 to 200 characters"),
+        ("x" * 201, "12 to 200 characters"),
+        ("aaaaaaaaaaaaaa", "easily guessed"),
+        ("Password123456", "easily guessed"),
+        ("stemwatch1234", "easily guessed"),
+        ("Karl Berg Karl Berg", "easily guessed"),
+        ("karl berg 2026", "easily guessed"),
+    ],
+)
+def test_a_weak_password_is_refused_with_what_is_expected(password: str, said: str) -> None:
+    """Too short, too long, a name, a usual word, or one sign again and again."""
+    with pytest.raises(WeakPassword, match=said):
+        check_password(password, "Karl Berg")
+
+
+@pytest.mark.parametrize(
+    "password", [PASSWORD, "Föhn über dem Kühlturm", "猫が弁の上で眠っている夜です"]
+)
+def test_several_words_are_taken_in_any_script(password: str) -> None:
+    """No rule about capitals, digits or signs."""
+    check_password(password, "Karl Berg")
+
+
+@given(st.text(max_size=SHORTEST - 1))
+def test_nothing_short_is_taken(password: str) -> None:
+    """Whatever its signs."""
+    with pytest.raises(WeakPassword):
+        check_password(password, "")
+
+
+def test_a_password_matches_its_own_hash_alone(hashed: str) -> None:
+    """However it was typed (composed or not), and no other one does; the hash does not show it."""
+    assert matches(PASSWORD, hashed)
+    assert not matches(PASSWORD + " ", hashed)
+    assert PASSWORD not in hashed
+    assert hashed.startswith("$argon2id$v=19$m=65536,t=3,p=4$")
+    composed, apart = "Bo\u0308schung am Su\u0308dtor", "B\u00f6schung am S\u00fcdtor"
+    assert matches(composed, hash_password(apart))
+
+
+def test_the_hash_of_nobody_costs_what_a_real_one_costs(hashed: str) -> None:
+    """Same parameters and lengths, so that a name that is unknown cannot be told by the time."""
+    assert not is_dated(NOBODYS)
+    assert len(NOBODYS) == len(hashed)
+    assert not matches(PASSWORD, None)
+
+
+def test_a_damaged_hash_lets_nobody_in() -> None:
+    """Without an error that would tell it from a wrong password."""
+    assert not matches(PASSWORD, "damaged")

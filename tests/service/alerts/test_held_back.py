@@ -1,0 +1,144 @@
+"""Findings that do not stand among all valves of a run: marked once, and no alert comes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import DataQuality, Screening
+from stemwatch.models.mismatch.findings import Effect, Evidence, Finding, Mismatch, Stiction
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.alerts.evaluate import evaluate
+from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
+from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
+from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.store.alerts import AlertKind
+from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.records import ValveState
+from stemwatch.service.store.store import Store
+
+START = datetime(2026, 3, 2, tzinfo=UTC)
+S = Estimate(value=2.0, low=1.8, high=2.2, unit="%")
+EFFECT = Effect(
+    slug="lost_motion", members=("lost_motion",), sentence="There is play.", where="",
+    check="Look.", decide="", parameters={}, evidence=Evidence(mean=0.2, t=5.0, share=0.4),
+)  # fmt: skip
+BOTH = Stiction(S=S, J=Estimate.unknown("few"))
+PLAIN = Mismatch(finding=Finding.NONE, sentence="", naive=BOTH, restated=BOTH)
+BLIND = replace(PLAIN, finding=Finding.NOT_TESTABLE)
+
+
+def named(p_value: float | None) -> Mismatch:
+    """Play, as probable as this by chance."""
+    return replace(PLAIN, finding=Finding.NAMED, effects=(EFFECT,), p_value=p_value)
+
+
+def screened(valve: str, hour: int, mismatch: Mismatch | None) -> Screening:
+    """A healthy valve's screening of one hour."""
+    start = START + timedelta(hours=hour)
+    op = Signal.good(np.zeros(60), "OP")
+    recording = Recording(valve=valve, signals={Role.OP: op}, interval_s=60.0, start=start)
+    return Screening(
+        valve=valve, verdict=Verdict.HEALTHY, reason="", advice="Check.", shape=None, severity=5.0,
+        confidence=0.9, S=S, J=Estimate.unknown("few"), residuals={},
+        quality=DataQuality(grade="A"), indicators={}, recording=recording, mismatch=mismatch,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def plant(tmp_path: Path) -> Plant:
+    """Twenty valves of one source."""
+    text = '[[sources]]\nname = "s"\npath = "*.csv"\n'
+    for n in range(20):
+        text += f'[[valves]]\nid = "V{n:02}"\nsource = "s"\n[valves.tags.op]\ntag = "OP{n}"\n'
+    (tmp_path / "plant.toml").write_text(text, encoding="utf-8")
+    return load_plant(tmp_path / "plant.toml", environment={})
+
+
+def run(store: Store, plant: Plant, hour: int, found: dict[str, Mismatch | None]) -> int:
+    """A run over all valves; what is not in ``found`` shows nothing beside stiction."""
+    number = store.queue.put(Wanted(), software_version="1")
+    store.queue.claim("w")
+    store.queue.plan(number, plant.valves)
+    for valve in plant.valves:
+        store.save(screened(valve, hour, found.get(valve, PLAIN)), number)
+        store.queue.mark(number, valve, ValveState.DONE)
+    return number
+
+
+def test_what_chance_may_have_named_is_marked(either_store: Store, plant: Plant) -> None:
+    """Benjamini-Hochberg over all that was tested: 0.001 stands among twenty, 0.04 does not, nor
+    what has no p value; the mark says so in words and outlives a second look."""
+    store = either_store
+    found = {"V01": named(0.001), "V02": named(0.04), "V03": named(None), "V04": BLIND, "V05": None}
+    number = run(store, plant, 0, found)
+    tested = hold_back(store, number)
+    assert len(tested) == 18
+    assert hold_back(store, number) == tested
+    remarks = {valve: store.screenings(valve)[0].held_back for valve in plant.valves}
+    assert {valve for valve, said in remarks.items() if said} == {"V02", "V03"}
+    assert "across 18 valves chance alone may have named this" in remarks["V02"]
+    kept = store.screenings("V02")[0].mismatch
+    assert (kept.finding, kept.p_value) == (Finding.NAMED, 0.04)
+    assert p_elsewhere(tested, [f"V{n:02}" for n in range(2, 20)]) == (None, 0.001)
+
+
+def test_a_finding_that_comes_to_stand_loses_its_mark(either_store: Store, plant: Plant) -> None:
+    """The same window screened again with stronger evidence is judged anew."""
+    hold_back(either_store, run(either_store, plant, 0, {"V02": named(0.04)}))
+    assert either_store.screenings("V02")[0].held_back
+    hold_back(either_store, run(either_store, plant, 0, {"V02": named(0.0001)}))
+    assert either_store.screenings("V02")[0].held_back == ""
+
+
+def test_no_alert_comes_of_what_is_held_back(either_store: Store, plant: Plant) -> None:
+    """What stands is an alert after two runs; what does not is none, however often it is named."""
+    store = either_store
+    for hour in range(3):
+        number = run(store, plant, hour, {"V01": named(0.001), "V02": named(0.04)})
+        hold_back(store, number)
+        evaluate(store, plant, number)
+    (alert,) = store.alerts.open()
+    assert (alert.kind, alert.valve) == (AlertKind.MISMATCH, "V01")
+    assert alert.text == "V01: There is play. Look."
+
+
+def test_many_valves_are_gathered_as_one_by_one(either_store: Store, plant: Plant) -> None:
+    """What the rules see of each valve is what the store says of it alone: the last screenings
+    newest first, S at the baseline, the ratios, and the words of the newest finding."""
+    store = either_store
+    for hour in range(12):
+        number = run(store, plant, hour, {"V01": named(0.001), "V07": named(0.9)})
+        hold_back(store, number)
+    window = store.screenings("V03")[5].window
+    store.set_baseline("V03", b"x", window=window, reason="healthy")
+    store.set_baseline("V04", b"x", window=(None, None), reason="healthy")
+    for seen in gathered(store, plant, list(plant.valves)):
+        valve = seen.valve.id
+        alone = store.screenings(valve, 9)
+        assert [one.id for one in seen.screenings] == [one.id for one in alone]
+        assert [one.window for one in seen.screenings] == [one.window for one in alone]
+        assert seen.screenings[0].named is (valve == "V01")
+        assert (seen.screenings[0].mismatch is None) is (valve not in ("V01", "V07"))
+        assert (seen.at_baseline == S) is (valve == "V03")
+    assert [seen.valve.id for seen in gathered(store, plant, ["unknown"])] == ["unknown"]
+
+
+def test_only_work_that_nothing_was_said_of_is_looked_at(either_store: Store, plant: Plant) -> None:
+    """A valve without work, or whose last work was compared already, costs no look of its own."""
+    store = either_store
+    store.save_valves(plant.valves.values())
+    for valve, hour in (("V01", 1), ("V02", 1), ("V02", 3)):
+        store.record_maintenance(valve, START + timedelta(hours=hour), "packing", "Ann")
+    valves = list(plant.valves)
+    assert awaiting_aftermath(store, valves) == ["V01", "V02"]
+    store.add_note("V01", START + timedelta(hours=1), "It helped.", "stemwatch")
+    store.add_note("V02", START + timedelta(hours=1), "It helped.", "stemwatch")
+    store.add_note("V02", START + timedelta(hours=3), "by hand", "Ann")
+    assert awaiting_aftermath(store, valves) == ["V02"]

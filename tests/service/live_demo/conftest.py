@@ -1,0 +1,21 @@
+"""The browser of the pages' tests, and the demo as a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.service.live_demo.started import Started
+from tests.service.web.conftest import browser as browser
+
+
+@pytest.fixture
+def started(tmp_path: Path) -> Iterator[Started]:
+    """The live demo at its fastest, in a process group of its own."""
+    made = Started(tmp_path / "demo")
+    try:
+        yield made
+    finally:
+        made.kill()

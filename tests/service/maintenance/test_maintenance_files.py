@@ -1,0 +1,251 @@
+"""The four files: pages for people, rows for a maintenance system."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import openpyxl
+import pytest
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance import write_maintenance
+from stemwatch.service.maintenance.book import book_of
+from stemwatch.service.maintenance.orders import FIELDS, LONG_TEXT, SHORT_TEXT
+from stemwatch.service.maintenance.orders_files import orders_csv, orders_xlsx
+from stemwatch.service.maintenance.page import book_html
+from stemwatch.service.maintenance.pdf import book_pdf
+from stemwatch.service.maintenance.pdf_fonts import BOX, is_whole, runs, width_of
+from stemwatch.service.maintenance.pdf_sheet import FOOT, PAGE, SIGN_HEIGHT, SIZES, _page
+from stemwatch.service.maintenance.pdf_text import CUT, Writer, wrapped
+from stemwatch.service.report.write import ReportNotWritten
+from tests.service.maintenance.made_book import (
+    BACKGROUND,
+    HOSTILE,
+    context,
+    frozen,
+    longest,
+    mixed,
+    with_effects,
+)
+from tests.service.report.conftest import screening
+
+
+def book(screenings, **how):
+    """The book of these valves, with a history."""
+    return book_of(screenings, context(screenings), BACKGROUND, **how)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """The mixed plant's book."""
+    return book(mixed())
+
+
+def pages(pdf: bytes) -> int:
+    """How many pages a PDF has."""
+    return len(re.findall(rb"/Type /Page\b(?!s)", pdf))
+
+
+def text_of(pdf: bytes) -> str:
+    """The ASCII letters of an uncompressed PDF in their order; words of a line in one piece."""
+    return " ".join(part.decode("latin-1") for part in re.findall(rb"\((.*?)\) Tj", pdf))
+
+
+def rows(book) -> list[dict[str, str]]:
+    """The work orders as the CSV has them."""
+    return list(csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig"))))
+
+
+def test_valves_with_work_have_a_page_in_the_order_of_priority(whole):
+    """The others have a line, and none is lost."""
+    work = [sheet.screening.valve for sheet in whole.sheets]
+    assert {"FV-100", "FV-109", "PIC-7", "FIC-9", HOSTILE} == set(work)
+    codes = [(sheet.priority.code, -sheet.priority.score) for sheet in whole.sheets]
+    assert codes == sorted(codes)
+    assert len(work) + len(whole.others) == len(mixed())
+    assert whole.counts == "5 valves need work, 10 do not."
+
+
+def test_with_all_every_valve_has_a_page_and_only_those_with_work_an_order():
+    """Healthy ones come last and say that there is nothing to do."""
+    every = book(mixed(), everything=True)
+    assert len(every.sheets) == len(mixed())
+    assert len(rows(every)) == 5
+    assert not every.sheets[-1].needs_work
+    assert every.sheets[-1].title == "nothing to do" or "verdict" in every.sheets[-1].title
+
+
+def test_the_pdf_has_a_page_for_each_valve_after_the_list(whole):
+    """And its outline leads to them."""
+    pdf = book_pdf(whole, compress=False)
+    assert pages(pdf) == 1 + len(whole.sheets)
+    said = text_of(pdf)
+    for part in ("FV-100", "Check in this order".upper(), "packing set", "2.8 mm", "Priority"):
+        assert part in said
+    assert pdf.count(b"/Title") >= len(whole.sheets)
+
+
+def test_the_pdf_is_the_same_for_the_same_book(whole):
+    """Two reports of one run can be compared byte for byte."""
+    assert book_pdf(whole) == book_pdf(whole)
+
+
+def test_long_texts_are_cut_to_their_page_and_the_page_says_so():
+    """Every kind of finding with every text far too long: still one page each, nothing runs into
+    the lines to sign."""
+    screenings, made, background = longest()
+    found = book_of(screenings, made, background)
+    pdf = book_pdf(found, compress=False)
+    assert pages(pdf) == 1 + len(screenings)
+    for sheet in found.sheets:
+        ends = _page(Writer(None, PAGE[1], SIZES[-1]), sheet, made)
+        assert ends <= PAGE[1] - FOOT - SIGN_HEIGHT
+    assert text_of(pdf).count("Shortened to fit the page") == len(screenings)
+
+
+def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
+    """No row is lost at a page's end."""
+    many = [frozen(f"PIC-{k}") for k in range(90)]
+    many += [screening(f"H-{k}", Verdict.HEALTHY, S=0.2, J=0.1, samples=60) for k in range(90)]
+    found = book(many)
+    pdf = book_pdf(found, compress=False)
+    lists = pages(pdf) - 90
+    assert lists >= 4
+    for one in many:
+        assert f"({one.valve})".encode() in pdf
+
+
+def test_an_empty_run_is_a_report_that_says_so(tmp_path):
+    """No valve, no page, no order, four files."""
+    files = write_maintenance([], context([]), tmp_path / "new")
+    assert files.book.counts == "No valve needs work, 0 do not."
+    assert pages(files.pdf.read_bytes()) == 1
+    assert "No valve needs work" in files.html.read_text("utf-8")
+    assert list(openpyxl.load_workbook(files.xlsx)["Work orders"].values)[1:] == []
+    assert len(files.csv.read_text("utf-8-sig").splitlines()) == 1
+
+
+def test_one_file_that_cannot_be_written_does_not_cost_the_others(tmp_path):
+    """Somebody has the PDF open: it is named, and the rest is there."""
+    (tmp_path / "maintenance.pdf").mkdir()
+    with pytest.raises(ReportNotWritten, match=r"maintenance\.pdf"):
+        write_maintenance(mixed(), context(mixed()), tmp_path)
+    assert (tmp_path / "work-orders.csv").stat().st_size > 1000
+
+
+def test_the_page_runs_nothing_and_loads_nothing(whole):
+    """A hostile tag is text; there is no script and no address in it."""
+    html = book_html(whole).decode()
+    assert "<script" not in html
+    assert "&lt;script&gt;alert" in html
+    assert "default-src 'none'" in html
+    assert not re.search(r'(src|href)="(?!#)', html)
+    assert "\x00" not in html
+
+
+def test_the_page_says_what_a_planner_asks(whole):
+    """Finding, travel, since when, work, priority with its reason, and the warning."""
+    html = book_html(whole).decode()
+    for part in (
+        "7.00 %",
+        "2.8 mm",
+        "Seen since 2026-02-16 07:00 (run 39), in 3 screenings on end",
+        "packing renewed",
+        "criticality 3 of 3, severity 84 of 100",
+        "not a work permit",
+        "Published false alarms",
+        "position frozen or stuck",
+    ):
+        assert part in html, part
+
+
+def test_travel_needs_a_stroke():
+    """Without one the page says so rather than guess."""
+    found = [screening("FV-1")]
+    made = context(found)
+    facts = {"FV-1": replace(made.facts("FV-1"), stroke="")}
+    html = book_html(book_of(found, replace(made, valves=facts))).decode()
+    assert "The plant file gives no stroke" in html
+    assert " mm<" not in html
+
+
+def test_work_orders_have_the_fields_of_a_notification(whole):
+    """The same rows in CSV and XLSX, with texts that fit."""
+    found = rows(whole)
+    assert [row["functional_location"] for row in found][-1]
+    for row in found:
+        assert 0 < len(row["short_text"]) <= SHORT_TEXT
+        assert len(row["long_text"]) <= LONG_TEXT
+        assert row["priority"] in "1234"
+        assert datetime.fromisoformat(row["required_end"]) > datetime(2026, 3, 2)
+        assert row["work_centre"] == ""
+        assert row["reported_by"].startswith("stemwatch ")
+        assert datetime.fromisoformat(row["reported_at"]).tzinfo is not None
+    sticky = next(row for row in found if row["functional_location"] == "FV-100")
+    assert sticky["damage_code"] == "FTR"
+    assert sticky["cause_code"] == "1.6"
+    assert sticky["object_part"] == "packing"
+    assert sticky["short_text"] == "stem sticks and jumps, S 4.0 %"
+    assert sticky["S_travel"] == "1.6 mm"
+    sheet = openpyxl.load_workbook(io.BytesIO(orders_xlsx(whole)))["Work orders"]
+    header, *values = sheet.values
+    assert list(header) == [field.name for field in FIELDS]
+    assert len(values) == len(found)
+    told = [dict(zip(header, value, strict=True))["short_text"] for value in values]
+    assert told == [row["short_text"] for row in found]
+
+
+def test_no_cell_is_a_formula(whole):
+    """A tag that begins with = stays a text in both."""
+    tag = next(row for row in rows(whole) if "script" in row["functional_location"])
+    assert tag["functional_location"].startswith("'=1+1")
+    sheet = openpyxl.load_workbook(io.BytesIO(orders_xlsx(whole)))["Work orders"]
+    assert {cell.data_type for row in sheet.iter_rows() for cell in row} <= {"s", "n", "d"}
+
+
+def test_a_reference_stays_while_the_finding_goes_on():
+    """The next run gives the same one; a new beginning, another valve or kind gives another."""
+    found = screening("FV-1", samples=60)
+    first = rows(book([found]))[0]["reference"]
+    later = replace(
+        found, recording=replace(found.recording, start=datetime(2026, 3, 9, tzinfo=UTC))
+    )
+    assert rows(book([later]))[0]["reference"] == first
+    others = [replace(found, valve="FV-2"), with_effects("FV-1")]
+    assert first not in {rows(book([one]))[0]["reference"] for one in others}
+    new = book_of([found], context([found]), replace(BACKGROUND, earlier=lambda _: []))
+    assert rows(new)[0]["reference"] != first
+
+
+def test_the_documentation_names_every_column():
+    """A plant maps them once."""
+    from pathlib import Path
+
+    page = (Path(__file__).parents[3] / "docs" / "maintenance-report.md").read_text("utf-8")
+    for field in FIELDS:
+        stem = field.name.replace("S_low", "_low").replace("S_high", "_high")
+        stem = stem.replace("J_low", "_low").replace("J_high", "_high")
+        assert f"`{stem}`" in page, field.name
+
+
+def test_letters_that_no_font_has_become_a_box():
+    """Han and Hangul are drawn by the reader's fonts; marks without width are left out."""
+    assert is_whole("ÄÖŁЖΩ 弁 밸브 ≥ ■▲✓")
+    assert not is_whole("🙂")
+    fonts = [font for font, _ in runs("A弁밸\u202eB")]
+    assert len(fonts) == 4
+    assert runs("🙂")[0][1] == BOX
+
+
+@pytest.mark.parametrize("text", ["a " * 400, "x" * 900, "wide WWWW " * 60, "弁" * 300, "", " "])
+def test_wrapped_lines_fit_their_width(text):
+    """Words wider than a line are broken, and a cut is marked."""
+    lines = wrapped(text, 40.0, most=5)
+    assert len(lines) <= 5
+    assert all(width_of(line) <= 40.0 + 1e-6 for line in lines)
+    whole = "".join("".join(lines).split()) == "".join(text.split())
+    assert whole or lines[-1].endswith(CUT)

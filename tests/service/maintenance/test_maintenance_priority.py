@@ -1,0 +1,180 @@
+"""Priority and history: how urgent, and since when."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance import kinds as k
+from stemwatch.service.maintenance.background import LOOK_BACK, Past
+from stemwatch.service.maintenance.priority import (
+    CLASSES,
+    DAYS,
+    OTHER_SEVERITY,
+    SEVERITY_OF,
+    WEIGHT_OF_CRITICALITY,
+    WEIGHT_OF_TREND,
+    priority,
+)
+from stemwatch.service.maintenance.since import sentence, since, work_sentence
+from stemwatch.service.maintenance.sure import FALSE_EFFECT, FALSE_EFFECT_SCATTERED, FALSE_STICKY
+from stemwatch.service.report.trend import Trend
+from stemwatch.service.store.records import Remark
+from tests.service.report.conftest import screening
+
+REPOSITORY = Path(__file__).parents[3]
+DAY = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
+STUCK = ("stiction_undershoot",)
+SAME = Trend(direction="same", words="no change")
+WORSE = Trend(direction="worse", words="worse, S +1.20")
+BASE = screening("FV-1", samples=60)
+
+
+def code(severity=80.0, criticality="3", trend=SAME, kinds=STUCK, verdict=Verdict.STICKY) -> int:
+    """The class of a finding."""
+    found = replace(BASE, severity=severity, verdict=verdict)
+    return priority(found, kinds, criticality, trend).code
+
+
+def test_the_classes_are_those_that_are_published():
+    """A finding at each limit."""
+    assert [code(severity) for severity in (80.0, 79.0, 55.0, 54.0, 30.0, 29.0)] == [
+        *(1, 2, 2, 3, 3, 4)
+    ]
+
+
+@given(
+    severities=st.tuples(st.floats(0, 100), st.floats(0, 100)),
+    criticality=st.sampled_from(["1", "2", "3", "", "A"]),
+)
+def test_worse_is_never_less_urgent(severities, criticality):
+    """More severity, more criticality or a worse trend never moves a valve back."""
+    mild, grave = sorted(severities)
+    assert code(grave, criticality) <= code(mild, criticality)
+    assert code(mild, "3") <= code(mild, criticality) <= code(mild, "1")
+    assert code(mild, criticality, WORSE) <= code(mild, criticality)
+
+
+def test_a_stem_that_may_be_stuck_fast_stands_beside_the_worst_sticky_ones():
+    """The screening ranks it low because it could measure nothing; somebody has to look."""
+    blind = {"severity": 15.0, "kinds": (k.FROZEN,), "verdict": Verdict.UNDETERMINED}
+    assert [code(criticality=one, **blind) for one in "321"] == [1, 2, 3]
+
+
+def test_the_reason_names_all_three_factors_and_what_the_plant_left_out():
+    """A planner can disagree with a factor, not with a number."""
+    said = priority(replace(BASE, severity=80.0), STUCK, "A", WORSE).reason
+    assert said == (
+        "criticality 2 of 3 (plant says 'A'), severity 80 of 100, trend: worse, S +1.20"
+    )
+    assert "(none is given)" in priority(BASE, STUCK, "", SAME).reason
+
+
+def test_the_end_date_is_a_day_of_the_plant():
+    """Shortly before midnight in UTC it is tomorrow in Berlin."""
+    late = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
+    found = priority(replace(BASE, severity=90.0), STUCK, "3", SAME)
+    assert found.due(late, ZoneInfo("Europe/Berlin")).isoformat() == "2026-03-09"
+    assert found.due(late, UTC).isoformat() == "2026-03-08"
+
+
+def test_the_documentation_has_these_numbers():
+    """Limits, days, weights and own severities."""
+    page = (REPOSITORY / "docs" / "maintenance-report.md").read_text("utf-8")
+    for least, number in CLASSES:
+        days = DAYS[number]
+        assert re.search(rf"\| {number} \| {least:.2f} \| [^|]+ \| {days} \|", page), number
+    for weight in (*WEIGHT_OF_CRITICALITY.values(), *WEIGHT_OF_TREND.values()):
+        assert f"{weight:g}" in page
+    for severity in (*SEVERITY_OF.values(), OTHER_SEVERITY):
+        assert f"{severity:.0f}" in page
+
+
+def test_the_false_alarms_are_those_of_the_readme():
+    """What a page publishes was counted, and is counted there."""
+    readme = (REPOSITORY / "README.md").read_text("utf-8")
+    count, of, interval = FALSE_STICKY
+    assert re.search(
+        rf"\*\*{of} healthy valves:\*\* called sticky \| \*\*{count}, .*\({interval}\)", readme
+    )
+    for row, (count, of, interval) in (
+        ("false alarm", FALSE_EFFECT),
+        ("the same with 12 % scatter", FALSE_EFFECT_SCATTERED),
+    ):
+        shown = interval.removesuffix(" %")
+        assert re.search(rf"{row} \| {count} of {of}, .*\({shown}\)", readme)
+
+
+def past(*verdicts: Verdict, **of_each) -> list[Past]:
+    """Weekly screenings, newest first."""
+    return [
+        Past(at=DAY - timedelta(days=7 * week), run=50 - week, verdict=verdict, **of_each)
+        for week, verdict in enumerate(verdicts, start=1)
+    ]
+
+
+S, W, H, U = Verdict.STICKY, Verdict.WATCH, Verdict.HEALTHY, Verdict.UNDETERMINED
+
+
+@pytest.mark.parametrize(
+    ("earlier", "count", "first", "before"),
+    [
+        ((), 1, None, None),
+        ((H,), 1, None, 49),
+        ((S, S, H), 3, 48, 47),
+        ((S, U, S, W), 3, 47, 46),
+        ((U, U), 1, None, None),
+        ((S, S), 3, 48, None),
+    ],
+)
+def test_a_finding_goes_back_as_far_as_no_verdict_denies_it(earlier, count, first, before):
+    """Screenings without a verdict neither confirm nor break it."""
+    found = since("stiction_undershoot", past(*earlier))
+    assert found.count == count
+    assert (found.first and found.first.run) == first
+    assert (found.before and found.before.run) == before
+
+
+def test_an_effect_goes_back_by_its_name():
+    """Another effect, or the same valve without one, ends it."""
+    earlier = [*past(W, W, effects=("lost_motion",)), *past(W, W, W, effects=())[2:]]
+    assert since("lost_motion", earlier).count == 3
+    assert since("zero_shift", earlier).count == 1
+
+
+def test_a_dead_transmitter_goes_back_over_screenings_without_a_verdict():
+    """They are what it makes."""
+    assert since(k.FROZEN, past(U, U, H)).count == 3
+
+
+def test_the_sentence_says_when_how_often_and_what_was_before():
+    """In the plant's own time."""
+    said = sentence(since("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin"))
+    assert said == (
+        "Seen since 2026-02-15 07:00 (run 48), in 3 screenings on end; the one before, of "
+        "2026-02-08 07:00, said healthy and did not show it."
+    )
+    assert sentence(since("watch", []), UTC).startswith("First screening")
+    assert sentence(since("watch", past(H)), UTC).startswith("New in this screening")
+
+
+def test_a_record_that_was_not_read_to_its_end_says_at_least():
+    """Nobody is told a date that is only where reading stopped."""
+    assert "at least since" in sentence(since("watch", past(*[S] * LOOK_BACK)), UTC)
+
+
+def test_work_is_set_against_the_finding():
+    """A finding from before the work is told from one that came after it."""
+    work = [Remark(valve="FV-1", at=DAY - timedelta(days=10), note="packing renewed", who="")]
+    after = work_sentence(work, DAY, UTC)
+    assert after == "Last work: 2026-02-19 06:00, packing renewed. It came 10 days after that work."
+    assert "still there" in work_sentence(work, DAY - timedelta(days=20), UTC)
+    assert work_sentence([], DAY, UTC) == ""

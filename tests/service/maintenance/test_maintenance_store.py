@@ -1,0 +1,139 @@
+"""The report of what is stored: a run, or each valve's latest look, with its history."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from datetime import timedelta
+
+import pytest
+
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance.from_store import report_of_store
+from stemwatch.service.maintenance.stored import background_of, kept_latest, kept_of_run
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.store import open_store
+from tests.service.made_mismatch import named
+from tests.service.report.conftest import START, screening
+
+WEEK = timedelta(days=7)
+
+
+@pytest.fixture
+def store(tmp_path):
+    """An empty store."""
+    with open_store(f"sqlite:///{tmp_path / 'store.db'}") as opened:
+        yield opened
+
+
+def looked(store, weeks: int, *screenings) -> int:
+    """A run over these valves, some weeks later; its number."""
+    number = store.begin_run(software_version="1")
+    for one in screenings:
+        moved = replace(one.recording, start=START + weeks * WEEK)
+        store.save(replace(one, recording=moved), number)
+    store.finish_run(number)
+    return number
+
+
+def short(valve: str, verdict: Verdict, S: float = 4.0, **changes):
+    """A screening of a minute of samples."""
+    return replace(screening(valve, verdict, S=S, J=0.4 * S, samples=60), **changes)
+
+
+STICKY = short("FV-1", Verdict.STICKY)
+HEALTHY = short("FV-2", Verdict.HEALTHY, S=0.2)
+
+
+@pytest.fixture
+def weeks(store) -> list[int]:
+    """Three weekly runs: FV-1 healthy, then sticky twice; FV-2 healthy."""
+    store.save_valves([StoredValve(id="FV-1", description="Reactor feed", area="A", criticality=3)])
+    first = looked(store, 0, short("FV-1", Verdict.HEALTHY, S=0.3), HEALTHY)
+    return [first, looked(store, 1, STICKY, HEALTHY), looked(store, 2, STICKY, HEALTHY)]
+
+
+def test_the_latest_look_of_each_valve_is_reported(store, weeks, tmp_path):
+    """With its history, its facts, and no picture where no samples are kept."""
+    files = report_of_store(store, tmp_path / "out")
+    (sheet,) = files.book.sheets
+    assert sheet.screening.valve == "FV-1"
+    assert sheet.since.count == 2
+    assert sheet.since.first.run == weeks[1]
+    assert sheet.since.before.run == weeks[0]
+    assert sheet.valve.facts.description == "Reactor feed"
+    assert sheet.valve.facts.criticality == "3"
+    assert sheet.valve.trend.direction == "same"
+    assert sheet.picture is None
+    assert "not kept" in files.html.read_text("utf-8")
+    assert [one.valve for one in files.book.others] == ["FV-2"]
+
+
+def test_a_run_is_reported_as_it_was(store, weeks, tmp_path):
+    """What came later is not known to it."""
+    files = report_of_store(store, tmp_path / "out", run=weeks[1], zone="Europe/Berlin")
+    (sheet,) = files.book.sheets
+    assert sheet.since.count == 1
+    assert sheet.run == weeks[1]
+    assert sheet.valve.trend.words == "worse, was healthy"
+    assert files.book.context.zone == "Europe/Berlin"
+    with files.csv.open(encoding="utf-8-sig", newline="") as file:
+        assert [row["run"] for row in csv.DictReader(file)] == [str(weeks[1])]
+
+
+def test_a_valve_or_a_run_that_is_not_there_is_named_with_what_is(store, weeks, tmp_path):
+    """Nothing is written."""
+    with pytest.raises(StoreError, match=r"no screening of 'FV-9'; it has 2 valves, such as FV-1"):
+        report_of_store(store, tmp_path / "out", valves=["FV-9"])
+    with pytest.raises(StoreError, match="no run 99"):
+        report_of_store(store, tmp_path / "out", run=99)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_stands_is_decided_over_all_valves_also_for_one(store, tmp_path):
+    """A page of one valve says the same as the page of the plant."""
+    weak = replace(named(), p_value=0.03)
+    valve = short("FV-1", Verdict.WATCH, S=1.2, mismatch=weak)
+    tested = replace(named(), finding=Finding.NONE, effects=(), p_value=None)
+    others = [short(f"H-{k}", Verdict.HEALTHY, S=0.2, mismatch=tested) for k in range(9)]
+    looked(store, 0, valve, *others)
+    assert report_of_store(store, tmp_path / "all").book.to_work_on == ()
+    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], everything=True)
+    assert one.book.sheets[0].valve.stands is False
+    assert "held back" in one.html.read_text("utf-8")
+
+
+def test_work_on_a_valve_is_told(store, weeks, tmp_path):
+    """Between the healthy and the first sticky look."""
+    store.record_maintenance("FV-1", START + 0.5 * WEEK, "packing <renewed>", "M. Weiß")
+    html = report_of_store(store, tmp_path).html.read_text("utf-8")
+    assert "packing &lt;renewed&gt;. It came 3 days after that work." in html
+
+
+def test_a_stored_screening_is_whole_where_it_gets_a_page(store):
+    """Of healthy valves with nothing named only the verdict of the mismatch is read."""
+    found = named()
+    nothing = replace(found, finding=Finding.NONE, effects=(), p_value=None)
+    number = looked(
+        store,
+        0,
+        replace(STICKY, mismatch=found),
+        replace(HEALTHY, mismatch=nothing),
+    )
+    sticky, healthy = kept_of_run(store, number)
+    assert sticky.mismatch.effects == found.effects
+    assert sticky.window == (START, START + timedelta(seconds=60))
+    assert healthy.mismatch.finding is Finding.NONE
+    assert kept_latest(store) == [sticky, healthy]
+
+
+def test_a_recording_without_dates_is_not_its_own_past(store):
+    """Its row is the newest one; what lies before it is earlier."""
+    looked(store, 0, STICKY)
+    number = store.begin_run(software_version="1")
+    undated = replace(STICKY, recording=replace(STICKY.recording, start=None))
+    store.save(undated, number)
+    (past,) = background_of(store).earlier(undated)
+    assert past.at == START + timedelta(seconds=60)

@@ -1,0 +1,114 @@
+"""Processes that we start end with their parent, and answer Ctrl-C in silence while they start."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
+
+HEAD = """
+import os, pathlib, sys, threading, time
+folder = pathlib.Path(sys.argv[1])
+(folder / f"began-{os.getpid()}").touch()  # each process passes here, the started ones too
+
+def work(items):
+    for item in items if isinstance(items, list) else [items]:
+        (folder / f"at-work-{os.getpid()}").touch()
+        time.sleep(120)
+    return [1]
+"""
+POOLS = {
+    "scheduler": HEAD
+    + """
+if __name__ == "__main__":
+    from stemwatch.service.scheduler.workers import WorkerPool
+    pool = WorkerPool(2, 300.0)
+    try:
+        list(pool.each(work, [[1], [2]], threading.Event()))
+    except KeyboardInterrupt:
+        sys.exit(130)
+""",
+    "local processes": HEAD
+    + """
+if __name__ == "__main__":
+    from stemwatch.service.executors import LocalProcesses
+    try:
+        list(LocalProcesses(2).map(work, [1, 2]))
+    except KeyboardInterrupt:
+        sys.exit(130)
+""",
+}
+
+
+@contextmanager
+def started(script: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """The script as a process group of its own; at the end nothing of it is left."""
+    file = folder / "script.py"
+    file.write_text(script, encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, str(file), str(folder)],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        yield process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate(timeout=30)
+
+
+def there(folder: Path, pattern: str, count: int, seconds: float = 120.0) -> list[int]:
+    """The processes that left a file of this pattern, as soon as there are ``count``."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = sorted(folder.glob(pattern))
+        if len(found) >= count:
+            return [int(path.name.rpartition("-")[2]) for path in found]
+        time.sleep(0.01)
+    return pytest.fail(f"no {count} of {pattern} in {sorted(folder.iterdir())}")
+
+
+def alive(process: int) -> bool:
+    """Whether this process runs; one that ended and was not collected does not."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2][0] != "Z"
+    return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
+@pytest.mark.parametrize("pool", POOLS)
+def test_workers_end_with_a_parent_that_was_killed(pool: str, tmp_path: Path) -> None:
+    """Also those that are at work and look at no pipe."""
+    with started(POOLS[pool], tmp_path) as parent:
+        workers = there(tmp_path, "at-work-*", 2)
+        parent.kill()
+        end = time.monotonic() + 30.0
+        while any(map(alive, workers)) and time.monotonic() < end:
+            time.sleep(0.05)
+        assert [one for one in workers if alive(one)] == []
+
+
+@pytest.mark.parametrize("pool", POOLS)
+def test_ctrl_c_while_workers_start_prints_no_traceback(pool: str, tmp_path: Path) -> None:
+    """Sent to a worker that has begun and is still importing; its parent, which would end it, is
+    told later, when others are at work."""
+    with started(POOLS[pool], tmp_path) as parent:
+        for process in set(there(tmp_path, "began-*", 2)) - {parent.pid}:
+            os.kill(process, signal.SIGINT)
+        there(tmp_path, "at-work-*", 2)
+        os.killpg(parent.pid, signal.SIGINT)
+        _, said = parent.communicate(timeout=60)
+        assert parent.returncode == 130
+        assert "Traceback" not in said

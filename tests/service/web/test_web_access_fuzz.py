@@ -1,0 +1,106 @@
+"""The API against its own description, asked by every role and by nobody (schemathesis)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, given, settings
+from schemathesis.checks import not_a_server_error
+from schemathesis.core.result import Ok
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from stemwatch.service.access.rights import Operation, Visitor
+from stemwatch.service.store.access_records import Role
+from stemwatch.service.store.store import open_store
+from stemwatch.service.web.app import create_app
+from stemwatch.service.web.permits import PERMITS
+from stemwatch.service.web.site import Site
+from tests.service.web.made_plant import NOW, fill
+from tests.service.web.signed_in import bearer_of
+
+CHECKS = [
+    not_a_server_error,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+]
+HOST = {"host": "localhost"}
+OPERATIONS = [name for name in PERMITS if name.startswith(("GET /api/v1", "POST /api/v1"))]
+OTHERS = ["GET /health", "GET /healthz", "GET /ready", "GET /metrics"]
+FEW = settings(
+    max_examples=4,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=list(HealthCheck),
+)
+
+
+class Api:
+    """The API of a small plant, and the headers by which each role is let in."""
+
+    def __init__(self, site: Site) -> None:
+        self.bearers = {role: bearer_of(site, role) for role in Role}
+        headers = {**HOST, **self.bearers[Role.ADMIN]}
+        self.schema = schemathesis.openapi.from_asgi(
+            "/api/openapi.json", create_app(site), headers=headers
+        )
+
+    def ask(self, name: str, headers: dict[str, str]) -> set[int]:
+        """Call an operation with whatever its description allows and more; the statuses that
+        came back. Fails where an answer is not as described."""
+        method, path = name.split()
+        found: set[int] = set()
+
+        @FEW
+        @given(case=self.schema[path][method].as_strategy())
+        def every(case: schemathesis.Case) -> None:
+            answer = case.call(headers={**HOST, **headers})
+            case.validate_response(answer, checks=CHECKS)
+            found.add(answer.status_code)
+
+        every()
+        return found
+
+
+@pytest.fixture(scope="module", params=["sqlite", pytest.param("pg", marks=pytest.mark.postgres)])
+def api(request, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
+    """The small plant on either engine, without a plant file."""
+    url = f"sqlite:///{tmp_path_factory.mktemp('fuzz') / 'store.db'}"
+    if request.param == "pg":
+        url = request.getfixturevalue("module_postgres_url")
+    with open_store(url) as store:
+        fill(store, months=1)
+        yield Api(Site(store=store, clock=lambda: NOW))
+
+
+def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
+    """The names below are those of the description, none more and none less."""
+    found = [one.ok() for one in api.schema.get_all_operations() if isinstance(one, Ok)]
+    described = {f"{one.method.upper()} {one.path}" for one in found}
+    assert described == {*OPERATIONS, *OTHERS}
+
+
+@pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
+@pytest.mark.parametrize("role", Role)
+def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: Role) -> None:
+    """No failure, no undescribed status, no field of another shape; and whoever lacks the right
+    is refused whatever is sent."""
+    found = api.ask(name, api.bearers[role])
+    allowed = Visitor(name="", role=role, how="").may(PERMITS[name])
+    assert (found == {403}) is not allowed
+
+
+@pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
+def test_without_credentials_no_operation_gives_anything(api: Api, name: str) -> None:
+    """401 to whatever is sent, as described; only the supervisors' questions are answered."""
+    for headers in ({}, {"authorization": "Bearer stw_" + "x" * 43}):
+        found = api.ask(name, headers)
+        assert found == ({200} if PERMITS[name] is Operation.OPEN else {401})
