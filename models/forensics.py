@@ -7,11 +7,14 @@ triples of neighbouring finite samples, so that a gap is never taken for a step.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stemwatch.models.recording import Bools, Floats
 
 # Differences this small against the signal's own size are floating-point noise, not information.
 _RELATIVE_ZERO = 1e-9
+# White noise turns round at two samples of three, a moving stem hardly ever.
+NOISE_TURNS = 0.4
 
 
 def _steps(values: Floats) -> Floats:
@@ -86,6 +89,18 @@ def repeat_share(values: Floats) -> float:
     """Share of neighbouring pairs that are bit-exact repeats, 0 to 1."""
     steps = _steps(values)
     return float(np.mean(steps == 0.0)) if steps.size else 0.0
+
+
+def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> bool:
+    """True where the signal, outside ``runs``, turns round at more than ``NOISE_TURNS`` of its
+    samples; ``runs`` (m, 2) are first and last + 1, ``least`` the samples that can tell."""
+    outside = values.copy()
+    for first, last in runs:
+        outside[first:last] = np.nan
+    steps = np.diff(outside)
+    turning = steps[1:] * steps[:-1]
+    turning = turning[np.isfinite(turning)]
+    return bool(turning.size >= least and np.mean(turning < 0.0) > NOISE_TURNS)
 
 
 def longest_repeat(values: Floats) -> int:

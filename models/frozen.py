@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import repeat_share
+from stemwatch.models.forensics import repeat_share, turns_like_noise
 from stemwatch.models.recording import Bools, Floats, Recording
 
 FROZEN_S = 30.0  # a noisy transmitter does not repeat itself to the last bit for this long
 FROZEN_SAMPLES = 20
 MOST_REPEATS = 0.3  # a reading that repeats itself less often than this has noise
-# White noise turns round at two samples of three, a moving stem hardly ever.
-NOISE_TURNS = 0.4
+LEAST_TURNS = 100  # samples by which the noise is judged
 
 
 def _run_edges(flags: Bools) -> NDArray[np.int64]:
@@ -49,15 +48,7 @@ def _noisy(mv: Floats, runs: NDArray[np.int64]) -> bool:
 
     A reading that seldom repeats itself at all has noise too, however fast the stem moves.
     """
-    if repeat_share(mv) < MOST_REPEATS:
-        return True
-    outside = mv.copy()
-    for first, last in runs:
-        outside[first:last] = np.nan
-    steps = np.diff(outside)
-    turning = steps[1:] * steps[:-1]
-    turning = turning[np.isfinite(turning)]
-    return bool(turning.size >= 100 and np.mean(turning < 0.0) > NOISE_TURNS)
+    return repeat_share(mv) < MOST_REPEATS or turns_like_noise(mv, runs, LEAST_TURNS)
 
 
 def _way(op: Floats, runs: NDArray[np.int64]) -> Floats:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
 from functools import cached_property
 
 import numpy as np
 
 from stemwatch.connectors.connector import ConnectorError, MappingNeeded, ValveTags, Window
 from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.epoch import ns_of
 from stemwatch.connectors.historian.timefields import Ints
 from stemwatch.models.recording import Bools, Role
 
 Bounds = tuple[int | None, int | None]
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,16 +52,6 @@ class Loaded:
     def column(self, tag: str, *, as_mode: bool = False) -> Column:
         """The tag's samples; a mode was read as a mode."""
         return self.columns[tag]
-
-
-def ns_of(instant: datetime | None) -> int | None:
-    """Nanoseconds since 1970 UTC of an aware instant."""
-    return None if instant is None else (instant - _EPOCH) // timedelta(microseconds=1) * 1000
-
-
-def instant_of(ns: int) -> datetime:
-    """The instant of ``ns`` nanoseconds since 1970, in UTC, whole microseconds."""
-    return _EPOCH + timedelta(microseconds=ns // 1000)
 
 
 def bounds_of(window: Window, before_s: float = 0.0) -> Bounds:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian.clock import Grid, Laid, clock_facts, lay_column, make_grid
 from stemwatch.connectors.historian.columns import Column, own_interval_s
+from stemwatch.connectors.historian.epoch import EPOCH, ns_of
 from stemwatch.connectors.historian.holding import Holding
 from stemwatch.connectors.historian.units import canonical
 from stemwatch.models.recording import (
@@ -30,7 +31,6 @@ from stemwatch.models.recording import (
     Signal,
 )
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 # Percent of span that a transmitter or an output can still deliver (NAMUR NE 43 goes to 112.5).
 _OUTSIDE = (-25.0, 125.0)
 _MOST_OUTSIDE = 0.05  # more than this means that the range is wrong, not the samples
@@ -59,9 +59,7 @@ def assemble(opened: Holding, valve: ValveTags, window: Window) -> Recording:
         valve=valve.valve,
         signals=signals,
         interval_s=grid.interval_s,
-        start=_EPOCH + timedelta(microseconds=round(grid.start_ns / 1000))
-        if opened.known
-        else None,
+        start=EPOCH + timedelta(microseconds=round(grid.start_ns / 1000)) if opened.known else None,
         clock=clock_facts(op.file_ns, opened.zone),
         provenance=_provenance(opened, columns, notes),
     )
@@ -123,17 +121,11 @@ def _window_ns(opened: Holding, window: Window) -> tuple[int | None, int | None]
             f"{opened.where}: a window was asked for, but the file's times have no zone; give the "
             "zone, such as 'Europe/Berlin', or read the whole file"
         )
-    return _ns(window.start), _ns(window.stop)
-
-
-def _ns(instant: datetime | None) -> int | None:
-    if instant is None:
-        return None
-    return ((instant - _EPOCH) // timedelta(microseconds=1)) * 1000
+    return ns_of(window.start), ns_of(window.stop)
 
 
 def _outside_window(opened: Holding, op: Column, window: Window) -> str:
-    first, last = (_EPOCH + timedelta(seconds=int(ns) // 10**9) for ns in (op.ns[0], op.ns[-1]))
+    first, last = (EPOCH + timedelta(seconds=int(ns) // 10**9) for ns in (op.ns[0], op.ns[-1]))
     return (
         f"{opened.where}: {op.tag}: no samples between {window.start} and {window.stop}; the file "
         f"covers {first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"

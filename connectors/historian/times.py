@@ -189,6 +189,11 @@ def _placed(
             ns=utc, ok=aware, known=True, zone=_offset_sentence(offset_min[aware], notes)
         )
     _remark_clock_change(ns[ok], notes)
+    return undated(ns, ok, notes)
+
+
+def undated(ns: Ints, ok: Bools, notes: Notes) -> Instants:
+    """Local times of a zone that nobody gave: instants on a clock of unknown date."""
     zone = "The times have no zone and none was given: durations are right, the date is not known."
     notes.decide(zone)
     return Instants(ns=ns, ok=ok, known=False, zone=zone)

@@ -1,4 +1,4 @@
-"""From a device's table to its ``Link``."""
+"""From a device's table to its ``Link``, and back."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from stemwatch.connectors.modbus.tables import DeviceTable
 
 _OF_TCP = ("host", "port")
 _OF_SERIAL = ("serial_port", "baudrate", "bytesize", "parity", "stopbits")
+_OF_BOTH = ("timeout_s", "retries", "pause_s")
 
 
 def link_of(table: DeviceTable) -> Link:
@@ -36,3 +37,15 @@ def link_of(table: DeviceTable) -> Link:
         retries=table.retries,
         pause_s=table.pause_s,
     )
+
+
+def keys_of(link: Link) -> dict[str, str | int | float]:
+    """What ``link_of`` makes ``link`` from: the plant file's keys with their values, defaults
+    included, and none that another type of link has."""
+    given: dict[str, str | int | float] = {"type": link.kind.value}
+    if link.kind is LinkKind.SERIAL:
+        given["serial_port"] = link.target
+        given |= {key: getattr(link, key) for key in _OF_SERIAL[1:]}
+    else:
+        given |= {"host": link.target, "port": link.port}
+    return given | {key: getattr(link, key) for key in _OF_BOTH}

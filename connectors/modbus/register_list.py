@@ -7,15 +7,14 @@ comma are read.
 
 from __future__ import annotations
 
-import csv
 import difflib
-import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from stemwatch.connectors.modbus.faulty import Mistake
+from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 
 COLUMNS = (
     "tag", "register", "address", "unit_id", "type", "byte_order", "scale", "offset", "raw_low",
@@ -71,9 +70,7 @@ def read_register_list(path: Path) -> RegisterList:
 
     Raises ``ListUnusable`` where a mistake concerns every row.
     """
-    text = _text(path)
-    separator = max(",;\t", key=text.lstrip().split("\n", 1)[0].count)
-    records = list(_records(text, separator))
+    separator, records = _records(path)
     if not records:
         raise ListUnusable(1, "", "an empty file", "a heading row of " + ", ".join(COLUMNS))
     line, first = records[0]
@@ -94,37 +91,17 @@ def read_register_list(path: Path) -> RegisterList:
     return RegisterList(tuple(rows), tuple(faulty))
 
 
-def _text(path: Path) -> str:
+def _records(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+    """The separator, and each record that is not blank with the number of its first line."""
     try:
-        raw = path.read_bytes()
+        text = decoded(path.read_bytes())
+        separator = separator_of(text)
+        return separator, records_of(text, separator)
     except OSError as error:
         expected = "a CSV file of registers, relative to the plant file"
         raise ListUnusable(None, "", error.strerror or str(error), expected) from None
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return raw.decode("utf-16", errors="replace")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        found = f"the byte 0x{raw[error.start]:02x}, which is not UTF-8"
-        raise ListUnusable(line, "", found, "a file saved as UTF-8") from None
-
-
-def _records(text: str, separator: str) -> Iterator[tuple[int, list[str]]]:
-    """Each record that is not blank, with the number of its first line."""
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    line = 1
-    while True:
-        try:
-            cells = next(reader, None)
-        except csv.Error as error:
-            found = f"a row that is not CSV ({error})"
-            raise ListUnusable(line, "", found, "quotation marks in pairs") from None
-        if cells is None:
-            return
-        if any(cell.strip() for cell in cells):
-            yield line, cells
-        line = reader.line_num + 1
+    except ListFault as fault:
+        raise ListUnusable(fault.line, "", fault.found, fault.expected) from None
 
 
 def _heading(cells: Sequence[str], line: int) -> list[str]:

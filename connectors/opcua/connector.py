@@ -113,8 +113,9 @@ class OpcUaArchive:
     def _column(
         self, tag: str, role: Role, history: History, bounds: tuple[int | None, int | None]
     ) -> Column:
-        from stemwatch.connectors.archive.loaded import empty_column, inside, ns_of
+        from stemwatch.connectors.archive.loaded import empty_column, inside
         from stemwatch.connectors.archive.numbers import number_column
+        from stemwatch.connectors.historian.epoch import ns_of
 
         if not history.times:
             return empty_column(tag)

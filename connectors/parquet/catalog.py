@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from stemwatch.connectors.archive.loaded import Bounds, instant_of
+from stemwatch.connectors.archive.loaded import Bounds
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.epoch import instant_of
 from stemwatch.connectors.parquet.file import ArchiveFile
 
 ENDINGS = (".parquet", ".parq", ".pq")

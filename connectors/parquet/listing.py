@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stemwatch.connectors.archive.loaded import instant_of
 from stemwatch.connectors.connector import ConnectorError, TagInfo
+from stemwatch.connectors.historian.epoch import instant_of
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.roles import Candidate, propose_roles
 from stemwatch.connectors.parquet.file import ArchiveFile

@@ -9,14 +9,15 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from stemwatch.connectors.archive.loaded import Bounds, instant_of
+from stemwatch.connectors.archive.loaded import Bounds
+from stemwatch.connectors.archive.localtimes import local_instants
 from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian.epoch import instant_of
 from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.raw import RawTable, RawTimes
 from stemwatch.connectors.historian.timefields import Ints
-from stemwatch.connectors.historian.times import Instants, read_instants
-from stemwatch.connectors.historian.zones import to_utc
+from stemwatch.connectors.historian.times import Instants, read_instants, undated
 from stemwatch.models.recording import Bools
 
 _UNIT_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
@@ -83,24 +84,9 @@ def placed(stamps: Stamps, written: bool, options: ReadOptions, notes: Notes) ->
     if not stamps.naive:
         sentence = "The times are instants in UTC."
         return Instants(ns=stamps.ns, ok=stamps.ok, known=True, zone=sentence)
-    if options.zone is None or written:
-        sentence = (
-            "The times have no zone and none was given: durations are right, the date is not known."
-        )
-        notes.decide(sentence)
-        return Instants(ns=stamps.ns, ok=stamps.ok, known=False, zone=sentence)
-    ns, ok = to_utc(
-        stamps.ns,
-        stamps.ok,
-        options.zone,
-        ambiguous_hour=options.ambiguous_hour,
-        missing_hour=options.missing_hour,
-        groups=[None],
-        notes=notes,
-    )
-    sentence = f"Times without offset are local times of {options.zone}."
-    notes.decide(sentence)
-    return Instants(ns=ns, ok=ok, known=True, zone=sentence)
+    if written:
+        return undated(stamps.ns, stamps.ok, notes)
+    return local_instants(stamps.ns, stamps.ok, options, notes)
 
 
 def file_bounds(bounds: Bounds, naive: bool, options: ReadOptions, where: str) -> Bounds:

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from stemwatch.connectors.archive.loaded import ns_of
+from stemwatch.connectors.archive.localtimes import local_instants
 from stemwatch.connectors.archive.numbers import Codes, number_column
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.columns import Column, convert
+from stemwatch.connectors.historian.epoch import ns_of
 from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.times import Instants, read_instants
-from stemwatch.connectors.historian.zones import to_utc
 
 _NAMES = ("time", "value", "quality")
 
@@ -95,24 +95,7 @@ def instants_of(samples: Samples, options: ReadOptions, name: str, notes: Notes)
     ok = np.ones(ns.size, dtype=bool)
     if all(one.tzinfo is not None for one in times):
         return Instants(ns=ns, ok=ok, known=True, zone="The database gives instants.")
-    if options.zone is None:
-        sentence = (
-            "The times have no zone and none was given: durations are right, the date is not known."
-        )
-        notes.decide(sentence)
-        return Instants(ns=ns, ok=ok, known=False, zone=sentence)
-    ns, ok = to_utc(
-        ns,
-        ok,
-        options.zone,
-        ambiguous_hour=options.ambiguous_hour,
-        missing_hour=options.missing_hour,
-        groups=[None],
-        notes=notes,
-    )
-    sentence = f"Times without offset are local times of {options.zone}."
-    notes.decide(sentence)
-    return Instants(ns=ns, ok=ok, known=True, zone=sentence)
+    return local_instants(ns, ok, options, notes)
 
 
 def _ns(instant: datetime) -> int:

@@ -39,12 +39,17 @@ from stemwatch.models.mismatch.limits import (
     much_left,
     not_little_left,
 )
-from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.naming import Named, Needed, Score, name
 from stemwatch.models.mismatch.reading import Off, findings, values_of
 from stemwatch.models.mismatch.record import RecordSettled, settle
 from stemwatch.models.mismatch.show import show
-from stemwatch.models.mismatch.telling import Directions, by_events, directions, effect
+from stemwatch.models.mismatch.telling import (
+    Directions,
+    by_events,
+    directions,
+    effect,
+    residual_map,
+)
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
@@ -228,7 +233,7 @@ def _told(case: _Case) -> Mismatch:
     shown = show(bench, layout, [one.term for one in named.needed], case.ceiling)
     effects, open_end = _standing(case, bench, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
-    before = _map(bench, shown.runs.naive)
+    before = residual_map(bench, shown.runs.naive)
     return Mismatch(
         finding=finding,
         sentence=_sentence(finding, effects, case.refused, before),
@@ -239,7 +244,7 @@ def _told(case: _Case) -> Mismatch:
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=shown.heldout,
         before=before,
-        after=_map(bench, shown.runs.extended),
+        after=residual_map(bench, shown.runs.extended),
         runs=shown.runs,
         p_value=chance(max(one.evidence.strength for one in effects)) if effects else None,
     )
@@ -345,19 +350,6 @@ def _matters(effect: Effect) -> bool:
 def _share(bench: Bench, before: Fitted, after: Fitted) -> float:
     """The share of the held-out loss that goes."""
     return float(np.clip(1.0 - after.heldout.sum() / max(before.heldout.sum(), 1e-12), -1.0, 1.0))
-
-
-def _map(bench: Bench, simulated: Floats) -> ResidualMap:
-    problem = bench.problem
-    return locate(
-        problem.op,
-        problem.mv,
-        simulated,
-        bench.measured,
-        problem.block,
-        problem.interval_s,
-        problem.sigma,
-    )
 
 
 def _refuted(heldout: HeldOut) -> bool:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.forensics import turns_like_noise
 from stemwatch.models.recording import Bools, Floats
 
 FROZEN_S, FROZEN_SAMPLES = 30.0, 20
-NOISE_TURNS = 0.4  # white noise turns round at two samples of three, a moving stem hardly ever
 LEAST_TURNS = 60  # samples by which the noise is judged
 LONGER = 5.0  # times the usual long repeat of the reading that a frozen one lasts
 LASTING = (10.0, 90.0)  # percentiles of OP within a run
@@ -32,7 +32,7 @@ def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: boo
     outside = np.isfinite(mv) & np.isfinite(op)
     for first, last in runs[long]:
         outside[first + 1 : last] = False
-    noisy = not compressed and _noisy(mv, runs[long])
+    noisy = not compressed and turns_like_noise(mv, runs[long], LEAST_TURNS)
     usual = float(np.percentile(length[~long], 99.0)) if (~long).any() else 1.0
     band = _band(op, mv, outside)
     for first, last in runs[long]:
@@ -50,17 +50,6 @@ def _repeats(mv: Floats) -> NDArray[np.int64]:
     same = np.concatenate(([0], (np.diff(mv) == 0.0).astype(np.int8), [0]))
     edges = np.flatnonzero(np.diff(same)).reshape(-1, 2)
     return np.column_stack((edges[:, 0], edges[:, 1] + 1)).astype(np.int64)
-
-
-def _noisy(mv: Floats, long: NDArray[np.int64]) -> bool:
-    """True where the reading, outside its long repeats, turns round at every other sample."""
-    outside = mv.copy()
-    for first, last in long:
-        outside[first:last] = np.nan
-    steps = np.diff(outside)
-    turning = steps[1:] * steps[:-1]
-    turning = turning[np.isfinite(turning)]
-    return bool(turning.size >= LEAST_TURNS and np.mean(turning < 0.0) > NOISE_TURNS)
 
 
 def _band(op: Floats, mv: Floats, outside: Bools) -> float:

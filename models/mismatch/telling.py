@@ -9,7 +9,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.bench import Bench, Layout
 from stemwatch.models.mismatch.dwell import LEAST_Z, Dwelling
-from stemwatch.models.mismatch.findings import Effect, Evidence
+from stemwatch.models.mismatch.findings import Effect, Evidence, ResidualMap
 from stemwatch.models.mismatch.limits import strength
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
@@ -111,11 +111,10 @@ def by_events(told: Effect, seen: Dwelling, term: Term, way: Directions) -> Effe
     return replace(told, sentence=sentence, evidence=evidence, parameters=parameters)
 
 
-def _where(bench: Bench, layout: Layout, candidate: Floats) -> str:
-    """The hottest place of the residual that is left without the effect."""
+def residual_map(bench: Bench, simulated: Floats) -> ResidualMap:
+    """Where ``simulated`` (n,), percent, differs from the reading of the bench's record."""
     problem = bench.problem
-    simulated, _ = bench.assimilated(layout, candidate)
-    found = locate(
+    return locate(
         problem.op,
         problem.mv,
         simulated,
@@ -124,6 +123,12 @@ def _where(bench: Bench, layout: Layout, candidate: Floats) -> str:
         problem.interval_s,
         problem.sigma,
     )
+
+
+def _where(bench: Bench, layout: Layout, candidate: Floats) -> str:
+    """The hottest place of the residual that is left without the effect."""
+    simulated, _ = bench.assimilated(layout, candidate)
+    found = residual_map(bench, simulated)
     return found.hot[0].sentence if found.hot else "Spread over the record, no single place."
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import and_, select
-from sqlalchemy.orm import Session, aliased
+from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch
@@ -20,6 +20,7 @@ from stemwatch.service.store.baselines import BASELINE
 from stemwatch.service.store.held_back import remark_column
 from stemwatch.service.store.packed import mismatch_of
 from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.screenings import latest_screening_id
 from stemwatch.service.store.store import Store
 from stemwatch.service.store.tables import (
     IndicatorRow,
@@ -107,7 +108,7 @@ def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list
     Their numbers come from the index, one short look for each, so that the time does not grow with
     the years stored; what they name is read of the newest alone.
     """
-    looks = [_back(place) for place in range(depth)]
+    looks = [latest_screening_id(before=n).label(f"back_{n}") for n in range(depth)]
     found = session.execute(select(ValveRow.id, *looks).where(ValveRow.id.in_(valves)))
     order = {valve: [one for one in ids if one is not None] for valve, *ids in found}
     numbers = [one for ids in order.values() for one in ids]
@@ -120,21 +121,6 @@ def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list
     return {
         valve: [_judged(row, named.get(row.id)) for row in rows] for valve, rows in many.items()
     }
-
-
-def _back(place: int) -> Any:
-    """The number of a valve's screening that is ``place`` before its last."""
-    inner = aliased(ScreeningRow)
-    return (
-        select(inner.id)
-        .where(inner.valve == ValveRow.id)
-        .order_by(inner.at.desc(), inner.id.desc())
-        .limit(1)
-        .offset(place)
-        .correlate(ValveRow)
-        .scalar_subquery()
-        .label(f"back_{place}")
-    )
 
 
 def _newest(rows: Sequence[Any]) -> int | None:

@@ -4,7 +4,7 @@ The seam is one method (``Executor.map``). Every executor gives the same results
 items, number for number.
 """
 
-from stemwatch.service.executors.address import UnknownExecutor, choose_executor
+from stemwatch.service.executors.address import UnknownExecutor, choose_executor, cluster_at
 from stemwatch.service.executors.executor import Executor
 from stemwatch.service.executors.in_process import InProcess
 from stemwatch.service.executors.local_processes import LocalProcesses, prepare_worker
@@ -15,5 +15,6 @@ __all__ = [
     "LocalProcesses",
     "UnknownExecutor",
     "choose_executor",
+    "cluster_at",
     "prepare_worker",
 ]

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from stemwatch.service.executors.executor import Executor
 from stemwatch.service.executors.in_process import InProcess
 from stemwatch.service.executors.local_processes import LocalProcesses
+
+if TYPE_CHECKING:
+    from stemwatch.service.executors.dask_cluster import DaskCluster
 
 LOCAL, IN_PROCESS, DASK = "local", "in-process", "dask"
 EXPECTED = f"expected {LOCAL}, {IN_PROCESS} or {DASK}://HOST:PORT"
@@ -29,6 +33,11 @@ def choose_executor(workers: int | None, address: str = LOCAL) -> Executor:
     if address in ("", LOCAL):
         workers = workers or os.cpu_count() or 1
         return LocalProcesses(workers) if workers > 1 else InProcess()
+    return cluster_at(address)
+
+
+def cluster_at(address: str) -> DaskCluster:
+    """The Dask cluster at ``dask://HOST:PORT``. Raises ``UnknownExecutor`` for anything else."""
     from stemwatch.service.executors.dask_cluster import DaskCluster
 
     return DaskCluster(_scheduler(address))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ log = logging.getLogger(__name__)
 
 CONNECT_S = 10.0
 WORKER_S = 60.0  # a cluster may be starting its first worker just now
+LOOK_S = 0.05  # between two looks at what is done, and whether it is still wanted
 AHEAD = 4  # pieces of work that wait at the cluster for each that is worked on
 
 
@@ -49,13 +51,30 @@ class DaskCluster:
     def map(
         self, work: Callable[[Item], Result], items: Iterable[Item]
     ) -> Iterator[tuple[int, Result]]:
-        """``(place, work(item))`` for each item, as they are done.
+        """``(place, work(item))`` for each item, as they are done."""
 
-        Only a few pieces for each worker are at the cluster at a time, so that neither the
-        scheduler nor a worker holds more than that, however many items there are.
+        def here(item: Item) -> Result:
+            log.warning("several workers died on one piece of work; it is done here")
+            return work(item)
+
+        yield from self.hand_out(work, items, here, threading.Event())
+
+    def hand_out(
+        self,
+        work: Callable[[Item], Result],
+        items: Iterable[Item],
+        deadly: Callable[[Item], Result],
+        stop: threading.Event,
+    ) -> Iterator[tuple[int, Result]]:
+        """``map`` that ends when ``stop`` is set, also while no worker answers.
+
+        An item on which several workers died has the result ``deadly(item)``; it need not be the
+        one that ended them, as a worker holds others too. Only a few pieces for each worker are at
+        the cluster at a time, so that neither the scheduler nor a worker holds more than that,
+        however many items there are.
         """
         with self._client() as client:
-            yield from _Handing(client, work, items).results()
+            yield from _Handing(client, work, items, deadly).results(stop)
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
@@ -89,22 +108,31 @@ def distributed() -> Any:
 class _Handing:
     """The work of one call on its way: a few pieces out, the rest here."""
 
-    def __init__(self, client: Any, work: Callable[[Any], Any], items: Iterable[Any]) -> None:
-        self._client, self._work = client, work
+    def __init__(
+        self,
+        client: Any,
+        work: Callable[[Any], Any],
+        items: Iterable[Any],
+        deadly: Callable[[Any], Any],
+    ) -> None:
+        self._client, self._work, self._deadly = client, work, deadly
         self._waiting = enumerate(items)
         self._out: dict[str, tuple[int, Any]] = {}  # by the future's key
 
-    def results(self) -> Iterator[tuple[int, Any]]:
-        """Each place with its result."""
+    def results(self, stop: threading.Event) -> Iterator[tuple[int, Any]]:
+        """Each place with its result, until ``stop``."""
         ahead = AHEAD * max(sum(_threads(self._client)), 1)
-        done = distributed().as_completed(self._more(ahead), loop=self._client.loop)
-        for future in done:
-            place, item = self._out.pop(future.key)
-            result = self._result(future, item)
-            future.release()  # the cluster may forget it
-            for another in self._more(1):
-                done.add(another)
-            yield place, result
+        out = distributed().as_completed(self._more(ahead), loop=self._client.loop)
+        while not out.is_empty() and not stop.is_set():
+            done = out.next_batch(block=False)
+            if not done:
+                stop.wait(LOOK_S)
+            for future in done:
+                place, item = self._out.pop(future.key)
+                result = self._result(future, item)
+                future.release()  # the cluster may forget it
+                out.update(self._more(1))
+                yield place, result
 
     def _more(self, count: int) -> list[Any]:
         """Hand out the next ``count`` pieces."""
@@ -120,8 +148,7 @@ class _Handing:
         try:
             return future.result()
         except dask.KilledWorker:
-            log.warning("several workers died on one piece of work; it is done here")
-            return self._work(item)
+            return self._deadly(item)
         except dask.CancelledError as error:
             raise ClusterError(
                 f"the cluster let go of the work ({error}): its scheduler was stopped or started "

@@ -14,6 +14,7 @@ from stemwatch.models.plant.loop import (
 
 WEARING = "FIC-101"
 INTERVAL_S = 0.2  # of the simulated registers; polls are slower
+STROKES = {WEARING: "40 mm", "FIC-102": "50 mm", "FIC-103": "30 mm"}  # full travel, by tag
 _FLOW = PvRange(unit="t/h", low=0.0, high=40.0)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from stemwatch.models.plant import PlantLoop
 from stemwatch.service.live_demo.folder import REPORTS, SPOOL
+from stemwatch.service.live_demo.loops import STROKES
 from stemwatch.service.live_demo.pace import Pace
 from stemwatch.service.modbus_plant import plant_toml
 
@@ -40,6 +41,7 @@ def demo_toml(
         port=modbus_port,
         every_s=pace.every_s,
         name=f"Live demo (simulated{fast})",
+        strokes=STROKES,
     )
     return _HEAD + plant + _service(pace, mail_port, pages_port)
 

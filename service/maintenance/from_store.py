@@ -8,16 +8,16 @@ from pathlib import Path
 
 from stemwatch.models.findings import Screening
 from stemwatch.service.maintenance.stored import (
-    Kept,
     background_of,
     facts_of,
-    kept_latest,
-    kept_of_run,
+    latest_screenings,
+    screenings_of_run,
 )
 from stemwatch.service.maintenance.write import MaintenanceFiles, write_maintenance
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.context import ReportContext, SourceNotRead
 from stemwatch.service.report.discoveries import tested
+from stemwatch.service.restored import Restored
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store
 
@@ -38,7 +38,7 @@ def report_of_store(
     What stands beside friction is decided over all valves either way. Raises ``StoreError`` where
     there is no such run, or none of a valve that was named.
     """
-    every = kept_latest(store) if run is None else kept_of_run(store, run)
+    every = latest_screenings(store) if run is None else screenings_of_run(store, run)
     known = {one.valve for one in every}
     if unknown := sorted(set(valves) - known):
         where = "the store" if run is None else f"run {run}"
@@ -64,7 +64,7 @@ def report_of_run(
     """Write the report of all valves of a scheduled run. ``screenings`` are those of them whose
     samples are still here, for the pictures; the others come as they are stored."""
     here = {one.valve for one in screenings}
-    rest = [one for one in kept_of_run(store, run) if one.valve not in here]
+    rest = [one for one in screenings_of_run(store, run) if one.valve not in here]
     every = [*screenings, *rest]
     aside = store.queue.set_aside(run)
     context = ReportContext(
@@ -77,7 +77,7 @@ def report_of_run(
     return write_maintenance(every, context, out_dir, background_of(store, plant, run))
 
 
-def _p_elsewhere(every: list[Kept], valves: Collection[str]) -> tuple[float | None, ...]:
+def _p_elsewhere(every: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
     """The p values of the valves that were tested and are not in the report."""
     others = [one.mismatch for one in every if valves and one.valve not in valves]
     return tuple(one.p_value for one in others if tested(one))

@@ -12,10 +12,9 @@ from xlsxwriter import Workbook
 from stemwatch.service.maintenance.advice import HINT
 from stemwatch.service.maintenance.book import Book
 from stemwatch.service.maintenance.orders import FIELDS, rows_of
-from stemwatch.service.report.columns import Cell
 from stemwatch.service.report.csv_file import harmless
 from stemwatch.service.report.words import printable
-from stemwatch.service.report.xlsx_file import LONGEST_TEXT
+from stemwatch.service.report.xlsx_file import write_cell
 
 
 def orders_csv(book: Book) -> bytes:
@@ -56,24 +55,12 @@ def _orders(workbook: Any, book: Book) -> None:
     for line, row in enumerate(rows, start=1):
         sheet.set_row(line, 60)
         for index, cell in enumerate(row):
-            _write(sheet, line, index, cell, styles)
+            write_cell(sheet, line, index, cell, styles)
     sheet.freeze_panes(1, 2)
     sheet.autofilter(0, 0, len(rows), len(FIELDS) - 1)
     sheet.set_landscape()
     sheet.set_paper(9)  # A4
     sheet.repeat_rows(0)
-
-
-def _write(sheet: Any, line: int, index: int, cell: Cell, styles: dict[type, Any]) -> None:
-    if cell is None:
-        return
-    style = styles.get(type(cell))
-    if isinstance(cell, datetime):
-        sheet.write_datetime(line, index, cell.replace(tzinfo=None), style)
-    elif isinstance(cell, str):
-        sheet.write_string(line, index, cell[:LONGEST_TEXT], style)
-    else:
-        sheet.write_number(line, index, cell, style)
 
 
 def _meanings(workbook: Any, book: Book) -> None:

@@ -4,8 +4,8 @@ came before them."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime, timedelta
+from dataclasses import replace
+from datetime import timedelta
 
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session, defer
@@ -18,8 +18,9 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.background import LOOK_BACK, Background, Past
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.context import PreviousFinding, ValveFacts
+from stemwatch.service.restored import Restored, screening_of
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import StoredScreening, StoredValve
+from stemwatch.service.store.records import StoredValve
 from stemwatch.service.store.rows import stored_screening
 from stemwatch.service.store.screenings import latest_screening_id
 from stemwatch.service.store.store import Store
@@ -30,54 +31,18 @@ from stemwatch.service.store.tables import ScreeningRow, ValveRow
 LONGEST_READ = timedelta(hours=4)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Kept(Screening):
-    """A screening as the store has it: without samples, but with its window."""
-
-    kept_window: tuple[datetime | None, datetime | None] = (None, None)
-
-    @property
-    def window(self) -> tuple[datetime | None, datetime | None]:
-        """UTC start and end, ``None`` where the source did not tell."""
-        return self.kept_window
-
-
-def kept_of_run(store: Store, run: int) -> list[Kept]:
+def screenings_of_run(store: Store, run: int) -> list[Restored]:
     """Every screening of a run. Raises ``StoreError`` where there is no such run."""
     store.run(run)
     with store.access.reading("reading a run's screenings") as session:
-        return _kept(session, ScreeningRow.run_id == run)
+        return _restored(session, ScreeningRow.run_id == run)
 
 
-def kept_latest(store: Store) -> list[Kept]:
+def latest_screenings(store: Store) -> list[Restored]:
     """Each valve's latest screening."""
     with store.access.reading("reading the latest screenings") as session:
         newest = select(latest_screening_id()).select_from(ValveRow)
-        return _kept(session, ScreeningRow.id.in_(newest))
-
-
-def kept(stored: StoredScreening) -> Kept:
-    """A stored screening as the report shows it."""
-    return Kept(
-        valve=stored.valve,
-        verdict=stored.verdict,
-        reason=stored.reason,
-        advice=stored.advice,
-        shape=stored.shape,
-        severity=stored.severity,
-        confidence=stored.confidence,
-        S=stored.S,
-        J=stored.J,
-        residuals=stored.residuals,
-        quality=stored.quality,
-        indicators={},
-        still_seen=stored.still_seen,
-        baseline_note=stored.baseline_note,
-        provenance=stored.provenance,
-        mismatch=stored.mismatch,
-        seconds=stored.seconds,
-        kept_window=stored.window,
-    )
+        return _restored(session, ScreeningRow.id.in_(newest))
 
 
 def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> Background:
@@ -173,18 +138,18 @@ def read_samples(store: Store, plant: Plant | None, screening: Screening) -> Rec
         return None  # removed by now: the page says that there is no picture
 
 
-def _kept(session: Session, which: ColumnElement[bool]) -> list[Kept]:
+def _restored(session: Session, which: ColumnElement[bool]) -> list[Restored]:
     statement = select(ScreeningRow).options(defer(ScreeningRow.mismatch)).where(which)
     rows = session.scalars(statement.order_by(ScreeningRow.valve, ScreeningRow.id))
     return [_of_row(row) for row in rows]
 
 
-def _of_row(row: ScreeningRow) -> Kept:
+def _of_row(row: ScreeningRow) -> Restored:
     """The row as a screening. A healthy valve on which nothing was named gets no page: of its
     mismatch only the verdict counts, and reading all of it for thousands takes long."""
     if row.verdict != Verdict.HEALTHY.value or row.mismatch_slugs:
-        return kept(stored_screening(row))
-    light = kept(stored_screening(row, with_mismatch=False))
+        return screening_of(stored_screening(row))
+    light = screening_of(stored_screening(row, with_mismatch=False))
     if row.mismatch_finding is None:
         return light
     numbers = Stiction(S=light.S, J=light.J)

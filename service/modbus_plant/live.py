@@ -9,16 +9,19 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 
+import numpy as np
+
 from stemwatch.models.plant import PlantLoop
 from stemwatch.models.recording import Floats
 from stemwatch.service.children import begin_child, quiet_start
 from stemwatch.service.modbus_plant.layout import MOST_LOOPS
-from stemwatch.service.modbus_plant.tape import Stretch, Tape, simulate_stretch
+from stemwatch.service.modbus_plant.tape import ROLES, Stretch, Tape, simulate_stretch
 from stemwatch.service.modbus_plant.wear import Wear
 
 log = logging.getLogger(__name__)
 
 STRETCH_S = 1800.0
+REPAIR_S = 5.0  # of plant time, in which a valve that is worked on shows no value
 
 
 @dataclass
@@ -38,7 +41,9 @@ class LivePlant:
 
     ``wear`` names, by tag, the valves that get worse. The simulation runs ``stretch_s`` seconds of
     plant time at once in another process, so that serving never waits for it, and less where wear
-    begins or ends in between; a joint between two stretches looks like a short upset of the loop.
+    begins or ends in between. A stretch goes on from a state like the one before it ended in; only
+    one in which wear grows begins in balance, which looks like a short upset of the loop.
+
     Raises ``ValueError`` for no loops, for more than the registers hold, for a tag that is there
     twice and for wear of a loop that is not there.
     """
@@ -88,16 +93,18 @@ class LivePlant:
         return [self._row(one, plant_s) for one in self._running.values()]
 
     def repair(self, tag: str, plant_s: float, *, lasting: bool = False) -> None:
-        """The valve of loop ``tag`` is as new from ``plant_s`` on, and wears again from then or,
-        where the repair is ``lasting``, never.
+        """The valve of loop ``tag`` is worked on at ``plant_s``. For ``REPAIR_S`` it is out of
+        service and its loop shows no value, so that nobody takes the change for a movement of the
+        stem; from then on it is as new, and wears again or, where the repair is ``lasting``, never.
 
         Raises ``KeyError`` for a tag that is not there.
         """
         one = self._running[tag]
-        one.new_since_s = plant_s
+        one.tape.append(Stretch(plant_s, one.loop.archive.interval_s, np.empty((0, len(ROLES)))))
+        one.new_since_s = plant_s + REPAIR_S
         if lasting:
             one.wear = None
-        one.coming = self._simulate(one, plant_s)
+        one.coming = self._simulate(one, one.new_since_s)
 
     def begin_wear(self, tag: str, wear: Wear, plant_s: float) -> None:
         """The valve of loop ``tag``, as new until now, wears from ``plant_s`` on.
@@ -123,8 +130,9 @@ class LivePlant:
     def _simulate(self, one: _Running, start_s: float) -> Future[Stretch]:
         worn_s = start_s - one.new_since_s
         length_s = _length_s(one.wear, worn_s, self._stretch_s)
+        before = one.tape.before(start_s)
         return self._pool.submit(
-            simulate_stretch, one.loop, one.wear, start_s, worn_s, length_s, one.seed
+            simulate_stretch, one.loop, one.wear, start_s, worn_s, length_s, one.seed, before
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from stemwatch.models.plant import PlantLoop
 from stemwatch.models.recording import Role
@@ -20,12 +20,16 @@ def plant_toml(
     every_s: float = 1.0,
     name: str = "Live demo plant",
     zone: str = "Europe/Berlin",
+    strokes: Mapping[str, str] | None = None,
 ) -> str:
-    """A whole ``plant.toml``: one device with a register for each signal, and the valves on it."""
+    """A whole ``plant.toml``: one device with a register for each signal, and the valves on it.
+
+    ``strokes`` gives, by the loop's tag, the full travel of its valve with the unit (``"40 mm"``).
+    """
     lines = ["[plant]", f"name = {_quoted(name)}", f"zone = {_quoted(zone)}", ""]
     lines += device_toml(loops, host=host, port=port, every_s=every_s)
     for loop in loops:
-        lines += ["", *_valve(loop)]
+        lines += ["", *_valve(loop, (strokes or {}).get(loop.tag))]
     return "\n".join(lines) + "\n"
 
 
@@ -63,12 +67,14 @@ def _register(register: Register) -> Iterator[str]:
         yield "highest = 110.0"
 
 
-def _valve(loop: PlantLoop) -> Iterator[str]:
+def _valve(loop: PlantLoop, stroke: str | None) -> Iterator[str]:
     yield "[[valves]]"
     yield f"id = {_quoted(loop.tag)}"
     yield f"description = {_quoted(loop.description)}"
     yield f"area = {_quoted(loop.area)}"
     yield f"criticality = {loop.criticality}"
+    if stroke is not None:
+        yield f"stroke = {_quoted(stroke)}"
     yield f"source = {_quoted(NAME)}"
     for role in signals(loop):
         yield f"[valves.tags.{role.value}]"

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 from stemwatch.models.recording import Role
 from stemwatch.service.plantfile.explain import Place
 from stemwatch.service.plantfile.lines import Path as KeyPath
@@ -54,8 +52,8 @@ def read_valve_list(path: Path, shown_as: str) -> ValveList:
     quotation mark that is never closed.
     """
     text, problems = _text(path, shown_as)
-    separator = _separator(text)
-    records = list(_records(text, separator, shown_as))
+    separator = separator_of(text)
+    records = _records(text, separator, shown_as)
     if not records:
         raise _unusable(shown_as, 1, "heading", "an empty file", either_of(COLUMNS))
     heading = _heading(records[0][1])
@@ -77,48 +75,24 @@ def _text(path: Path, shown_as: str) -> tuple[str, list[Problem]]:
     except OSError as error:
         found = error.strerror or str(error)
         raise _unusable(shown_as, None, "valve_list", found, "a CSV file of valves") from None
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return raw.decode("utf-16", errors="replace"), []
     try:
-        return raw.decode("utf-8-sig"), []
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
+        return decoded(raw), []
+    except ListFault as fault:
         problem = Problem(
             file=shown_as,
-            line=line,
+            line=fault.line,
             key="encoding",
-            found=f"the byte 0x{raw[error.start]:02x}, which is not UTF-8",
+            found=fault.found,
             expected="UTF-8 (the list was read as Windows-1252 instead)",
         )
         return raw.decode("cp1252", errors="replace"), [problem]
 
 
-def _separator(text: str) -> str:
-    heading = text.lstrip().split("\n", 1)[0]
-    return max(",;\t", key=heading.count)
-
-
-def _records(text: str, separator: str, shown_as: str) -> Iterator[tuple[int, list[str]]]:
-    """Each record that is not blank, with the number of its first line."""
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    line = 1
-    while True:
-        try:
-            cells = next(reader, None)
-        except csv.Error as error:
-            # What follows an open quotation mark would all be one cell: no valve may vanish so.
-            raise _unusable(
-                shown_as,
-                line,
-                "row",
-                f"a row that is not CSV ({error})",
-                "quotation marks in pairs",
-            ) from None
-        if cells is None:
-            return
-        if any(cell.strip() for cell in cells):
-            yield line, cells
-        line = reader.line_num + 1
+def _records(text: str, separator: str, shown_as: str) -> list[tuple[int, list[str]]]:
+    try:
+        return records_of(text, separator)
+    except ListFault as fault:
+        raise _unusable(shown_as, fault.line, "row", fault.found, fault.expected) from None
 
 
 def _heading(cells: list[str]) -> list[str]:

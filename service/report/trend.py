@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.context import PreviousFinding
 from stemwatch.service.report.words import finite
@@ -32,7 +32,23 @@ class Trend:
         return ARROWS[self.direction]
 
 
-def trend(now: Screening, before: PreviousFinding | None) -> Trend:
+class Judged(Protocol):
+    """What a change is seen in: a screening, or its line in a ranking."""
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """``None`` where there was no screening."""
+
+    @property
+    def severity(self) -> float:
+        """0 to 100."""
+
+    @property
+    def S(self) -> Estimate:
+        """Percent of OP span."""
+
+
+def trend(now: Judged, before: PreviousFinding | None) -> Trend:
     """The change from ``before`` to ``now``: by verdict, else by S, else by severity."""
     if before is None:
         return Trend(direction="new", words="first look")
@@ -47,7 +63,7 @@ def trend(now: Screening, before: PreviousFinding | None) -> Trend:
     return _within_a_verdict(now, before)
 
 
-def _within_a_verdict(now: Screening, before: PreviousFinding) -> Trend:
+def _within_a_verdict(now: Judged, before: PreviousFinding) -> Trend:
     S, S_before = finite(now.S.value), finite(before.S)
     if S is not None and S_before is not None:
         moved = _has_moved(now.S, S_before)

@@ -69,7 +69,7 @@ def _ranking(book: Any, ranked: Sequence[RankedValve], context: ReportContext) -
     styles = [_style(book, column) for column in shown]
     for line, row in enumerate(rows, start=1):
         for index, cell in enumerate(row):
-            _write(sheet, line, index, cell, styles[index])
+            write_cell(sheet, line, index, cell, styles[index])
     _colours(book, sheet, titles, len(ranked))
     return shown
 
@@ -86,7 +86,8 @@ def _style(book: Any, column: Column) -> dict[type, Any]:
     }
 
 
-def _write(sheet: Any, line: int, index: int, cell: Cell, styles: dict[type, Any]) -> None:
+def write_cell(sheet: Any, line: int, index: int, cell: Cell, styles: dict[type, Any]) -> None:
+    """Write a cell as what it is, text never as a formula; ``None`` leaves it empty."""
     if cell is None:
         return
     style = styles.get(type(cell))
@@ -132,7 +133,7 @@ def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
         texts = [one.unit, _WORSE.get(one.worse, "neither"), one.meaning]
         for index, cell in enumerate([valve, one.name, *numbers, *texts]):
             cell = printable(cell) if isinstance(cell, str) else cell
-            _write(sheet, line, index, cell, styles)
+            write_cell(sheet, line, index, cell, styles)
 
 
 def _read_me(book: Any, shown: Sequence[Column], context: ReportContext, physics: str) -> None:

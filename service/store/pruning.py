@@ -13,6 +13,7 @@ from stemwatch.service.store.base import Base
 from stemwatch.service.store.live_tables import SampleRow
 from stemwatch.service.store.partitions import DAY_US
 from stemwatch.service.store.samples import microseconds
+from stemwatch.service.store.screenings import latest_screening_id
 from stemwatch.service.store.store import Store
 from stemwatch.service.store.tables import RunRow, ScreeningRow
 
@@ -105,30 +106,14 @@ def _rules(ages: Ages, now: datetime) -> dict[str, ColumnElement[bool]]:
 
 
 def _old_screenings(before: datetime) -> ColumnElement[bool]:
-    later = aliased(ScreeningRow)
-    newest = (
-        select(later.id)
-        .where(later.valve == ScreeningRow.valve)
-        .order_by(later.at.desc(), later.id.desc())
-        .limit(1)
-        .correlate(ScreeningRow)
-        .scalar_subquery()
-    )
+    newest = latest_screening_id(ScreeningRow.valve)
     return and_(ScreeningRow.at < before, ScreeningRow.id != newest)
 
 
 def _empty_runs(before: datetime) -> ColumnElement[bool]:
     """Runs that are over and whose screenings are none, or go with this pruning."""
     stays = aliased(ScreeningRow)
-    newer = aliased(ScreeningRow)
-    newest = (
-        select(newer.id)
-        .where(newer.valve == stays.valve)
-        .order_by(newer.at.desc(), newer.id.desc())
-        .limit(1)
-        .correlate(stays)
-        .scalar_subquery()
-    )
+    newest = latest_screening_id(stays.valve)
     kept = select(stays.id).where(
         stays.run_id == RunRow.id, or_(stays.at >= before, stays.id == newest)
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 
 from sqlalchemy import ScalarSelect, delete, func, insert, select
-from sqlalchemy.orm import Session, aliased, defer
+from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, defer
 
 from stemwatch.models.findings import Screening
 from stemwatch.service.store.errors import StoreError
@@ -124,18 +124,22 @@ def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
     return list(session.scalars(rows.order_by(ScreeningRow.valve).limit(limit)))
 
 
-def latest_screening_id() -> ScalarSelect[int]:
-    """For each row of ``valves``, the number of its latest screening.
+def latest_screening_id(
+    valve: InstrumentedAttribute[str] = ValveRow.id, before: int = 0
+) -> ScalarSelect[int]:
+    """For each row with the column ``valve``, such as those of ``valves``, the number of its latest
+    screening, or of the one that is ``before`` places before that; NULL where there is none.
 
     One index seek for each valve, so that the time does not grow with the years stored.
     """
     newest = aliased(ScreeningRow)
     return (
         select(newest.id)
-        .where(newest.valve == ValveRow.id)
+        .where(newest.valve == valve)
         .order_by(newest.at.desc(), newest.id.desc())
         .limit(1)
-        .correlate(ValveRow)
+        .offset(before)
+        .correlate(valve.parent)
         .scalar_subquery()
     )
 

@@ -8,6 +8,7 @@ from datetime import timedelta
 
 import numpy as np
 
+from stemwatch.connectors.archive.loaded import bounds_of
 from stemwatch.connectors.connector import (
     WHOLE,
     ConnectorError,
@@ -91,11 +92,7 @@ class StoredSamples:
     def _grid(self, op: Column, window: Window) -> Grid:
         if not np.isfinite(op.values).any():
             raise ConnectorError(self._nothing(op, window))
-        start, stop = (
-            None if instant is None else ((instant - EPOCH) // timedelta(microseconds=1)) * 1000
-            for instant in (window.start, window.stop)
-        )
-        return make_grid(op.ns, op.tag, self._where, (start, stop))
+        return make_grid(op.ns, op.tag, self._where, bounds_of(window))
 
     def _nothing(self, op: Column, window: Window) -> str:
         bounds = self._samples.bounds(self.source, op.tag)

@@ -12,13 +12,14 @@ from pydantic import AwareDatetime
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.store.alerts import StoredAlert
 from stemwatch.service.store.records import StoredRun
+from stemwatch.service.store.screenings import read_last
 from stemwatch.service.web import history, phase, shapes, signals
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.queries import alerts
 from stemwatch.service.web.queries.ranking import MOST_PAGE, PAGE, Line, Wanted, read_ranking
 from stemwatch.service.web.queries.run import read_run
-from stemwatch.service.web.queries.valve import read_indicators, read_latest
+from stemwatch.service.web.queries.valve import read_indicators
 from stemwatch.service.web.windows import asked_of
 
 Id = Annotated[str, Query(alias="id", min_length=1, max_length=500, description="the valve's id")]
@@ -80,7 +81,7 @@ def valve_loop(
     """MV against OP with the loop of the model that was fitted last; at most twelve hours."""
     asked = asked_of(desk.need_valve(valve), start, stop)
     with desk.reading() as session:
-        latest = read_latest(session, valve)
+        latest = read_last(session, valve, 1)
         found = read_indicators(session, latest[0].id) if latest else {}
     numbers = {name: one.value for name, one in found.items() if one.value is not None}
     return phase.loop_of(desk.site, asked, numbers)

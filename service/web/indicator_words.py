@@ -5,6 +5,11 @@ The store keeps numbers and units; a name that is not here is shown as it is.
 
 from __future__ import annotations
 
+import math
+
+from stemwatch.models.findings import Indicator
+from stemwatch.service.store.records import TrendPoint
+
 _MODELS = {
     "stiction": "the stick-slip model",
     "narx": "the NARX network",
@@ -48,3 +53,17 @@ for _key, _model in _MODELS.items():
 def meaning(name: str) -> tuple[str, str]:
     """What an indicator is, and "up", "down" or "none": the direction that is worse."""
     return MEANINGS.get(name, (name.replace("_", " "), "none"))
+
+
+def indicator_of(name: str, point: TrendPoint) -> Indicator:
+    """A stored number with its words; NaN where the store has none."""
+    says, worse = meaning(name)
+    return Indicator(
+        name=name,
+        value=math.nan if point.value is None else point.value,
+        unit=point.unit,
+        meaning=says,
+        worse=worse,
+        low=point.low,
+        high=point.high,
+    )

@@ -13,6 +13,7 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.report.trend import trend
 from stemwatch.service.report.words import WORST_FIRST
 from stemwatch.service.web.desk import AtDesk
 from stemwatch.service.web.queries import alerts
@@ -23,7 +24,6 @@ from stemwatch.service.web.queries.ranking import (
     Wanted,
     read_ranking,
 )
-from stemwatch.service.web.restored import trend_of_line
 
 LONGEST_SEARCH = 200
 MOST_PAGES = 10_000
@@ -61,7 +61,7 @@ def ranking(request: Request, desk: AtDesk) -> HTMLResponse:
         here="ranking",
         wanted=wanted,
         found=found,
-        trends=[trend_of_line(line) for line in found.lines],
+        trends=[trend(line, line.previous) if line.verdict else None for line in found.lines],
         alerted=alerted,
         open_alerts=open_alerts,
         verdicts={word: Verdict(word) if word != NOT_SCREENED else None for word in _VERDICTS},

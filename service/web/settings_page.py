@@ -12,6 +12,8 @@ from urllib.parse import urlsplit
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 
+from stemwatch.connectors.modbus import Device
+from stemwatch.connectors.modbus.link import keys_of
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.store.address import masked
 from stemwatch.service.web.desk import AtDesk
@@ -51,11 +53,18 @@ def _sources(plant: Plant | None) -> list[dict[str, Any]]:
     counts = Counter(valve.source for valve in plant.valves.values())
     given = {name: source.model_dump() for name, source in plant.sources.items()}
     given |= {name: archive.model_dump() for name, archive in plant.archives.items()}
-    given |= {name: asdict(device) for name, device in plant.devices.items()}
+    given |= {name: _keys_of(device) for name, device in plant.devices.items()}
     return [
         {"name": name, "valves": counts[name], "given": shown(fields)}
         for name, fields in given.items()
     ]
+
+
+def _keys_of(device: Device) -> dict[str, Any]:
+    """A device's keys as they stand in the plant file, without those of links of another type."""
+    given = asdict(device)
+    del given["link"]
+    return keys_of(device.link) | given
 
 
 def _notifiers(plant: Plant | None) -> list[tuple[str, Given]]:

@@ -18,21 +18,18 @@ from stemwatch.service.maintenance.page import page_anchor
 from stemwatch.service.report.fits import MODEL_NAMES
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.report.trend import Trend, trend
+from stemwatch.service.restored import finding_of, screening_of
 from stemwatch.service.store.records import StoredScreening, StoredValve
+from stemwatch.service.store.screenings import read_last
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.history import read_marks
+from stemwatch.service.web.indicator_words import indicator_of
 from stemwatch.service.web.queries import alerts, samples
 from stemwatch.service.web.queries.samples import Bad
-from stemwatch.service.web.queries.valve import (
-    read_history,
-    read_indicators,
-    read_latest,
-    read_valve,
-)
+from stemwatch.service.web.queries.valve import read_history, read_indicators, read_valve
 from stemwatch.service.web.ranking_page import bar_top
 from stemwatch.service.web.reports import MAINTENANCE, report_folder
-from stemwatch.service.web.restored import finding_of, screening_of
 from stemwatch.service.web.signals import LONGEST, tags_of
 from stemwatch.service.web.visit import AtVisit
 
@@ -136,11 +133,13 @@ def _from_plant(desk: Desk, name: str) -> StoredValve:
 
 
 def _shown(session: Session, name: str) -> Shown | None:
-    latest = read_latest(session, name)
+    latest = read_last(session, name, 2)
     if not latest:
         return None
     stored = latest[0]
-    screening = screening_of(stored, read_indicators(session, stored.id))
+    points = read_indicators(session, stored.id)
+    indicators = {name: indicator_of(name, point) for name, point in points.items()}
+    screening = screening_of(stored, indicators)
     found = screening.mismatch
     return Shown(
         screening=screening,

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TypeVar
 
 from distributed import Client
 
+Found = TypeVar("Found")
 ROOT = Path(__file__).parent.parent.parent
 PATIENCE_S = 60.0
 
@@ -40,6 +44,38 @@ class Cluster:
         self.workers.append(worker)
         return worker
 
+    def client(self) -> Client:
+        """A connection to the scheduler, beside whatever else is connected."""
+        address = self.address.replace("dask://", "tcp://")
+        return Client(address, timeout=PATIENCE_S, set_as_default=False)
+
+    def have(self, count: int) -> None:
+        """Start or end workers until ``count`` live, and wait until the scheduler knows it."""
+        self.workers = [worker for worker in self.workers if worker.poll() is None]
+        while len(self.workers) < count:
+            self.add_worker()
+        while len(self.workers) > count:
+            worker = self.workers.pop()
+            worker.kill()
+            worker.wait(timeout=PATIENCE_S)
+        with self.client() as client:
+            _until(lambda: len(client.scheduler_info(n_workers=-1)["workers"]) == count)
+
+    def kill_worker_amid(self, function: str, job: Callable[[], Found]) -> tuple[set[str], Found]:
+        """Do ``job`` and meanwhile SIGKILL a worker that is inside ``function``.
+
+        Returns the tasks that died with the worker and what ``job`` gave. Where a worker is, is
+        read off its call stack; what died with it is the scheduler's word.
+        """
+        with self.client() as client, ThreadPoolExecutor(1) as beside:
+            pids = client.run(os.getpid)
+            result = beside.submit(job)
+            while not (victim := _inside(client, function)):
+                assert not result.done(), f"over before a worker was killed: {result.result()!r}"
+            os.kill(pids[victim], signal.SIGKILL)
+            (end,) = _until(lambda: _ends(client, victim))
+            return set(end["processing-tasks"]), result.result()
+
 
 @contextmanager
 def dask_cluster(folder: Path, workers: int) -> Iterator[Cluster]:
@@ -50,11 +86,7 @@ def dask_cluster(folder: Path, workers: int) -> Iterator[Cluster]:
     cluster = Cluster(address="", scheduler_file=file)
     try:
         cluster.address = f"dask://{_address(file, scheduler)}"
-        for _ in range(workers):
-            cluster.add_worker()
-        if workers:
-            with Client(cluster.address.replace("dask://", "tcp://"), timeout=PATIENCE_S) as client:
-                client.wait_for_workers(workers, timeout=PATIENCE_S)
+        cluster.have(workers)
         yield cluster
     finally:
         for process in (*cluster.workers, scheduler):
@@ -83,3 +115,27 @@ def _address(file: Path, scheduler: subprocess.Popen[bytes]) -> str:
         except (OSError, ValueError, KeyError):
             time.sleep(0.05)
     raise RuntimeError("the Dask scheduler did not start")
+
+
+def _inside(client: Client, function: str) -> str | None:
+    """The address of a worker that is inside ``function`` now."""
+    for worker, stacks in client.call_stack().items():
+        if any(f"in {function}" in frame for frames in stacks.values() for frame in frames):
+            return str(worker)
+    return None
+
+
+def _ends(client: Client, worker: str) -> list[dict[str, Any]]:
+    """What the scheduler noted when ``worker`` went."""
+    events = [event for _, event in client.get_events(worker)]
+    return [event for event in events if event.get("action") == "remove-worker"]
+
+
+def _until(there: Callable[[], Found]) -> Found:
+    """What ``there`` gives, as soon as it gives something."""
+    until = time.monotonic() + PATIENCE_S
+    while not (found := there()):
+        if time.monotonic() > until:
+            raise TimeoutError(f"it did not happen within {PATIENCE_S:g} s")
+        time.sleep(0.02)
+    return found

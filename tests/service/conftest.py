@@ -8,10 +8,11 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import pytest
@@ -19,6 +20,9 @@ import pytest
 from stemwatch.models.plant import demo_plant, simulate_loop
 from stemwatch.service.cli import main, views
 from stemwatch.service.export import write_export
+
+if TYPE_CHECKING:
+    from tests.service.clusters import Cluster
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 WIDTH = 200  # columns, so that a sentence stands on one line
@@ -107,6 +111,13 @@ def small_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def short_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """plant.toml of the same three valves, a quarter of an hour."""
+    folder = tmp_path_factory.mktemp("short")
+    return write_small_plant(folder, (HEALTHY, STICKY, BLIND), minutes=15)
+
+
+@pytest.fixture(scope="session")
 def export(small_plant: Path) -> Path:
     """The small plant's historian export."""
     return small_plant.parent / "export" / "historian.csv"
@@ -128,3 +139,19 @@ def one_valve(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("one")
     plant = write_small_plant(folder, (STICKY,), minutes=15)
     return plant.parent / "export" / "historian.csv"
+
+
+@pytest.fixture(scope="session")
+def shared_cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A Dask cluster that the tests share: its workers take seconds to start."""
+    from tests.service.clusters import dask_cluster
+
+    with dask_cluster(tmp_path_factory.mktemp("dask"), workers=2) as started:
+        yield started
+
+
+@pytest.fixture
+def cluster(shared_cluster: Cluster) -> Cluster:
+    """The shared cluster with two workers, whatever an earlier test did to them."""
+    shared_cluster.have(2)
+    return shared_cluster

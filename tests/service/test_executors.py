@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -26,13 +26,6 @@ from stemwatch.service.executors.dask_cluster import ClusterError, DaskCluster, 
 from tests.service import clusters
 
 NAMES = ["in process", "local processes", "dask"]
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[clusters.Cluster]:
-    """A Dask cluster of two workers."""
-    with clusters.dask_cluster(tmp_path_factory.mktemp("dask"), workers=2) as started:
-        yield started
 
 
 @pytest.fixture(params=NAMES)
@@ -111,19 +104,16 @@ def test_a_dying_worker_costs_no_result() -> None:
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
 @pytest.mark.parametrize("name", ["local processes", "dask"])
-def test_a_killed_worker_costs_time_only(name: str, tmp_path: Path) -> None:
+def test_a_killed_worker_costs_time_only(name: str, tmp_path: Path, request) -> None:
     """A worker killed in the middle of its work: every result comes all the same, once."""
     items = [(number, str(tmp_path)) for number in range(24)]
     expected = [(place, place * place) for place in range(24)]
     if name == "local processes":
         assert _killing(LocalProcesses(2), items, tmp_path) == expected
         return
-    folder = tmp_path.parent / f"{tmp_path.name}-cluster"
-    folder.mkdir()
-    with clusters.dask_cluster(folder, workers=2) as cluster:
-        found = _killing(DaskCluster(cluster.host_and_port), items, tmp_path)
-        assert found == expected
-        assert [worker.poll() is not None for worker in cluster.workers].count(True) == 1
+    cluster = request.getfixturevalue("cluster")
+    assert _killing(DaskCluster(cluster.host_and_port), items, tmp_path) == expected
+    assert [worker.poll() is not None for worker in cluster.workers].count(True) == 1
 
 
 def _killing(executor: Executor, items: list[tuple[int, str]], seen: Path) -> list[tuple[int, int]]:

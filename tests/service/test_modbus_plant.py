@@ -19,10 +19,11 @@ from stemwatch.connectors.modbus import read_devices
 from stemwatch.connectors.modbus.commission import try_map
 from stemwatch.models.plant import PlantLoop, demo_plant
 from stemwatch.models.recording import Role
+from stemwatch.service.live_demo.loops import live_loops
 from stemwatch.service.modbus_plant import PlantServer, Wear, plant_toml, serve_plant
 from stemwatch.service.modbus_plant.layout import signals, tag, words
-from stemwatch.service.modbus_plant.live import LivePlant
-from stemwatch.service.modbus_plant.tape import Stretch, Tape, simulate_stretch
+from stemwatch.service.modbus_plant.live import REPAIR_S, LivePlant
+from stemwatch.service.modbus_plant.tape import ALIKE, Stretch, Tape, _going_on, simulate_stretch
 from stemwatch.service.modbus_plant.wear import worn
 from stemwatch.service.plantfile import load_plant
 
@@ -196,6 +197,66 @@ def test_a_worn_valve_sticks_and_a_repaired_one_does_not() -> None:
     assert spread(repaired) < 1.5 * spread(new)
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_stretch_goes_on_where_the_one_before_it_ended(place: int) -> None:
+    """OP, position and PV move no further from one stretch to the next than they do anyway; one
+    that begins for itself makes a larger step."""
+    loop = live_loops()[place]
+    first = simulate_stretch(loop, None, 0.0, 0.0, 300.0, 3)
+    usual = np.abs(np.diff(first.rows[:, :3], axis=0)).max(axis=0)
+    tape = Tape(first)
+    joined = simulate_stretch(loop, None, 300.0, 0.0, 60.0, 3, tape.before(300.0))
+    alone = simulate_stretch(loop, None, 300.0, 0.0, 60.0, 3)
+    assert joined.rows.shape == alone.rows.shape
+    assert (np.abs(joined.rows[0] - first.rows[-1])[:3] <= usual).all()
+    assert (np.abs(alone.rows[0] - first.rows[-1])[:3] > usual).any()
+
+
+def test_a_stretch_in_which_friction_grows_begins_where_it_grows_from() -> None:
+    """It cannot choose a later place, where the valve has worn on already."""
+    wear = Wear(S_percent=5.0, J_percent=2.0, over_s=4000.0)
+    before = np.zeros((ALIKE, 5))
+    joined = simulate_stretch(live_loops()[0], wear, 300.0, 0.0, 60.0, 3, before)
+    alone = simulate_stretch(live_loops()[0], wear, 300.0, 0.0, 60.0, 3)
+    assert np.array_equal(joined.rows, alone.rows)
+
+
+def test_the_place_to_go_on_from_is_found_beside_gaps_and_dead_signals() -> None:
+    """Signals without a value do not count, and a gap is like nothing."""
+    rows = np.column_stack([np.random.default_rng(1).normal(size=(400, 4)), np.ones(400)])
+    rows[:, 1] = np.nan  # no position transmitter
+    before = rows[200 : 200 + ALIKE].copy()
+    rows[50:60, 0] = np.nan
+    assert _going_on(rows, before) == 200 + ALIKE
+    assert _going_on(rows, np.full_like(before, np.nan)) == ALIKE
+
+
+def test_a_tape_tells_what_was_served_last() -> None:
+    """Across no joint and no hole."""
+    tape = Tape(Stretch(0.0, 0.5, np.arange(100.0).reshape(20, 5)))
+    assert tape.before(10.0)[:, 0].tolist() == [75.0, 80.0, 85.0, 90.0, 95.0]
+    assert tape.before(9.7)[:, 0].tolist() == [75.0, 80.0, 85.0, 90.0, 95.0]
+    assert tape.before(1.0)[:, 0].tolist() == [0.0, 5.0]
+    assert tape.before(0.0).shape == tape.before(10.5).shape == (0, 5)
+
+
+def test_a_valve_that_is_repaired_is_out_of_service_first() -> None:
+    """Its loop shows no value in that time, and what is shown then is the new valve's."""
+    name = live_loops()[0].tag
+    plant = LivePlant(live_loops()[:2], wear={name: Wear(S_percent=8.0, over_s=1.0)}, stretch_s=60)
+    try:
+        plant.repair(name, 20.0, lasting=True)
+        assert np.isfinite(plant.rows(19.8)).all()
+        plant._running[name].coming.result()
+        out, other = plant.rows(20.0 + REPAIR_S - 0.2)
+        assert np.isnan(out).all()
+        assert np.isfinite(other).all()
+        back = [plant.rows(20.0 + REPAIR_S + second)[0] for second in range(30)]
+        assert np.abs(np.array(back)[:, 0] - np.array(back)[:, 1]).max() < 2.0
+    finally:
+        plant.close()
+
+
 def test_a_repair_takes_effect_at_once() -> None:
     """What was simulated ahead with the worn valve is forgotten."""
     wear = {loops()[0].tag: Wear(S_percent=8.0, over_s=1.0)}
@@ -209,7 +270,7 @@ def test_a_repair_takes_effect_at_once() -> None:
         plant.repair(loops()[0].tag, 160.0)
         running_loop.coming.result()
         plant.rows(160.0)
-        assert running_loop.tape.stop_s == 360.0
+        assert running_loop.tape.stop_s == 360.0 + REPAIR_S
         with pytest.raises(KeyError):
             plant.repair("nobody", 0.0)
     finally:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +20,7 @@ from stemwatch.service.pipeline import Run, run
 from stemwatch.service.report import to_contract
 from stemwatch.service.report.shelf import Shelf
 from stemwatch.service.store.store import open_store
-from tests.service.clusters import dask_cluster
+from tests.service.clusters import Cluster
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,10 @@ class LastFirst:
 
 
 @pytest.fixture
-def found(export: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
     monkeypatch.setattr(pipeline, "CHUNKS_PER_WORKER", 1)
+    export = short_plant.parent / "export" / "historian.csv"
 
     def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:
         told: list[tuple[str, int, int]] = []
@@ -62,16 +65,32 @@ def _without_timing(screening: Screening) -> dict[str, Any]:
     return found
 
 
-def test_every_executor_finds_the_same(found, tmp_path: Path) -> None:
+def test_every_executor_finds_the_same(found, cluster: Cluster) -> None:
     """Every number, word, interval and plot is the same bit for bit, in this process, in two
     others and in a Dask cluster, though other networks train together."""
     alone, _ = found(InProcess(), "alone")
     together, told = found(LocalProcesses(2), "together")
-    with dask_cluster(tmp_path, workers=2) as cluster:
-        far, _ = found(DaskCluster(cluster.host_and_port), "far")
+    far, _ = found(DaskCluster(cluster.host_and_port), "far")
     assert alone == together
     assert alone == far
     assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in told)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
+def test_a_worker_killed_while_it_screens_changes_no_number(
+    found, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker of the cluster that dies amid a batch costs time: every number, word, interval and
+    plot of every valve is the same bit for bit as without workers, and each valve comes once."""
+    alone, _ = found(InProcess(), "alone")
+    monkeypatch.setattr(pipeline, "CHUNK", 1)
+    lost, (killed, told) = cluster.kill_worker_amid(
+        "screen_chunk", lambda: found(DaskCluster(cluster.host_and_port), "killed")
+    )
+    assert lost
+    assert [worker.poll() for worker in cluster.workers].count(-signal.SIGKILL) == 1
+    assert killed == alone
+    assert sorted(valve for valve, _, _ in told) == ["FIC-104", "FIC-107", "FIC-113"]
 
 
 def test_the_order_of_work_does_not_show(found, monkeypatch: pytest.MonkeyPatch) -> None:

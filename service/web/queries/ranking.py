@@ -16,6 +16,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.context import PreviousFinding
 from stemwatch.service.report.words import WORST_FIRST
 from stemwatch.service.store.held_back import remark_column
+from stemwatch.service.store.screenings import latest_screening_id
 from stemwatch.service.store.tables import ScreeningRow, ValveRow
 
 PAGE = 50
@@ -73,21 +74,8 @@ class Ranking:
     largest_percent: float  # the largest S or J of all that is wanted, for the bars
 
 
-def _newest() -> Any:
-    """The id of a valve's latest screening: one index seek for each valve."""
-    newest = aliased(ScreeningRow)
-    return (
-        select(newest.id)
-        .where(newest.valve == ValveRow.id)
-        .order_by(newest.at.desc(), newest.id.desc())
-        .limit(1)
-        .correlate(ValveRow)
-        .scalar_subquery()
-    )
-
-
 def _joined(*columns: Any) -> Select[Any]:
-    latest = ScreeningRow.id == _newest()
+    latest = ScreeningRow.id == latest_screening_id()
     return select(*columns).select_from(ValveRow).outerjoin(ScreeningRow, latest)
 
 

@@ -1,4 +1,4 @@
-"""One valve: its latest screening, the numbers over time, its marks, its samples' quality."""
+"""One valve: its latest numbers, the numbers over time, its marks."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.baselines import BASELINE
-from stemwatch.service.store.records import StoredScreening, StoredValve, TrendPoint
-from stemwatch.service.store.rows import stored_screening, stored_valve
+from stemwatch.service.store.records import StoredValve, TrendPoint
+from stemwatch.service.store.rows import stored_valve
 from stemwatch.service.store.tables import IndicatorRow, NetworkRow, ScreeningRow, ValveRow
 
 MOST_POINTS = 3000
@@ -54,13 +54,6 @@ def read_valve(session: Session, valve: str) -> StoredValve | None:
     """A valve, or ``None`` where the store has none of this id."""
     row = session.get(ValveRow, valve)
     return None if row is None else stored_valve(row)
-
-
-def read_latest(session: Session, valve: str) -> list[StoredScreening]:
-    """The valve's last two screenings, the newest first."""
-    rows = select(ScreeningRow).where(ScreeningRow.valve == valve)
-    newest = rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(2)
-    return [stored_screening(row) for row in session.scalars(newest)]
 
 
 def read_indicators(session: Session, screening: int) -> Mapping[str, TrendPoint]:

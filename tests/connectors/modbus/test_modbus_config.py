@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -11,7 +12,9 @@ from stemwatch.connectors.modbus import DeviceMap, read_devices
 from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.budget import poll_time_s
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
-from stemwatch.connectors.modbus.device import LinkKind
+from stemwatch.connectors.modbus.device import Link, LinkKind
+from stemwatch.connectors.modbus.link import keys_of, link_of
+from stemwatch.connectors.modbus.tables import DeviceTable
 from stemwatch.service.plantfile.lines import TomlLines
 
 PLANT = """
@@ -85,6 +88,29 @@ def test_a_map_is_understood() -> None:
     assert position.read([2500]).value == pytest.approx(25.0)
     assert [bool(position.read([raw]).reason) for raw in (65535, 0x7FFF, 1)] == [True, True, False]
     assert (bus.link.kind, str(bus.link)) == (LinkKind.SERIAL, "/dev/ttyUSB0 (9600 8E1)")
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        {"type": "tcp", "host": "10.1.2.3", "port": 503, "retries": 2},
+        {"type": "rtuovertcp", "host": "10.1.2.3", "pause_s": 0.1},
+        {"type": "serial", "serial_port": "COM3", "baudrate": 9600, "stopbits": 2},
+    ],
+)
+def test_a_link_gives_back_the_keys_it_was_made_from(table: dict[str, Any]) -> None:
+    """With the defaults of its own type beside them, and no key that another type has."""
+    link = link_made_from(table)
+    keys = keys_of(link)
+    assert table.items() <= keys.items()
+    assert ("baudrate" in keys) == (table["type"] == "serial")
+    assert link_made_from(keys) == link  # which refuses keys of another type
+
+
+def link_made_from(keys: Mapping[str, Any]) -> Link:
+    """The link of a device with these keys."""
+    register = {"tag": "T", "register": "holding", "address": 0, "type": "UINT16"}
+    return link_of(DeviceTable(name="plc", registers=[register], **keys))
 
 
 @pytest.mark.parametrize(

@@ -145,6 +145,7 @@ def test_half_a_range_names_the_column_that_is_missing(tmp_path: Path) -> None:
         ("tag,address,type\n", "no row in 'registers.csv'"),
         ('tag,address,type\n"A,40001,INT16\n', "line 2: row: found a row that is not CSV"),
         (b"tag,address,type\nV\xe4,40001,INT16\n", "line 2: row: found the byte 0xe4"),
+        (b"\xef\xbb\xbftag,address,type\nV\xe4,4,INT16\n", "line 2: row: found the byte 0xe4"),
     ],
 )
 def test_what_spoils_the_whole_list_leaves_its_device_out(

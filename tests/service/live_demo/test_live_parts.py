@@ -22,6 +22,7 @@ from stemwatch.service.live_demo import DemoFolder, Fitter, LiveDemo, MailCatche
 from stemwatch.service.live_demo.loops import INTERVAL_S, WEARING, live_loops
 from stemwatch.service.live_demo.plant_file import demo_toml
 from stemwatch.service.plantfile import load_plant
+from stemwatch.service.plantfile.stroke import parse_stroke
 from stemwatch.service.store.store import open_store
 
 
@@ -54,6 +55,7 @@ def test_the_plant_file_is_understood_and_says_what_it_is(tmp_path: Path, speed:
     assert plant.problems == ()
     assert set(plant.valves) == {loop.tag for loop in live_loops()}
     assert WEARING in plant.valves
+    assert all(parse_stroke(valve.stroke).unit == "mm" for valve in plant.valves.values())
     assert plant.limits.min_duration_s < Pace(speed=speed).window_s
     assert "simulated" in plant.name
     assert ("times as fast" in plant.name) == (speed > 1.0)

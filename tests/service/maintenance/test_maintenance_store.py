@@ -11,7 +11,11 @@ import pytest
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.from_store import report_of_store
-from stemwatch.service.maintenance.stored import background_of, kept_latest, kept_of_run
+from stemwatch.service.maintenance.stored import (
+    background_of,
+    latest_screenings,
+    screenings_of_run,
+)
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.records import StoredValve
 from stemwatch.service.store.store import open_store
@@ -122,11 +126,11 @@ def test_a_stored_screening_is_whole_where_it_gets_a_page(store):
         replace(STICKY, mismatch=found),
         replace(HEALTHY, mismatch=nothing),
     )
-    sticky, healthy = kept_of_run(store, number)
+    sticky, healthy = screenings_of_run(store, number)
     assert sticky.mismatch.effects == found.effects
     assert sticky.window == (START, START + timedelta(seconds=60))
     assert healthy.mismatch.finding is Finding.NONE
-    assert kept_latest(store) == [sticky, healthy]
+    assert latest_screenings(store) == [sticky, healthy]
 
 
 def test_a_recording_without_dates_is_not_its_own_past(store):

@@ -10,6 +10,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from stemwatch.service.store.access_records import Role
+from stemwatch.service.store.records import RunState
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, plant_of, serving
 from tests.service.web.signed_in import NAMES, cookie_of
@@ -114,6 +115,23 @@ def test_a_phone_never_scrolls_sideways(opened, path):
     page = opened.page(path, viewport=PHONE)
     page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+
+
+def test_a_phone_reads_the_runs_without_scrolling_their_table(opened, live):
+    """Each run is a card there: what stood in a column says what it is, however long a reason."""
+    number = live.store.begin_run(software_version="0.1")
+    live.store.queue.finish(number, RunState.FAILED, reason="no answer from " + 20 * "historian")
+    page = opened.page("/runs", viewport=PHONE)
+    table = page.locator(".folding")
+    heads = table.locator("thead th").all_text_contents()
+    assert table.evaluate("one => one.scrollWidth <= one.parentNode.clientWidth")
+    assert "historianhistorian" in table.locator("tbody tr").first.inner_text()
+    cells = table.locator("tbody tr").nth(1).locator("th, td")
+    assert all(one.is_visible() for one in cells.all())
+    said = "all => all.map(one => getComputedStyle(one, '::before').content)"
+    assert cells.evaluate_all(said) == [f'"{head}"' for head in heads]
+    page.set_viewport_size(DESK)
+    assert set(cells.evaluate_all(said)) == {"none"}
 
 
 def test_zooming_asks_for_more_and_stands_in_the_address(opened):

@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from stemwatch.service.plantfile import load_plant
 from stemwatch.service.store.sources import SourceState, TakenFile
 from stemwatch.service.web.site import Site
 from tests.service.made_mismatch import named
@@ -205,3 +206,32 @@ def test_behind_a_proxy_every_link_keeps_the_prefix(live):
     inside = re.findall(r"""(?:href|src|action)="(/[^"]*)""", text)
     assert len(inside) > 10
     assert [one for one in inside if not one.startswith("/stem/")] == []
+
+
+def test_settings_show_the_keys_of_a_device_that_its_link_has(store, client_of, tmp_path):
+    """As the plant file spells them: no baud rate of a connection over TCP, no port number of a
+    serial line."""
+    register = """
+[[devices.registers]]
+tag = "{name}.OP"
+register = "holding"
+address = 0
+type = "UINT16"
+"""
+    file = tmp_path / "plant.toml"
+    file.write_text(
+        '[[devices]]\nname = "plc"\nhost = "10.1.2.3"\n'
+        + register.format(name="plc")
+        + '[[devices]]\nname = "bus"\ntype = "serial"\nserial_port = "COM3"\n'
+        + register.format(name="bus"),
+        encoding="utf-8",
+    )
+    plant = load_plant(file)
+    assert plant.problems == ()
+    page = client_of(Site(store=store, plant=plant)).get("/settings").text
+    _, plc, bus = re.split("Source <bdi>", page)
+    common = {"registers", "every_s", "timeout_s", "retries", "pause_s", "max_words", "max_gap"}
+    serial = {"serial_port", "baudrate", "bytesize", "parity", "stopbits"}
+    keys = r"<dt><code>(\w+)</code>"
+    assert set(re.findall(keys, plc)) == {"type", "host", "port"} | common
+    assert set(re.findall(keys, bus)) == {"type"} | serial | common

@@ -1,0 +1,58 @@
+"""Lists that people keep in a spreadsheet and save as CSV: of valves, or of registers."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+
+class ListFault(Exception):
+    """What spoils a list as a whole: the ``line``, and the two halves of a sentence."""
+
+    def __init__(self, line: int, found: str, expected: str) -> None:
+        self.line, self.found, self.expected = line, found, expected
+        super().__init__(f"line {line}: found {found}; expected {expected}")
+
+
+def decoded(raw: bytes) -> str:
+    """The text of a file in UTF-8, or in UTF-16 where a byte order mark says so.
+
+    Raises ``ListFault`` at the first byte that is not UTF-8.
+    """
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return raw.decode("utf-16", errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # What was decoded is ``error.object``: the file without its byte order mark.
+        line = error.object.count(b"\n", 0, error.start) + 1
+        found = f"the byte 0x{error.object[error.start]:02x}, which is not UTF-8"
+        raise ListFault(line, found, "a file saved as UTF-8") from None
+
+
+def separator_of(text: str) -> str:
+    """The comma, semicolon or tab, whichever the heading row has most of."""
+    heading = text.lstrip().split("\n", 1)[0]
+    return max(",;\t", key=heading.count)
+
+
+def records_of(text: str, separator: str) -> list[tuple[int, list[str]]]:
+    """The cells of each record that is not blank, with the number of its first line.
+
+    Raises ``ListFault`` for a quotation mark that is never closed: what follows it would all be one
+    cell, and every record in it would vanish.
+    """
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    records: list[tuple[int, list[str]]] = []
+    line = 1
+    while True:
+        try:
+            cells = next(reader, None)
+        except csv.Error as error:
+            found = f"a row that is not CSV ({error})"
+            raise ListFault(line, found, "quotation marks in pairs") from None
+        if cells is None:
+            return records
+        if any(cell.strip() for cell in cells):
+            records.append((line, cells))
+        line = reader.line_num + 1

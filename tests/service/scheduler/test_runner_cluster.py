@@ -1,0 +1,94 @@
+"""A scheduled run on a Dask cluster keeps and reports what the same run with local workers does."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from stemwatch.service.plantfile import load_plant
+from stemwatch.service.scheduler import Runner, run
+from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.records import RunState
+from stemwatch.service.store.store import Store, open_store
+from tests.service.clusters import Cluster
+
+TABLES = ("screenings", "indicators", "networks")
+# Numbers given in the order in which results came, and what the clock said.
+NOT_COMPARED = {"id", "screening_id", "seconds", "at", "created"}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a run left behind: rows of the store, objects of the report, files of the report."""
+
+    rows: dict[str, list[dict[str, Any]]]
+    valves: list[dict[str, Any]]
+    files: list[str]
+
+
+@pytest.fixture
+def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Kept]:
+    """Runs a schedule with one line in ``[service]``, in a folder of its own."""
+    monkeypatch.setattr(run, "BATCHES_PER_WORKER", 1)
+
+    def work(service: str) -> Kept:
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        folder.mkdir()
+        file = folder / "plant.toml"
+        schedule = '[[schedules]]\nname = "hourly"\nevery_s = 3600\n'
+        export = (short_plant.parent / "export").as_posix()
+        described = short_plant.read_text(encoding="utf-8").replace('"export/', f'"{export}/')
+        file.write_text(f"[service]\n{service}\n{schedule}\n{described}", encoding="utf-8")
+        loaded = load_plant(file, environment={})
+        with open_store(loaded.storage) as store:
+            store.schedules.take_from_file(loaded.schedules)
+            number = store.queue.put(Wanted(schedule="hourly"), software_version="1")
+            assert number is not None
+            assert Runner(store, loaded).once(threading.Event())
+            done = store.run(number)
+            assert (done.state, done.done, done.set_aside) == (RunState.DONE, 3, 0), done.reason
+            return Kept(
+                rows={table: _rows(store, table) for table in TABLES},
+                valves=_plain(json.loads(Path(done.report, "valves.json").read_bytes())),
+                files=sorted(path.name for path in Path(done.report).iterdir()),
+            )
+
+    return work
+
+
+def _rows(store: Store, table: str) -> list[dict[str, Any]]:
+    """The rows of a table that do not depend on the clock, in an order of their own."""
+    with store.access.reading() as session:
+        rows = session.execute(text(f"SELECT * FROM {table}")).mappings().all()
+    return sorted((_plain(dict(row)) for row in rows), key=repr)
+
+
+def _plain(found: Any) -> Any:
+    """``found`` without what is not compared, at any depth; JSON in a column is looked into."""
+    if isinstance(found, dict):
+        return {k: _plain(v) for k, v in found.items() if k not in NOT_COMPARED}
+    if isinstance(found, list):
+        return [_plain(one) for one in found]
+    if isinstance(found, str) and found.startswith(("{", "[")):
+        return _plain(json.loads(found))
+    return found
+
+
+def test_a_run_on_a_cluster_keeps_the_same(kept, cluster: Cluster) -> None:
+    """Screenings with their intervals, indicators, networks and the report's objects are the same
+    number for number, though other networks trained together."""
+    near, far = kept("workers = 1"), kept(f'executor = "{cluster.address}"')
+    assert near == far
+    valves = ["FIC-104", "FIC-107", "FIC-113"]
+    assert [one["valve"] for one in far.rows["screenings"]] == valves
+    assert sorted(one["valve"] for one in far.valves) == valves
+    assert {one["valve"] for one in far.rows["indicators"]} == set(valves)
+    assert {one["valve"] for one in far.rows["networks"]} == {"FIC-104", "FIC-107"}
+    assert {"report.html", "valves.csv", "valves.xlsx"} <= set(far.files)
