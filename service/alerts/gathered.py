@@ -4,6 +4,7 @@ each valve's years no more than the last screenings."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import and_, select
@@ -62,6 +63,7 @@ def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[Seen
             before = _at_baseline(session, part)
             numbers = [one.id for many in judged.values() for one in many]
             ratios = _ratios(session, numbers)
+            worked_at = _worked_at(session, part)
         for valve in part:
             many = judged.get(valve, [])
             yield Seen(
@@ -70,7 +72,17 @@ def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[Seen
                 at_baseline=before.get(valve),
                 ratios={one.id: ratios[one.id] for one in many if one.id in ratios},
                 ratio_limit=plant.limits.baseline_ratio_watch,
+                worked_at=worked_at.get(valve, ()),
             )
+
+
+def _worked_at(session: Session, valves: Sequence[str]) -> dict[str, list[datetime]]:
+    """When each of ``valves`` was worked on, where it was."""
+    found: dict[str, list[datetime]] = {}
+    work = select(MaintenanceRow.valve, MaintenanceRow.at).where(MaintenanceRow.valve.in_(valves))
+    for valve, at in session.execute(work):
+        found.setdefault(valve, []).append(at)
+    return found
 
 
 def awaiting_aftermath(store: Store, valves: Sequence[str]) -> list[str]:

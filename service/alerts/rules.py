@@ -55,7 +55,8 @@ class Seen:
     """What is known of a valve when the rules look at it.
 
     ``screenings`` newest first; ``at_baseline`` S in the baseline's window, percent of OP span;
-    ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id.
+    ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id;
+    ``worked_at`` when the valve was worked on.
     """
 
     valve: StoredValve
@@ -63,6 +64,7 @@ class Seen:
     at_baseline: Estimate | None = None
     ratios: Mapping[int, float] = field(default_factory=dict)
     ratio_limit: float = 3.0
+    worked_at: Sequence[datetime] = ()
 
 
 def standing(present: Sequence[bool | None], rules: AlertRules) -> Standing:
@@ -88,12 +90,21 @@ def look(seen: Seen, rules: AlertRules) -> tuple[list[Raised], list[str]]:
     raised: list[Raised] = []
     closed: list[str] = []
     for kind, present, text in _findings(seen, rules):
-        verdict = standing([present(one) for one in judged], rules)
+        told = [None if _worked_on(seen, one) else present(one) for one in judged]
+        verdict = standing(told, rules)
         if verdict is Standing.RAISE:
             raised.append(_raised(seen.valve, kind, text(judged[0]), judged[0]))
         elif verdict is Standing.CLEAR:
             closed.append(cause(kind, seen.valve.id))
     return raised, closed
+
+
+def _worked_on(seen: Seen, one: Judged) -> bool:
+    """True where the window holds two valves: the one before the work and the one after it."""
+    start, end = one.window
+    if start is None or end is None:
+        return False
+    return any(start < at < end for at in seen.worked_at)
 
 
 def cause(kind: AlertKind, valve: str) -> str:

@@ -169,3 +169,20 @@ def test_urgency_follows_the_valve(criticality: int, severity: str) -> None:
     many = [screening(n, STICKY) for n in (2, 1)]
     seen = Seen(valve=StoredValve(id="V", criticality=criticality), screenings=many)
     assert look(seen, RULES)[0][0].severity is AlertSeverity(severity)
+
+
+def test_a_window_that_the_work_lies_in_tells_nothing() -> None:
+    """It holds the old valve and the new one: it neither raises, nor closes, nor counts."""
+    day = timedelta(days=1)
+    days = [(NOW + n * day, NOW + (n + 1) * day) for n in range(5)]
+    work = NOW + 2.5 * day
+    mixed = screening(3, STICKY, window=days[2])
+    before = [screening(2, STICKY, window=days[1]), screening(1, STICKY, window=days[0])]
+    assert AlertKind.STICKY in kinds(mixed, *before)[0]
+    raised, closed = kinds(mixed, *before, worked_at=[work])
+    assert AlertKind.STICKY not in raised
+    assert AlertKind.STICKY.value not in closed
+    later = screening(4, STICKY, window=days[3])
+    clean = screening(1, WELL, window=days[0])
+    assert AlertKind.STICKY in kinds(later, mixed, clean)[0]
+    assert AlertKind.STICKY not in kinds(later, mixed, clean, worked_at=[work])[0]
