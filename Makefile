@@ -21,7 +21,8 @@ test: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
 
 BIN := $(VENV)/bin
 LOG := $(VENV)/log.txt
-INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
+# Compiling everything that is installed takes most of the time; Python compiles what it imports.
+INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 SOURCE := $(if $(filter no,$(EDITABLE)),.,--editable .)
 PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find service models connectors -type f \
 	-not -path '*/__pycache__/*'))

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
 
-from stemwatch.service.children import begin_child, quiet_start
+from stemwatch.service.children import (
+    begin_child,
+    environment,
+    quiet_start,
+    take_environment,
+    worker_context,
+)
 from stemwatch.service.executors.executor import Item, Result, one_thread
 from stemwatch.service.executors.in_process import InProcess
 
@@ -53,9 +58,11 @@ class LocalProcesses:
         self, work: Callable[[Item], Result], items: dict[int, Item]
     ) -> Iterator[tuple[int, Result]]:
         """What one pool gets done: everything, or what was finished before a worker died."""
-        # A spawned worker inherits no threads; a forked one may inherit a lock that nobody holds.
         pool = ProcessPoolExecutor(
-            self.workers, mp_context=get_context("spawn"), initializer=prepare_worker
+            self.workers,
+            mp_context=worker_context(),
+            initializer=prepare_worker,
+            initargs=(environment(),),
         )
         try:
             with quiet_start():  # it is here that the processes begin
@@ -69,8 +76,9 @@ class LocalProcesses:
             pool.shutdown(cancel_futures=True)
 
 
-def prepare_worker() -> None:
+def prepare_worker(environment: Mapping[str, str]) -> None:
     """One thread for the numbers; Ctrl-C ends the worker instead of its present item only, and it
     ends with its parent."""
+    take_environment(environment)
     one_thread()
     begin_child()

@@ -9,18 +9,23 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import multiprocessing
 import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
-from stemwatch.service.children import begin_child, quiet_start
+from stemwatch.service.children import (
+    begin_child,
+    environment,
+    quiet_start,
+    take_environment,
+    worker_context,
+)
 from stemwatch.service.executors.executor import one_thread
 from stemwatch.service.logs import logs_as_parent
 
@@ -60,8 +65,7 @@ class WorkerPool:
 
     def __init__(self, workers: int, item_timeout_s: float) -> None:
         self._count, self._timeout_s = workers, item_timeout_s
-        # Spawned: a fork would inherit locks that threads of this process hold.
-        self._context = multiprocessing.get_context("spawn")
+        self._context = worker_context()
 
     def each(
         self,
@@ -90,7 +94,9 @@ class WorkerPool:
 
     def _start(self, work: Callable[[list[Item]], Sequence[Result]]) -> _Worker:
         ours, theirs = self._context.Pipe()
-        process = self._context.Process(target=_serve, args=(theirs, work), daemon=True)
+        process = self._context.Process(
+            target=_serve, args=(theirs, work, environment()), daemon=True
+        )
         with quiet_start():
             process.start()
         theirs.close()
@@ -150,11 +156,16 @@ def _end(worker: _Worker) -> None:
     worker.process.join(timeout=5.0)
 
 
-def _serve(pipe: Connection, work: Callable[[list[Any]], Sequence[Any]]) -> None:
+def _serve(
+    pipe: Connection,
+    work: Callable[[list[Any]], Sequence[Any]],
+    environment: Mapping[str, str],
+) -> None:
     """A worker's life: batches in, results out, until the pipe is closed."""
     # Both may go to the whole group; ending in order is the parent's to decide, and what it is
     # doing when it is told shall not look like a fault of the valve.
     begin_child(ignore=(signal.SIGINT, signal.SIGTERM))
+    take_environment(environment)
     one_thread()
     logs_as_parent("worker")
     while True:

@@ -32,9 +32,9 @@ def marked() -> list[Marked]:
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory, stemwatch):
-    """``stemwatch trial`` of eight healthy and four sticking valves, with its JSON."""
+    """``stemwatch trial`` of four healthy and two sticking valves, with its JSON."""
     file = tmp_path_factory.mktemp("trial") / "marks.json"
-    outcome = stemwatch("trial", "--loops", 8, "--no-narx", "--workers", 1, "--json", file)
+    outcome = stemwatch("trial", "--loops", 4, "--no-narx", "--workers", 1, "--json", file)
     return outcome, json.loads(file.read_text(encoding="utf-8"))
 
 
@@ -42,7 +42,7 @@ def test_the_command_prints_its_table(printed) -> None:
     """Counts, shares and intervals are printed for all healthy, all sticking and each story."""
     outcome, _ = printed
     assert outcome.status == 0
-    for words in ("all healthy", "all sticking", "of 8", "of 4", "95 % interval", "s a valve"):
+    for words in ("all healthy", "all sticking", "of 4", "of 2", "95 % interval", "s a valve"):
         assert words in outcome.said
     assert "S: median error" in outcome.said
 
@@ -50,10 +50,10 @@ def test_the_command_prints_its_table(printed) -> None:
 def test_the_json_holds_every_loop_with_truth_and_verdict(printed) -> None:
     """What was printed can be counted again from the file."""
     outcome, marks = printed
-    assert 12 == len(marks)
-    assert 8 == sum(mark["truth"]["healthy"] for mark in marks)
+    assert 6 == len(marks)
+    assert 4 == sum(mark["truth"]["healthy"] for mark in marks)
     called = sum(m["verdict"] == "sticky" for m in marks if not m["truth"]["healthy"])
-    assert f"all sticking sticky {called} of 4" in outcome.said
+    assert f"all sticking sticky {called} of 2" in outcome.said
 
 
 def test_no_healthy_valve_is_called_sticky(printed) -> None:
