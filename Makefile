@@ -15,13 +15,15 @@ WORKERS ?= 2
 export PIP_ONLY_BINARY ?= :all:
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 export STRICT
+# What is imported is compiled once and kept; installing compiles nothing.
+unexport PYTHONDONTWRITEBYTECODE
 # Tests run side by side; each stays on its own core, and all share one cache of compiled kernels.
 test: export OMP_NUM_THREADS ?= 1
 test: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
 
 BIN := $(VENV)/bin
 LOG := $(VENV)/log.txt
-# Compiling everything that is installed takes most of the time; Python compiles what it imports.
+# Compiling all that is installed takes most of the time, and little of it is ever imported.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 SOURCE := $(if $(filter no,$(EDITABLE)),.,--editable .)
 PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find service models connectors -type f \
