@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.quantiles import percentiles
 from stemwatch.models.recording import Floats
 
 REST_SAMPLES = 3  # before a jump
@@ -92,8 +93,21 @@ def swing(values: Floats) -> float:
     finite = values[np.isfinite(values)]
     if not finite.size:
         return 0.0
-    low, high = np.percentile(finite, (1.0, 99.0))
-    return float(high - low)
+    low, high = percentiles(finite, (1.0, 99.0))
+    return high - low
+
+
+def ranges(values: Floats, runs: NDArray[np.int64]) -> Floats:
+    """(m,) highest less lowest of ``values`` (n,) within each of ``runs`` (m, 2).
+
+    A run is its first sample and its last + 1; runs may overlap. NaN is ignored, and is the range
+    of a run that holds nothing else.
+    """
+    # ``reduceat`` works from each edge to the next: every other one is a run. The sample at the end
+    # is there for a run that ends with the signal.
+    edges, padded = runs.ravel(), np.append(values, np.nan)
+    high, low = (f.reduceat(padded, edges)[::2] for f in (np.fmax, np.fmin))
+    return np.asarray(high - low)
 
 
 def at_limits(op: Floats) -> tuple[float, float]:

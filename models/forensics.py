@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.quantiles import median, percentiles
 from stemwatch.models.recording import Bools, Floats
 
 # Differences this small against the signal's own size are floating-point noise, not information.
@@ -39,7 +40,7 @@ def noise_sigma(values: Floats) -> float:
     bends = bends[np.isfinite(bends)]
     if bends.size < 3:
         return 0.0
-    return float(1.4826 * np.median(np.abs(bends - np.median(bends))) / np.sqrt(6.0))
+    return float(1.4826 * median(np.abs(bends - median(bends))) / np.sqrt(6.0))
 
 
 LEAST_WINDOWS = 5
@@ -75,14 +76,15 @@ def quantum(values: Floats) -> float:
     steps = steps[steps > _zero(values)]
     if steps.size < 8:
         return 0.0
-    candidate = float(np.percentile(steps, 1.0))
-    near = steps[steps < 1.5 * candidate]
-    candidate = float(np.median(near))
+    (candidate,) = percentiles(steps, (1.0,))
+    candidate = median(steps[steps < 1.5 * candidate])
     ratio = steps / candidate
     on_lattice = np.abs(ratio - np.round(ratio)) < 0.02 * np.maximum(1.0, ratio * 0.05)
-    distinct = np.unique(np.round(ratio)).size
+    if on_lattice.mean() < 0.99:
+        return 0.0
     # Few distinct multiples of a step much finer than the signal's range: a lattice, not chance.
-    return candidate if on_lattice.mean() >= 0.99 and distinct < 0.5 * steps.size else 0.0
+    distinct = np.unique(np.round(ratio)).size
+    return candidate if distinct < 0.5 * steps.size else 0.0
 
 
 def repeat_share(values: Floats) -> float:

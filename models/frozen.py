@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.excitation import ranges
 from stemwatch.models.forensics import repeat_share, turns_like_noise
 from stemwatch.models.recording import Bools, Floats, Recording
 
@@ -38,7 +39,7 @@ def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
     if not long.any():
         return []
     if not _noisy(mv, runs[long]):
-        moved = _way(op, runs)
+        moved = ranges(op, runs)
         long &= moved > np.maximum(4.0 * _usual_of_others(moved, length), 6.0)
     return [(int(a), int(b)) for a, b in runs[long]]
 
@@ -49,13 +50,6 @@ def _noisy(mv: Floats, runs: NDArray[np.int64]) -> bool:
     A reading that seldom repeats itself at all has noise too, however fast the stem moves.
     """
     return repeat_share(mv) < MOST_REPEATS or turns_like_noise(mv, runs, LEAST_TURNS)
-
-
-def _way(op: Floats, runs: NDArray[np.int64]) -> Floats:
-    """(m,) range of OP within each run."""
-    edges, padded = runs.ravel(), np.append(op, np.nan)
-    high, low = (f.reduceat(padded, edges)[::2] for f in (np.fmax, np.fmin))
-    return np.asarray(high - low)
 
 
 def _usual_of_others(moved: Floats, length: NDArray[np.int64]) -> Floats:

@@ -9,8 +9,8 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing, travel
 from stemwatch.models.findings import Indicator, Residual
-from stemwatch.models.loop import loop_oscillation
-from stemwatch.models.recording import Recording, Role
+from stemwatch.models.loop import signal_oscillation
+from stemwatch.models.recording import Recording
 from stemwatch.models.stickslip import parameters as at
 from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.events import SlipEvents
@@ -53,7 +53,7 @@ def of_recording(recording: Recording) -> list[Indicator]:
         *_one("op_reversals", float(reversals(op, threshold).size), "", "Times OP turned round"),
         *_one("usable_percent", usable, "%", "Share of samples a fit could use", "down"),
     ]
-    cycle = loop_oscillation(recording).get(Role.OP)
+    cycle = signal_oscillation(recording.op, recording.interval_s)
     if cycle is not None and cycle.regular:
         found += _one("loop_period_s", cycle.period_s, "s", "Period of OP's oscillation", "none")
         text = "Regularity of OP's oscillation, above 1 is regular"

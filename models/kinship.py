@@ -6,6 +6,7 @@ import numpy as np
 
 from stemwatch.models.excitation import swing
 from stemwatch.models.forensics import quantum
+from stemwatch.models.lags import lagged_products
 from stemwatch.models.recording import Floats, Recording
 
 LONGEST_DELAY_S = 120.0
@@ -51,7 +52,5 @@ def delayed_correlation(recording: Recording) -> float:
     usable = recording.usable
     a = np.where(usable, recording.op.values - op.mean(), 0.0)
     b = np.where(usable, recording.mv.values - mv.mean(), 0.0)
-    size = 1 << int(np.ceil(np.log2(2 * a.size)))
-    crossed = np.fft.irfft(np.conj(np.fft.rfft(a, size)) * np.fft.rfft(b, size), size)
     longest = max(2, min(round(LONGEST_DELAY_S / recording.interval_s), a.size // 4))
-    return float(crossed[:longest].max() / np.sqrt((a @ a) * (b @ b)))
+    return float(lagged_products(a, b, longest).max() / np.sqrt((a @ a) * (b @ b)))

@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, rfft
 
-from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.lags import lagged_products
+from stemwatch.models.recording import Floats, Recording, Role, Signal
 
 MIN_CROSSINGS = 6  # zero crossings of the autocorrelation that make a period
 # Regularity above 1 is the usual criterion for an oscillation (Thornhill, Huang and Zhang 2003,
 # quoted from memory): the spread of the half periods is below a third of their mean.
 REGULAR = 1.0
 LEAST_SPREAD = 1e-9  # standard deviation over the largest value: less is floating-point noise
+FEWEST_CYCLES = 4  # in the record; what is slower is drift
 
 
 @dataclass(frozen=True)
@@ -27,25 +30,22 @@ class Oscillation:
         return self.regularity > REGULAR
 
 
-def _autocorrelation(values: Floats) -> Floats:
+def _autocorrelation(values: Floats, lags: int) -> Floats:
     centred = values - values.mean()
-    size = 1 << int(np.ceil(np.log2(2 * centred.size)))
-    spectrum = np.fft.rfft(centred, size)
-    acf = np.fft.irfft(spectrum * np.conj(spectrum), size)[: centred.size]
-    return np.asarray(acf / acf[0])
+    products = lagged_products(centred, centred, lags)
+    return np.asarray(products / products[0])
 
 
-def _high_pass(values: Floats, interval_s: float) -> Floats:
+def _high_pass(values: Floats) -> Floats:
     """Take out what is slower than a quarter of the record: drift is no oscillation.
 
     The straight line goes first, because a spectrum sees it as a jump at the record's ends.
     """
     time = np.linspace(-1.0, 1.0, values.size)
     slope = float(time @ values) / float(time @ time)
-    spectrum = np.fft.rfft(values - values.mean() - slope * time)
-    frequency = np.fft.rfftfreq(values.size, interval_s)
-    spectrum[frequency < 4.0 / (values.size * interval_s)] = 0.0
-    return np.asarray(np.fft.irfft(spectrum, values.size))
+    spectrum = rfft(values - values.mean() - slope * time)
+    spectrum[:FEWEST_CYCLES] = 0.0
+    return np.asarray(irfft(spectrum, values.size))
 
 
 def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
@@ -61,7 +61,7 @@ def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     values = values / largest  # so that no square leaves the range of floating point
     if float(np.std(values)) < LEAST_SPREAD:
         return None
-    acf = _autocorrelation(_high_pass(values, interval_s))[: values.size // 2]
+    acf = _autocorrelation(_high_pass(values), values.size // 2)
     sign = np.signbit(acf)
     crossings = np.flatnonzero(sign[1:] != sign[:-1])[: 2 * MIN_CROSSINGS]
     if crossings.size < MIN_CROSSINGS:
@@ -78,8 +78,16 @@ def _filled(values: Floats) -> Floats | None:
     finite = np.isfinite(values)
     if finite.sum() < 64:
         return None
+    if finite.all():
+        return values
     index = np.arange(values.size)
     return np.interp(index, index[finite], values[finite])
+
+
+def signal_oscillation(signal: Signal, interval_s: float) -> Oscillation | None:
+    """The oscillation of a signal, its holes bridged by straight lines; ``None`` as above."""
+    filled = _filled(signal.values)
+    return None if filled is None else oscillation(filled, interval_s)
 
 
 def loop_oscillation(recording: Recording) -> dict[Role, Oscillation]:
@@ -87,8 +95,7 @@ def loop_oscillation(recording: Recording) -> dict[Role, Oscillation]:
     found: dict[Role, Oscillation] = {}
     for role in (Role.OP, Role.PV, Role.MV):
         signal = recording.get(role)
-        filled = None if signal is None else _filled(np.asarray(signal.values))
-        seen = None if filled is None else oscillation(filled, recording.interval_s)
+        seen = None if signal is None else signal_oscillation(signal, recording.interval_s)
         if seen is not None:
             found[role] = seen
     return found

@@ -7,9 +7,10 @@ known) and ``quality`` (why). Nothing is interpolated; a hole in the source is a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
 from enum import IntEnum, StrEnum
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -79,10 +80,14 @@ class Signal:
         quality = np.where(np.isfinite(values), Quality.GOOD, Quality.MISSING)
         return cls(values=values, quality=quality.astype(np.uint8), tag=tag, unit=unit)
 
-    @property
+    def __getstate__(self) -> dict[str, object]:
+        # What is worked out from the samples does not travel with them.
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @cached_property
     def usable(self) -> Bools:
-        """(n,) True where a fit may use the sample: good and finite."""
-        return np.asarray((self.quality == Quality.GOOD) & np.isfinite(self.values))
+        """(n,) True where a fit may use the sample: good and finite. Read-only."""
+        return _kept((self.quality == Quality.GOOD) & np.isfinite(self.values))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,11 +169,11 @@ class Recording:
     def mv(self) -> Signal | None:
         return self.signals.get(Role.MV)
 
-    @property
+    @cached_property
     def usable(self) -> Bools:
-        """(n,) True where OP and, if there is one, MV may be used by a fit."""
+        """(n,) True where OP and, if there is one, MV may be used by a fit. Read-only."""
         ok = self.op.usable
-        return ok & self.mv.usable if self.mv is not None else ok
+        return _kept(ok & self.mv.usable) if self.mv is not None else ok
 
     @property
     def time_s(self) -> Floats:
@@ -198,6 +203,12 @@ class Recording:
         if start is not None:
             start += timedelta(seconds=first * self.interval_s)
         return replace(self, signals=signals, start=start)
+
+
+def _kept(flags: Bools) -> Bools:
+    """``flags`` (n,), which from now on several readers share."""
+    flags.flags.writeable = False
+    return flags
 
 
 def _rebuild(state: dict[str, object]) -> Recording:

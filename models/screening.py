@@ -20,13 +20,13 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.judge import Evidence, Judgement, judge, undetermined
 from stemwatch.models.limits import Limits
-from stemwatch.models.loop import loop_oscillation
+from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch, Runs
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess
-from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording, Role
+from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.sight import still_seen
 from stemwatch.models.slowness import beside_friction, slowness
 from stemwatch.models.stickslip import kernel
@@ -306,7 +306,7 @@ def _with_verdict(
         "baseline": compared.residual,
     }
     events = slip_events(fit)
-    cycle = loop_oscillation(one.recording).get(Role.OP)
+    cycle = signal_oscillation(one.recording.op, one.recording.interval_s)
     evidence = Evidence(
         S=S,
         J=J,

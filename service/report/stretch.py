@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.excitation import reversals, swing
+from stemwatch.models.excitation import ranges, reversals, swing
 from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.service.report.words import figure
@@ -153,9 +153,7 @@ def _sums(values: Floats, found: _Candidates) -> Floats:
 
 
 def _swings(recording: Recording, found: _Candidates) -> Floats:
-    op = recording.op.values
-    ends = zip(found.first.tolist(), found.last.tolist(), strict=True)
-    return np.array([np.ptp(one[np.isfinite(one)]) for one in (op[a:b] for a, b in ends)])
+    return ranges(recording.op.values, np.stack((found.first, found.last), axis=1))
 
 
 def _why(found: _Candidates, here: float, middle: float, *, of_model: bool) -> str:

@@ -29,7 +29,8 @@ def upsert(
 
     ``where`` is the condition of the unique index over ``key``, where it has one.
     """
-    insert = _insert_into(session, table).values(values)
+    # SQLAlchemy compiles a statement of several rows each time, one of a single row only once.
+    insert = _insert_into(session, table).values(values[0] if len(values) == 1 else values)
     changed = {name: insert.excluded[name] for name in values[0] if name not in key}
     if update and changed:
         statement = insert.on_conflict_do_update(

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.excitation import at_limits, reversals, slips, swing, travel
+from stemwatch.models.excitation import at_limits, ranges, reversals, slips, swing, travel
 
 walks = st.lists(st.integers(-20, 20), min_size=1, max_size=120).map(
     lambda steps: np.cumsum(np.array(steps, dtype=float)) * 0.25
@@ -116,3 +116,11 @@ def test_limits_are_where_an_output_rests():
     assert (0.0, 0.0) == at_limits(wave)
     assert max(at_limits(0.03 * wave)) < 0.02
     assert (0.0, 0.0) == at_limits(np.full(3, np.nan))
+
+
+def test_ranges_of_runs_that_overlap_and_hold_holes():
+    """Each run by itself, up to the signal's end; without a number there is no range."""
+    values = np.array([1.0, 5.0, np.nan, 2.0, 9.0, np.nan, 3.0])
+    runs = np.array([[0, 3], [1, 5], [5, 6], [4, 7], [6, 7]])
+    np.testing.assert_array_equal([4.0, 7.0, np.nan, 6.0, 0.0], ranges(values, runs))
+    assert 0 == ranges(values, runs[:0]).size

@@ -1,0 +1,19 @@
+"""Products of a signal with another one shifted against it: what correlations over delay need."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from stemwatch.models.recording import Floats
+
+
+def lagged_products(first: Floats, second: Floats, lags: int) -> Floats:
+    """(lags,) ``sum_k first[k] second[k + lag]`` for each ``lag`` from 0, of two (n,) without NaN.
+
+    By a spectrum that is padded just far enough for the wanted lags not to wrap round.
+    """
+    size = next_fast_len(first.size + lags - 1, real=True)
+    spectrum = rfft(first, size)
+    other = spectrum if second is first else rfft(second, size)
+    return np.asarray(irfft(np.conj(spectrum) * other, size)[:lags])

@@ -1,0 +1,46 @@
+"""Medians and percentiles of long signals: numpy's values to the last bit, in less time.
+
+numpy looks for NaN and for several places of the order at once, which leaves its vectorised search
+for a single place unused. Here every place is looked for by itself, each above the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Floats = NDArray[np.float64]
+
+
+def median(values: _Floats) -> float:
+    """``np.median`` of ``values`` (n,), n >= 1, without NaN."""
+    middle = values.size // 2
+    parted = np.partition(values, middle)
+    upper = float(parted[middle])
+    return upper if values.size % 2 else (float(parted[:middle].max()) + upper) / 2.0
+
+
+def percentiles(values: _Floats, percents: Sequence[float]) -> list[float]:
+    """``np.percentile(values, percents)`` of ``values`` (n,), n >= 1, without NaN.
+
+    ``percents`` rise, 0 to 100. Each is interpolated linearly between its two neighbours.
+    """
+    parted, begin, found = values.copy(), 0, []
+    for percent in percents:
+        place = (values.size - 1) * (percent / 100.0)
+        below = int(place)
+        parted[begin:].partition(below - begin)
+        begin = below
+        low = float(parted[below])
+        high = float(parted[below + 1 :].min()) if place > below else low
+        found.append(_between(low, high, place - below))
+    return found
+
+
+def _between(low: float, high: float, share: float) -> float:
+    """``low + share (high - low)``, from the nearer end as numpy reckons it."""
+    if share < 0.5:
+        return low + (high - low) * share
+    return high - (high - low) * (1.0 - share)
