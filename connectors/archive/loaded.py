@@ -13,6 +13,7 @@ from stemwatch.connectors.connector import ConnectorError, MappingNeeded, ValveT
 from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.epoch import ns_of
 from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.models.recording import Bools, Role
 
 Bounds = tuple[int | None, int | None]
@@ -90,7 +91,7 @@ def empty_column(tag: str) -> Column:
         tag=tag,
         unit="",
         description="",
-        ns=none,
+        times=Timeline(none),
         values=np.zeros(0),
         quality=np.zeros(0, dtype=np.uint8),
         file_ns=none,
@@ -110,7 +111,7 @@ def inside(column: Column, bounds: Bounds) -> Column:
     keep = within(column.ns)
     return replace(
         column,
-        ns=column.ns[keep],
+        times=Timeline(column.ns[keep]),
         values=column.values[keep],
         quality=column.quality[keep],
         file_ns=column.file_ns[within(column.file_ns)],

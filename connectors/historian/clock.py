@@ -7,18 +7,19 @@ without a sample are MISSING.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.connectors.historian.columns import Column, distinct_times, middle
+from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.timefields import Ints
-from stemwatch.models.recording import ClockFacts, Floats, Quality
+from stemwatch.connectors.historian.timeline import Timeline, distinct_times, middle
+from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
 
 MAX_SAMPLES = 50_000_000
 _GAP = 1.5  # intervals
-_EXCEPTION_SPREAD = 3.0  # steps' 90th percentile over their median: reported by exception
 _HOLD = 4.0  # of the tag's own intervals
 
 
@@ -47,7 +48,6 @@ class Grid:
 
 def clock_facts(file_ns: Ints, zone: str) -> ClockFacts:
     """What the times of one series, in file order, were like."""
-    steps = np.diff(file_ns)
     ordered = distinct_times(file_ns)
     forward = np.diff(ordered).astype(np.float64)
     if not forward.size:
@@ -59,24 +59,12 @@ def clock_facts(file_ns: Ints, zone: str) -> ClockFacts:
         gaps=int(gaps.size),
         longest_gap_s=float(gaps.max()) / 1e9 if gaps.size else 0.0,
         repeated_times=int(file_ns.size - ordered.size),
-        backward_steps=int((steps < 0).sum()),
+        backward_steps=int(np.count_nonzero(file_ns[1:] < file_ns[:-1])),
         zone=zone,
     )
 
 
-def by_exception(ns: Ints) -> bool:
-    """Whether a tag's samples come when it changes, not at even steps."""
-    steps = np.diff(distinct_times(ns)).astype(np.float64)
-    if steps.size < 10:
-        return False
-    usual = middle(steps)
-    if usual == steps.max() == steps.min():
-        return False
-    off = np.abs(steps - usual) > 0.2 * usual
-    return bool(np.percentile(steps, 90) > _EXCEPTION_SPREAD * usual or off.mean() > 0.5)
-
-
-def interval_ns(ns: Ints) -> float:
+def interval_ns(times: Timeline) -> float:
     """The clock's interval from the times of OP.
 
     The mean of the even steps where four digits say it, so that rounded times (4.9999, 5.0001 ms)
@@ -84,8 +72,8 @@ def interval_ns(ns: Ints) -> float:
     would drift half an interval away from the samples (33, 33, 34 ms). Of a tag reported by
     exception its 10th percentile step, rounded to 1, 2 or 5.
     """
-    steps = np.diff(distinct_times(ns)).astype(np.float64)
-    if by_exception(ns):
+    steps = times.steps
+    if times.by_exception:
         return _round_125(float(np.percentile(steps, 10)))
     median = middle(steps)
     even = steps[steps <= _GAP * median]
@@ -102,15 +90,18 @@ def _round_125(value: float) -> float:
     return float(power * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(step - value / power)))
 
 
-def make_grid(ns: Ints, tag: str, source: str, window_ns: tuple[int | None, int | None]) -> Grid:
-    """The even grid of ``ns``, cut to the window. Raises ``ConnectorError`` where there is none."""
-    distinct = distinct_times(ns)
+def make_grid(
+    times: Timeline, tag: str, source: str, window_ns: tuple[int | None, int | None]
+) -> Grid:
+    """The even grid of ``times``, cut to the window. Raises ``ConnectorError`` where there is
+    none."""
+    distinct = times.distinct
     if distinct.size < 2:
         raise ConnectorError(
             f"{source}: {tag}: {distinct.size} samples; at least two at different times are "
             "needed to tell the interval"
         )
-    step = interval_ns(ns)
+    step = interval_ns(times)
     origin, end = int(distinct[0]), int(distinct[-1])
     last = int(np.floor((end - origin) / step + 0.5))
     start_ns, stop_ns = window_ns
@@ -138,34 +129,52 @@ def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> Laid:
     """``column`` on ``grid``: at the nearest instants where it has the grid's rate, else held."""
     if column.ns.size == 0:
         return Laid(np.full(grid.size, np.nan), np.full(grid.size, Quality.MISSING, np.uint8))
-    exception = by_exception(column.ns)
-    own = _median_step(column.ns, grid)
+    exception, usual = column.times.by_exception, column.times.usual_step
+    own = grid.interval_ns if usual is None else usual
     if not exception and (is_clock or own <= 1.1 * grid.interval_ns):
         return _lay_nearest(column, grid)
     return _lay_held(column, grid, own, exception)
 
 
-def _median_step(ns: Ints, grid: Grid) -> float:
-    distinct = distinct_times(ns)
-    return middle(np.diff(distinct)) if distinct.size > 1 else grid.interval_ns
+@dataclass(frozen=True)
+class Places:
+    """Where the samples of a timeline fall on a grid.
+
+    ``inside`` (n,) are the samples that do, ``at`` (m,) their instants from the grid's first;
+    ``each`` whether they are all samples and all instants in turn. ``moved`` were stamped early.
+    """
+
+    inside: Bools
+    at: Ints
+    each: bool
+    moved: int
+
+
+@lru_cache(maxsize=1)  # the tags of a valve are laid one after the other, and share their times
+def nearest_places(times: Timeline, grid: Grid) -> Places:
+    """The nearest instant of each sample, repeated times put right."""
+    index, moved = _repeated_to_hole(times.ns, nearest_index(times.ns, grid))
+    inside = (index >= grid.first) & (index < grid.first + grid.size)
+    at = index[inside] - grid.first
+    each = index.size == grid.size and np.array_equal(at, np.arange(grid.size))
+    return Places(inside, at, each, moved)
 
 
 def _lay_nearest(column: Column, grid: Grid) -> Laid:
-    index = nearest_index(column.ns, grid)
-    index, moved = _repeated_to_hole(column.ns, index)
-    values = np.full(grid.size, np.nan)
-    quality = np.full(grid.size, Quality.MISSING, dtype=np.uint8)
-    inside = (index >= grid.first) & (index < grid.first + grid.size)
-    at = index[inside] - grid.first
-    # Of several samples at one instant numpy keeps the last written, which is the last in time.
-    values[at] = column.values[inside]
-    quality[at] = column.quality[inside]
+    places = nearest_places(column.times, grid)
     decision = (
-        f"{moved} rows repeat the time before them and leave the next instant empty; their time "
-        "was stamped early, so they were laid on that instant."
-        if moved
+        f"{places.moved} rows repeat the time before them and leave the next instant empty; their "
+        "time was stamped early, so they were laid on that instant."
+        if places.moved
         else ""
     )
+    if places.each:
+        return Laid(column.values, column.quality, decision)
+    values = np.full(grid.size, np.nan)
+    quality = np.full(grid.size, Quality.MISSING, dtype=np.uint8)
+    # Of several samples at one instant numpy keeps the last written, which is the last in time.
+    values[places.at] = column.values[places.inside]
+    quality[places.at] = column.quality[places.inside]
     return Laid(values, quality, decision)
 
 
@@ -197,7 +206,7 @@ def _lay_held(column: Column, grid: Grid, own: float, exception: bool) -> Laid:
     instants = grid.instants
     last = np.searchsorted(column.ns, instants, side="right") - 1
     age = instants - column.ns[np.maximum(last, 0)]
-    limit = _hold_limit(column.ns, own, exception)
+    limit = _hold_limit(column.times, own, exception)
     there = (last >= 0) & (age <= limit)
     at = np.maximum(last, 0)
     old = there & (age > _GAP * max(grid.interval_ns, own))
@@ -212,8 +221,8 @@ def _lay_held(column: Column, grid: Grid, own: float, exception: bool) -> Laid:
     return Laid(values, quality.astype(np.uint8), decision)
 
 
-def _hold_limit(ns: Ints, own: float, exception: bool) -> float:
+def _hold_limit(times: Timeline, own: float, exception: bool) -> float:
     """A few of the tag's own intervals; by exception as long as it usually stays silent."""
     if not exception:
         return _HOLD * own
-    return max(_HOLD * own, float(np.percentile(np.diff(distinct_times(ns)), 99)))
+    return max(_HOLD * own, float(np.percentile(times.steps, 99)))

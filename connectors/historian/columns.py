@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,10 @@ from stemwatch.connectors.historian.numbers import parse_numbers
 from stemwatch.connectors.historian.qualitycodes import quality_of
 from stemwatch.connectors.historian.raw import RawColumn
 from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.connectors.historian.times import Instants
 from stemwatch.connectors.historian.words import mode_value, says_truncated, word_quality
-from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes
+from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes, Role
 
 _SHOWN = 30
 
@@ -25,41 +27,45 @@ _SHOWN = 30
 class Column:
     """One tag's samples in order of time, rows with an empty cell left out.
 
-    ``ns``, ``values``, ``quality`` (n,). ``reasons`` counts what was written where no good value
+    ``times``, ``values``, ``quality`` (n,). ``reasons`` counts what was written where no good value
     is: the raw words and codes, for the planner who asks why.
     """
 
     tag: str
     unit: str
     description: str
-    ns: Ints
+    times: Timeline
     values: Floats
     quality: QualityCodes
     file_ns: Ints  # the same rows' times in file order, empty cells included
     reasons: dict[str, int] = field(default_factory=dict)
     decisions: tuple[str, ...] = ()
 
+    @property
+    def ns(self) -> Ints:
+        """(n,) nanoseconds of ``times``."""
+        return self.times.ns
+
+
+def sharing_times(columns: Mapping[Role, Column]) -> dict[Role, Column]:
+    """The columns, those of equal times with one timeline between them."""
+    known: list[Timeline] = []
+    shared: dict[Role, Column] = {}
+    for role, column in columns.items():
+        same = next((one for one in known if np.array_equal(one.ns, column.ns)), None)
+        if same is None:
+            known.append(column.times)
+        shared[role] = column if same is None else replace(column, times=same)
+    return shared
+
 
 def own_interval_s(column: Column, *, command: bool) -> float | None:
     """Seconds between the tag's own samples where slower than its rows."""
-    distinct = distinct_times(column.ns)
-    if distinct.size < 2:
+    step = column.times.usual_step
+    if step is None:
         return None
-    step = middle(np.diff(distinct))
-    ticks = np.round((column.ns - distinct[0]) / step).astype(np.int64)
-    own = faults.own_interval(ticks, column.values, command=command)
+    own = faults.own_interval(column.times.ticks, column.values, command=command)
     return None if own is None else own * step / 1e9
-
-
-def distinct_times(ns: Ints) -> Ints:
-    """``ns`` in order, each time once; without a sort where it is so already."""
-    return ns if ns.size and bool((np.diff(ns) > 0).all()) else np.unique(ns)
-
-
-def middle(steps: Floats | Ints) -> float:
-    """The median; without looking for it where all are equal, as those of a good clock are."""
-    low = steps.min()
-    return float(low if low == steps.max() else np.median(steps))
 
 
 def convert(
@@ -119,7 +125,7 @@ def finished(
         tag=tag,
         unit=unit,
         description=description,
-        ns=ns,
+        times=Timeline(ns),
         values=np.where(quality <= Quality.HELD, values, np.nan),
         quality=quality,
         file_ns=file_ns,
@@ -191,16 +197,17 @@ def _in_order(
     ns: Ints, ok: Bools, values: Floats, quality: NDArray[np.uint8]
 ) -> tuple[Ints, Floats, NDArray[np.uint8], Ints]:
     """By time, without untimed rows and empty cells; equal times keep their order."""
-    ns, values, quality = ns[ok], values[ok], quality[ok]
-    steps = np.diff(ns)
-    if (steps < 0).sum() > (steps > 0).sum():
+    if not ok.all():
+        ns, values, quality = ns[ok], values[ok], quality[ok]
+    backward = np.count_nonzero(ns[1:] < ns[:-1])
+    if backward and backward > np.count_nonzero(ns[1:] > ns[:-1]):
         # Newest first: turned round, so that of equal times the later row stays the later.
         ns, values, quality = ns[::-1], values[::-1], quality[::-1]
     file_ns = ns
     there = quality != Quality.MISSING
     if not there.all():
         ns, values, quality = ns[there], values[there], quality[there]
-    if (np.diff(ns) < 0).any():
+    if backward and (ns[1:] < ns[:-1]).any():
         order = np.argsort(ns, kind="stable")
         ns, values, quality = ns[order], values[order], quality[order]
     return ns, values, quality, file_ns
@@ -228,13 +235,16 @@ def _faulty(
             "are exactly 0 for a moment between values far from 0: dropouts without a flag",
         ),
     )
+    usable = quality <= Quality.HELD
+    believed = np.where(usable, values, np.nan)
     for find, verdict, what in kinds:
-        usable = quality <= Quality.HELD
-        found = find(np.where(usable, values, np.nan)) & usable
+        found = find(believed) & usable
         if found.any():
             shown = ", ".join(f"{v:g}" for v in np.unique(values[found])[:4])
             n = int(found.sum())
             notes.decide(f"{tag}: {n} samples ({shown}) {what}; they are left out.")
             reasons[f"{verdict.name.lower()} {shown}"[:_SHOWN]] += n
             quality = np.where(found, verdict, quality).astype(np.uint8)
+            usable = quality <= Quality.HELD
+            believed = np.where(usable, values, np.nan)
     return quality

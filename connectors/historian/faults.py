@@ -99,8 +99,9 @@ def own_interval(ticks: Ints, values: Floats, *, command: bool) -> float | None:
     archive stored values; a ``command`` may rest as long as it likes.
     """
     filled = np.isfinite(values)
-    ticks, values = ticks[filled], values[filled]
-    changes = ticks[1:][np.diff(values) != 0.0]
+    if not filled.all():
+        ticks, values = ticks[filled], values[filled]
+    changes = ticks[1:][values[1:] != values[:-1]]
     if changes.size < 8:
         return None
     distance = np.diff(changes)

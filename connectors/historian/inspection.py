@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stemwatch.connectors.historian.clock import by_exception, clock_facts
+from stemwatch.connectors.historian.clock import clock_facts
 from stemwatch.connectors.historian.columns import Column
 from stemwatch.models import forensics
 from stemwatch.models.recording import ClockFacts, Quality
@@ -149,7 +149,7 @@ def _inspect(column: Column, one: Candidate) -> TagInspection:
         repeat_share=forensics.repeat_share(values),
         longest_repeat_s=longest * (interval_s or 0.0) if longest > 1 else 0.0,
         line_share=lines,
-        compressed=lines > _LINES_SHARE or by_exception(column.ns),
+        compressed=lines > _LINES_SHARE or column.times.by_exception,
         frozen=_frozen(longest, finite.size),
         reasons=dict(column.reasons),
     )

@@ -16,9 +16,10 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian.clock import Grid, Laid, clock_facts, lay_column, make_grid
-from stemwatch.connectors.historian.columns import Column, own_interval_s
+from stemwatch.connectors.historian.columns import Column, own_interval_s, sharing_times
 from stemwatch.connectors.historian.epoch import EPOCH, ns_of
 from stemwatch.connectors.historian.holding import Holding
+from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.connectors.historian.units import canonical
 from stemwatch.models.recording import (
     PERCENT,
@@ -40,13 +41,15 @@ _PLAIN_PERCENT = (-15.0, 115.0)
 def assemble(opened: Holding, valve: ValveTags, window: Window) -> Recording:
     """The recording of ``valve`` in ``window``. Raises ``UnknownTag`` or ``ConnectorError``."""
     _check_roles(opened, valve)
-    columns = {
-        role: opened.column(find_tag(opened, mapping.tag), as_mode=role is Role.MODE)
-        for role, mapping in valve.tags.items()
-    }
+    columns = sharing_times(
+        {
+            role: opened.column(find_tag(opened, mapping.tag), as_mode=role is Role.MODE)
+            for role, mapping in valve.tags.items()
+        }
+    )
     _check_samples(opened, columns[Role.OP])
     op = columns[Role.OP]
-    grid = make_grid(_clock_ns(op), op.tag, opened.where, _window_ns(opened, window))
+    grid = make_grid(_clock(op), op.tag, opened.where, _window_ns(opened, window))
     if grid.size == 0:
         raise ConnectorError(_outside_window(opened, op, window))
     notes: list[str] = []
@@ -108,9 +111,10 @@ def _check_samples(opened: Holding, op: Column) -> None:
         )
 
 
-def _clock_ns(op: Column) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _clock(op: Column) -> Timeline:
     """Times that make the clock: all rows, or OP's own where most rows leave it empty."""
-    return op.file_ns if op.ns.size >= 0.5 * op.file_ns.size else op.ns
+    own = op.ns is op.file_ns or op.ns.size < 0.5 * op.file_ns.size
+    return op.times if own else Timeline(op.file_ns)
 
 
 def _window_ns(opened: Holding, window: Window) -> tuple[int | None, int | None]:

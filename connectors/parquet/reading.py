@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ from stemwatch.connectors.parquet.times import (
     read_stamps,
 )
 from stemwatch.models.recording import Bools
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -200,12 +202,11 @@ def column_of(
     """
     instants = _instants(pieces, options, notes)
     inside = _inside(instants, bounds)
-    instants = Instants(
-        ns=instants.ns[inside], ok=instants.ok[inside], known=instants.known, zone=instants.zone
-    )
+    if not inside.all():
+        instants = replace(instants, ns=instants.ns[inside], ok=instants.ok[inside])
     codes = _codes(pieces, inside, options)
     if all(is_number(value.type) for value in pieces.values):
-        values = np.concatenate([as_floats(value) for value in pieces.values])[inside]
+        values = _joined([as_floats(value) for value in pieces.values], inside)
         column = number_column(
             tag,
             instants.ns,
@@ -232,11 +233,17 @@ def column_of(
 
 def _instants(pieces: Pieces, options: ReadOptions, notes: Notes) -> Instants:
     stamps = Stamps(
-        ns=np.concatenate([one.ns for one in pieces.stamps]),
-        ok=np.concatenate([one.ok for one in pieces.stamps]),
+        ns=_joined([one.ns for one in pieces.stamps]),
+        ok=_joined([one.ok for one in pieces.stamps]),
         naive=any(one.naive for one in pieces.stamps),
     )
     return placed(stamps, pieces.written, options, notes)
+
+
+def _joined(parts: Sequence[NDArray[Number]], keep: Bools | None = None) -> NDArray[Number]:
+    """The parts in one, or what ``keep`` leaves of it; a single part that is kept is not copied."""
+    whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    return whole if keep is None or keep.all() else whole[keep]
 
 
 def _inside(instants: Instants, bounds: Bounds) -> Bools:

@@ -20,7 +20,8 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian.clock import Grid, clock_facts, lay_column, make_grid
-from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.columns import Column, sharing_times
+from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
 from stemwatch.service.store.samples import EPOCH, Samples, StoredTag
 
@@ -52,9 +53,9 @@ class StoredSamples:
         if Role.OP not in valve.tags:
             raise MappingNeeded(f"{self._where}: {valve.valve}: no tag is given for OP")
         known = {tag.name: tag for tag in self._samples.tags(self.source)}
-        columns = {
-            role: self._column(mapping.tag, known, window) for role, mapping in valve.tags.items()
-        }
+        columns = sharing_times(
+            {role: self._column(one.tag, known, window) for role, one in valve.tags.items()}
+        )
         grid = self._grid(columns[Role.OP], window)
         notes = [f"The samples come from the store, where {self.source} was collected."]
         signals = {
@@ -83,7 +84,7 @@ class StoredSamples:
             tag=tag,
             unit=known[tag].unit,
             description="",
-            ns=ns,
+            times=Timeline(ns),
             values=found.values,
             quality=found.quality,
             file_ns=ns,
@@ -92,7 +93,7 @@ class StoredSamples:
     def _grid(self, op: Column, window: Window) -> Grid:
         if not np.isfinite(op.values).any():
             raise ConnectorError(self._nothing(op, window))
-        return make_grid(op.ns, op.tag, self._where, bounds_of(window))
+        return make_grid(op.times, op.tag, self._where, bounds_of(window))
 
     def _nothing(self, op: Column, window: Window) -> str:
         bounds = self._samples.bounds(self.source, op.tag)
