@@ -18,10 +18,12 @@ _INVISIBLE = frozenset({"Cc", "Cf", "Mn", "Me"})
 @cache
 def fonts() -> dict[str, Any]:
     """The embedded fonts by name, registered with reportlab."""
+    from reportlab import rl_config
     from reportlab.pdfbase import pdfmetrics
     from reportlab.pdfbase.cidfonts import UnicodeCIDFont
     from reportlab.pdfbase.ttfonts import TTFont
 
+    rl_config.useA85 = 0  # no channel is of seven bits any more, and the text form takes long
     folder = files("stemwatch.service.maintenance").joinpath("fonts")
     found = {name: TTFont(name, str(folder.joinpath(f"{name}.ttf"))) for name in (REGULAR, BOLD)}
     for font in (*found.values(), UnicodeCIDFont(HAN), UnicodeCIDFont(HANGUL)):

@@ -7,6 +7,7 @@ before it is drawn.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 from stemwatch.service.maintenance.drawing import Area, Drawing, Label, Line, hatching
@@ -117,26 +118,26 @@ class Writer:
                 self.stroke(line)
 
 
-def wrapped(text: str, width: float, *, bold: bool = False, most: int = 99) -> list[str]:
+@lru_cache(maxsize=1_000)  # a page is laid out before it is drawn, each time with the same texts
+def wrapped(text: str, width: float, *, bold: bool = False, most: int = 99) -> tuple[str, ...]:
     """``text`` in lines of at most ``width`` times the type's size, at most ``most`` of them.
 
     A word that is wider than a line is broken. Where lines are left out the last one ends in "…".
     """
     lines: list[str] = []
-    pieces = list(_pieces(prose(text)[:LONGEST], width, bold))
-    line = ""
-    for at, piece in enumerate(pieces):
-        longer = f"{line} {piece}" if line else piece
-        if line and width_of(longer, bold) > width:
-            if len(lines) == most - 1:
-                return [*lines, _cut(line, width, bold)]
-            lines.append(line)
-            line = piece
+    blank, line, taken = width_of(" ", bold), "", 0.0
+    for piece in _pieces(prose(text)[:LONGEST], width, bold):
+        longer = taken + blank + width_of(piece, bold)
+        if not line:
+            line, taken = piece, width_of(piece, bold)
+        elif longer <= width:
+            line, taken = f"{line} {piece}", longer
+        elif len(lines) == most - 1:
+            return (*lines, _cut(line, width, bold))
         else:
-            line = longer
-        if at == len(pieces) - 1:
             lines.append(line)
-    return lines
+            line, taken = piece, width_of(piece, bold)
+    return (*lines, line) if line else tuple(lines)
 
 
 def _pieces(text: str, width: float, bold: bool) -> Iterator[str]:

@@ -96,7 +96,7 @@ def sheet_of(valve: RankedValve, found: Discoveries, background: Background, zon
     picture, note = picture_of(screening, background.samples(screening), zone)
     sizes, stroke_note = _sizes(screening, valve.facts.stroke)
     return Sheet(
-        valve=replace(valve, screening=screening.without_samples(), evidence=None),
+        valve=replace(valve, screening=screening.without_samples()),
         kinds=kinds,
         advice=advice.advice_for(kinds[0]),
         finding=_finding(screening, valve.stands),

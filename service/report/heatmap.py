@@ -86,9 +86,8 @@ def _travel(edges: Sequence[float], row: int) -> str:
 
 
 def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:
-    return Markup('<text x="{}" y="{}" class="{}" text-anchor="{}">{}</text>').format(
-        x, y, kind, anchor, printable(text)
-    )
+    words = escape(printable(text))
+    return Markup(f'<text x="{x}" y="{y}" class="{kind}" text-anchor="{anchor}">{words}</text>')
 
 
 def _column(at: int, label: str) -> Markup:

@@ -15,7 +15,8 @@ from importlib.resources import files
 from itertools import islice
 from typing import Any, BinaryIO
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
+from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from stemwatch.models.verdict import Verdict
@@ -131,10 +132,29 @@ def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> Mismatch
     return mismatch_view(found, None, valve.anchor, tag, held_back, overlay)
 
 
+class _Compiled(BytecodeCache):
+    """What templates were compiled to in this process: each page has an environment of its own, and
+    compiling takes longer than most pages do. A template that has changed is compiled anew."""
+
+    def __init__(self) -> None:
+        self._code: dict[str, bytes] = {}
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        if bucket.key in self._code:
+            bucket.bytecode_from_string(self._code[bucket.key])
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        self._code[bucket.key] = bucket.bytecode_to_string()
+
+
+_COMPILED = _Compiled()
+
+
 def environment(context: ReportContext, load: Callable[[str], str]) -> Environment:
     """Templates by the names that ``load`` knows; every text from outside is escaped."""
     env = Environment(
         loader=FunctionLoader(load),
+        bytecode_cache=_COMPILED,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

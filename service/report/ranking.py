@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import overload
 
 from stemwatch.models.findings import Screening
@@ -25,7 +26,7 @@ class RankedValve:
     """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report.
 
     ``stands`` is whether its effects stand among all valves of the run; ``None`` where nothing
-    was named. ``evidence`` is what its plots draw, where its samples were let go.
+    was named.
     """
 
     rank: int
@@ -34,7 +35,12 @@ class RankedValve:
     facts: ValveFacts
     trend: Trend
     stands: bool | None = None
-    evidence: Evidence | None = None
+    plots: Callable[[], Evidence | None] = lambda: None
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """What its plots draw, where its samples were let go; read when it is asked for."""
+        return self.plots()
 
 
 class Ranking(Sequence[RankedValve]):
@@ -86,7 +92,7 @@ class Ranking(Sequence[RankedValve]):
             facts=facts,
             trend=trend(screening, facts.previous),
             stands=self.discovered.standing[at],
-            evidence=self._evidence(place),
+            plots=partial(self._evidence, place),
         )
 
 
