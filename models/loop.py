@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, rfft
 
 from stemwatch.models.lags import lagged_products
 from stemwatch.models.recording import Floats, Recording, Role, Signal
@@ -43,9 +42,9 @@ def _high_pass(values: Floats) -> Floats:
     """
     time = np.linspace(-1.0, 1.0, values.size)
     slope = float(time @ values) / float(time @ time)
-    spectrum = rfft(values - values.mean() - slope * time)
+    spectrum = np.fft.rfft(values - values.mean() - slope * time)
     spectrum[:FEWEST_CYCLES] = 0.0
-    return np.asarray(irfft(spectrum, values.size))
+    return np.asarray(np.fft.irfft(spectrum, values.size))
 
 
 def oscillation(values: Floats, interval_s: float) -> Oscillation | None:

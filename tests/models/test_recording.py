@@ -96,6 +96,25 @@ def test_usable_needs_both():
     assert 100 == recorded().usable.sum()
 
 
+def test_what_is_usable_is_worked_out_once_and_shared():
+    """Readers get the same read-only flags; a recording with other samples gets its own."""
+    mv = np.ones(100)
+    mv[7] = np.nan
+    recording = recorded(mv=Signal.good(mv, "V.ZT"))
+    assert recording.usable is recording.usable
+    with pytest.raises(ValueError, match="read-only"):
+        recording.usable[7] = True
+    assert 9 == recording.part(0, 10).usable.sum()
+
+
+def test_what_can_be_worked_out_again_does_not_travel():
+    """A signal that was asked what is usable is pickled as one that was not."""
+    asked, unasked = (Signal.good(np.arange(100.0), "T") for _ in range(2))
+    assert asked.usable.all()
+    assert len(pickle.dumps(asked)) == len(pickle.dumps(unasked))
+    assert pickle.loads(pickle.dumps(asked)).usable.all()
+
+
 def test_part_shifts_the_start():
     """A part holds its samples and starts when its first sample did."""
     mv = Signal.good(np.arange(100.0) * 2.0, "V.ZT")

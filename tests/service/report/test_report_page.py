@@ -14,7 +14,13 @@ import pytest
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.charts import chart_of
-from stemwatch.service.report.page import ALWAYS_PLOTTED, MOST_PLOTTED, html_bytes, plot_limit
+from stemwatch.service.report.page import (
+    ALWAYS_PLOTTED,
+    MOST_PLOTTED,
+    environment,
+    html_bytes,
+    plot_limit,
+)
 from stemwatch.service.report.ranking import rank_valves
 
 ATTRIBUTES_THAT_FETCH = {"src", "srcset", "href", "xlink:href", "poster", "data", "action"}
@@ -236,3 +242,15 @@ def test_colours_reach_wcag_aa(theme):
     lines = {name: contrast(found[name], found["surface"]) for name in found if "trace" in name}
     assert len(lines) == 8
     assert {name: c for name, c in lines.items() if c < 3} == {}
+
+
+def test_templates_of_one_name_are_not_taken_for_each_other(make_context):
+    """What was compiled is kept for all pages, but a template of the same name is another one."""
+
+    def rendered(text: str) -> str:
+        page = environment(make_context([]), lambda _: text)
+        return page.get_template("same.html").render()
+
+    assert "one 1" == rendered("one {{ 1 }}")
+    assert "two 2" == rendered("two {{ 2 }}")
+    assert "one 1" == rendered("one {{ 1 }}")
