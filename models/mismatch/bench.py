@@ -285,7 +285,7 @@ def make_bench(
         delta=delta,
         restick=restick,
         base_bounds=base_bounds,
-        marks=_at_measured(problem.resynced_marks(), slack),
+        marks=_at_measured(problem.resynced_marks, slack),
         onsets=seen,
         scatter=scatter,
         window=WINDOW,

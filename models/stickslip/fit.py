@@ -50,16 +50,6 @@ BOTH = Hypothesis("both", at.STICKING + at.ACTUATOR)
 
 
 @dataclass(frozen=True)
-class Solution:
-    """One fitted hypothesis: coordinates (9,), and its held-out loss per block (n_blocks,)."""
-
-    hypothesis: Hypothesis
-    candidate: Floats
-    block_loss: Floats
-    counts: Floats
-
-
-@dataclass(frozen=True)
 class Workbench:
     """The problem with the settings that every search on it shares."""
 
@@ -72,8 +62,10 @@ class Workbench:
     def loss(self, blocks: Bools) -> Loss:
         """The mean robust loss over the chosen blocks as a function of candidates."""
 
+        chosen = replace(self, problem=self.problem.only(blocks))
+
         def value(candidates: Floats) -> Floats:
-            losses, counts = self.block_losses(candidates)
+            losses, counts = chosen.block_losses(candidates)
             return np.asarray(losses[:, blocks].sum(axis=1) / max(counts[blocks].sum(), 1.0))
 
         return value

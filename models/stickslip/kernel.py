@@ -15,6 +15,10 @@ coarsely recorded commands that seem to hold where the true one does not::
 
     OP --dead time--> uc --lag, rate limit--> p --stick-slip--> x --gain, zero--> MV
 
+A search runs many candidates over one recording. They go side by side, one lane each, sample by
+sample: a recursion alone waits for its own last result, ``LANES`` of them keep the processor's
+vector units busy. Everything is therefore written without branches.
+
 Compiled kernels and all that they call stay in this file: numba's disk cache does not notice a
 change elsewhere.
 """
@@ -35,6 +39,30 @@ N_PARAMETERS = 10
 START, RESYNC = 1, 2
 Marks = NDArray[np.uint8]
 
+LANES = 16
+_VECTOR = 4  # numbers in a vector: fewer lanes than a multiple of it are filled up
+# Rows of the lanes' state. Unsigned, as are all indices of lanes: the compiler then sees that rows
+# never meet, and works on whole vectors.
+(
+    _P,
+    _X,
+    _D,
+    _MOVING,
+    _FS,
+    _FD,
+    _A_UP,
+    _A_DN,
+    _MOST_UP,
+    _MOST_DN,
+    _RESTICK,
+    _ZERO,
+    _GAIN,
+    _PRODUCT,
+) = [np.uint64(row * LANES) for row in range(14)]
+_STATE = 14 * LANES
+# Samples between two looks at the lanes' products, and what keeps these finite until then.
+_TOGETHER, _LARGE, _LARGEST = 16, 1e100, 1e12
+
 
 @njit(cache=True)
 def _constants(q: Floats, dt: float) -> tuple[float, float, float, float, float, float, int, float]:
@@ -52,7 +80,7 @@ def _advance(
     p: float,
     x: float,
     d: float,
-    moving: bool,
+    moving: float,
     uc: float,
     fs: float,
     fd: float,
@@ -61,21 +89,27 @@ def _advance(
     most_up: float,
     most_dn: float,
     restick: float,
-) -> tuple[float, float, float, bool]:
-    """One sample: the actuator ``p`` follows ``uc``, the stem ``x`` sticks or slides after it."""
+) -> tuple[float, float, float, float]:
+    """One sample: the actuator ``p`` follows ``uc``, the stem ``x`` sticks or slides after it.
+
+    ``moving`` is 1 or 0.
+    """
     error = uc - p
-    step = min(max(error * (a_up if error > 0.0 else a_dn), -most_dn), most_up)
+    step = error * (a_up if error > 0.0 else a_dn)
+    step = -most_dn if step < -most_dn else step
+    step = most_up if step > most_up else step
     p += step
     # The step is compared, not the difference of p: without a lag they differ by rounding, and a
     # command that is held must stop the stem.
-    if moving and d * step <= restick:
-        moving = False
+    slides = moving if d * step > restick else 0.0
     force = p - x
-    if not moving and abs(force) > fs:
-        moving = True
-        d = 1.0 if force > 0.0 else -1.0
-    if moving:
-        x = p - d * fd
+    breaks = 1.0 if abs(force) > fs else 0.0
+    side = 1.0 if force > 0.0 else -1.0
+    side = side if breaks > 0.0 else d
+    d = d if slides > 0.0 else side
+    moving = 1.0 if slides + breaks > 0.0 else 0.0
+    dragged = p - d * fd
+    x = dragged if moving > 0.0 else x
     return p, x, d, moving
 
 
@@ -96,15 +130,15 @@ def simulate(op: Floats, mv: Floats, start: Marks, dt: float, q: Floats, out: Fl
     """
     fs, fd, a_up, a_dn, most_up, most_dn, whole, late = _constants(q, dt)
     restick = q[9] * dt
-    p, x, d, moving, first = op[0], op[0], 1.0, False, 0
+    p, x, d, moving, first = op[0], op[0], 1.0, 0.0, 0
     for k in range(op.size):
         if start[k] == START:
-            first, p, d, moving = k, op[k], 1.0, False
+            first, p, d, moving = k, op[k], 1.0, 0.0
             x = _rest(op[k], mv[k], fs, q[7], q[8])
         else:
             i = max(k - whole, first)
             uc = op[i] + late * (op[max(i - 1, first)] - op[i])
-            if start[k] == RESYNC and not moving:
+            if start[k] == RESYNC and moving == 0.0:
                 x = _rest(p, mv[k - 1], fs, q[7], q[8])
             p, x, d, moving = _advance(
                 p, x, d, moving, uc, fs, fd, a_up, a_dn, most_up, most_dn, restick
@@ -113,7 +147,7 @@ def simulate(op: Floats, mv: Floats, start: Marks, dt: float, q: Floats, out: Fl
 
 
 @njit(cache=True)
-def block_losses(  # noqa: C901  # one loop without calls is what makes it fast
+def block_losses(
     op: Floats,
     mv: Floats,
     start: Marks,
@@ -128,42 +162,156 @@ def block_losses(  # noqa: C901  # one loop without calls is what makes it fast
 
     ``candidates`` (m, 10); ``block`` (n,) int64 is the block number of a sample, negative where it
     is not scored; ``losses`` (m, n_blocks) receives the sums of the Cauchy loss
-    ``delta^2 log(1 + (r/delta)^2)`` with ``r = MV - simulated``; ``counts`` (n_blocks,) the number
-    of samples scored. No output array is written, so a candidate costs only the recursion.
+    ``delta^2 log(1 + (r/delta)^2)`` with ``r = MV - simulated`` (``(r/delta)^2`` no larger than
+    1e12); ``counts`` (n_blocks,) the number of samples scored. No output array is written, and
+    nothing is run beyond the last sample scored, so a candidate costs only the recursion.
     """
     counts[:] = 0.0
     losses[:] = 0.0
+    until = 0
     for k in range(op.size):
         if block[k] >= 0:
             counts[block[k]] += 1.0
-    scale = 1.0 / (delta * delta)
-    for m in range(candidates.shape[0]):
-        q = candidates[m]
-        fs, fd, a_up, a_dn, most_up, most_dn, whole, late = _constants(q, dt)
-        zero, gain, restick = q[7], q[8], q[9] * dt
-        p, x, d, moving, first = op[0], op[0], 1.0, False, 0
-        # One logarithm serves many samples: the logarithm of the product of 1 + (r/delta)^2.
-        product, current = 1.0, -1
-        for k in range(op.size):
-            if start[k] == START:
-                first, p, d, moving = k, op[k], 1.0, False
-                x = _rest(op[k], mv[k], fs, zero, gain)
-            else:
-                i = max(k - whole, first)
-                uc = op[i] + late * (op[max(i - 1, first)] - op[i])
-                if start[k] == RESYNC and not moving:
-                    x = _rest(p, mv[k - 1], fs, zero, gain)
-                p, x, d, moving = _advance(
-                    p, x, d, moving, uc, fs, fd, a_up, a_dn, most_up, most_dn, restick
-                )
-            b = block[k]
-            if b < 0:
-                continue
-            if b != current or product > 1e200:
-                if current >= 0:
-                    losses[m, current] += np.log(product) / scale
-                product, current = 1.0, b
-            r = mv[k] - (gain * x + zero)
-            product *= 1.0 + r * r * scale
-        if current >= 0:
-            losses[m, current] += np.log(product) / scale
+            until = k + 1
+    state, commands = np.empty(_STATE), np.zeros((_TOGETHER, LANES))
+    for first in range(0, candidates.shape[0], LANES):
+        last = min(first + LANES, candidates.shape[0])
+        chosen, rows = candidates[first:last], losses[first:last]
+        _lay_out(op[0], chosen, dt, state)
+        _score(op, mv, start, block[:until], dt, delta, chosen, state, commands, rows)
+
+
+@njit(cache=True)
+def _lay_out(begin: float, candidates: Floats, dt: float, state: Floats) -> None:
+    """Candidates (at most LANES, 10) into their lanes; those left over run as the last one."""
+    for lane in range(LANES):
+        q = candidates[min(lane, candidates.shape[0] - 1)]
+        fs, fd, a_up, a_dn, most_up, most_dn, _, _ = _constants(q, dt)
+        numbers = (begin, begin, 1.0, 0.0, fs, fd, a_up, a_dn, most_up, most_dn, q[9] * dt)
+        for row in range(len(numbers)):
+            state[row * LANES + lane] = numbers[row]
+        state[_ZERO + np.uint64(lane)], state[_GAIN + np.uint64(lane)] = q[7], q[8]
+        state[_PRODUCT + np.uint64(lane)] = 1.0
+
+
+@njit(cache=True)
+def _score(
+    op: Floats,
+    mv: Floats,
+    start: Marks,
+    block: NDArray[np.int64],
+    dt: float,
+    delta: float,
+    candidates: Floats,
+    state: Floats,
+    commands: Floats,
+    losses: Floats,
+) -> None:
+    """One group of lanes over the samples of ``block``, a few at a time."""
+    scale, until = 1.0 / (delta * delta), block.size
+    lanes = -(-candidates.shape[0] // _VECTOR) * _VECTOR
+    late = bool(np.any(candidates[:, DEAD_TIME_S] > 0.0))
+    k, first, current = 0, 0, -1
+    while k < until:
+        if block[k] != current or state[-LANES:].max() > _LARGE:
+            _settle(state, losses, current, scale)
+            current = block[k]
+        weight = scale if current >= 0 else 0.0
+        if start[k] == START:
+            first = k
+            _restart(op[k], mv[k], weight, lanes, state)
+            k += 1
+            continue
+        if start[k] == RESYNC:
+            _resync(mv[k - 1], lanes, state)
+        end = k + 1
+        while end < min(k + _TOGETHER, until) and start[end] == 0 and block[end] == current:
+            end += 1
+        if late:
+            _delay(op, first, k, end, dt, candidates, commands)
+        else:
+            for at in range(end - k):
+                commands[at, :] = op[k + at]
+        _advance_lanes(mv[k:end], commands, weight, lanes, state)
+        k = end
+    _settle(state, losses, current, scale)
+
+
+@njit(cache=True)
+def _settle(state: Floats, losses: Floats, block: int, scale: float) -> None:
+    """Each lane's product to its loss in ``block``, if that is one; one logarithm serves many
+    samples, the logarithm of the product of ``1 + (r/delta)^2``."""
+    products = state[-LANES:]
+    if block >= 0:
+        for lane in range(losses.shape[0]):
+            losses[lane, block] += np.log(products[lane]) / scale
+    products[:] = 1.0
+
+
+@njit(cache=True)
+def _restart(op: float, mv: float, weight: float, lanes: int, s: Floats) -> None:
+    """A START: the whole state from the measurement."""
+    for i in range(np.uint64(lanes)):
+        zero, gain = s[_ZERO + i], s[_GAIN + i]
+        x = _rest(op, mv, s[_FS + i], zero, gain)
+        s[_P + i], s[_X + i], s[_D + i], s[_MOVING + i] = op, x, 1.0, 0.0
+        s[_PRODUCT + i] *= _charge(mv - (gain * x + zero), weight)
+
+
+@njit(cache=True)
+def _resync(mv: float, lanes: int, s: Floats) -> None:
+    """A RESYNC: where a resting stem rests, from the measurement before."""
+    for i in range(np.uint64(lanes)):
+        if s[_MOVING + i] == 0.0:
+            s[_X + i] = _rest(s[_P + i], mv, s[_FS + i], s[_ZERO + i], s[_GAIN + i])
+
+
+@njit(cache=True)
+def _delay(
+    op: Floats, first: int, begin: int, end: int, dt: float, candidates: Floats, commands: Floats
+) -> None:
+    """Each candidate's command, late by its dead time, for samples ``begin`` to ``end``."""
+    for lane in range(candidates.shape[0]):
+        late = candidates[lane, DEAD_TIME_S] / dt
+        whole = int(late)
+        late -= whole
+        if begin - whole > first:
+            earlier, later = op[begin - whole - 1 :], op[begin - whole :]
+            for at in range(end - begin):
+                commands[at, lane] = later[at] + late * (earlier[at] - later[at])
+            continue
+        for k in range(begin, end):
+            i = max(k - whole, first)
+            commands[k - begin, lane] = op[i] + late * (op[max(i - 1, first)] - op[i])
+
+
+@njit(cache=True)
+def _charge(off: float, weight: float) -> float:
+    """What a residual multiplies a lane's product by."""
+    share = off * off * weight
+    return 1.0 + (share if share < _LARGEST else _LARGEST)
+
+
+@njit(cache=True)
+def _advance_lanes(mv: Floats, commands: Floats, weight: float, lanes: int, s: Floats) -> None:
+    """All lanes through some samples without a mark, side by side."""
+    for k in range(mv.size):
+        measured, command = mv[k], commands[k]
+        for i in range(np.uint64(lanes)):
+            zero, gain = s[_ZERO + i], s[_GAIN + i]
+            p, x, d, moving = _advance(
+                s[_P + i],
+                s[_X + i],
+                s[_D + i],
+                s[_MOVING + i],
+                command[i],
+                s[_FS + i],
+                s[_FD + i],
+                s[_A_UP + i],
+                s[_A_DN + i],
+                s[_MOST_UP + i],
+                s[_MOST_DN + i],
+                s[_RESTICK + i],
+            )
+            s[_P + i], s[_X + i], s[_D + i], s[_MOVING + i] = p, x, d, moving
+            s[_PRODUCT + i] *= _charge(measured - (gain * x + zero), weight)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ class Problem:
         kernel.block_losses(
             self.op,
             self.mv,
-            self.resynced_marks(),
+            self.resynced_marks,
             self.block,
             self.interval_s,
             delta,
@@ -66,6 +67,12 @@ class Problem:
         )
         return losses, counts
 
+    def only(self, blocks: Bools) -> Problem:
+        """The same problem scored on some of its blocks; nothing is run beyond the last of them."""
+        chosen = np.append(blocks, False)[self.block]  # block -1 is the False at the end
+        return replace(self, block=np.where(chosen, self.block, -1))
+
+    @cached_property
     def resynced_marks(self) -> kernel.Marks:
         """``start`` with a resynchronisation at the beginning of each block of time."""
         n = self.op.size
@@ -77,7 +84,7 @@ class Problem:
     def simulate(self, q: Floats, *, resynced: bool = False) -> Floats:
         """(n,) MV by a free run, percent; only gaps restart it, or also each block of time."""
         out = np.empty(self.op.size)
-        marks = self.resynced_marks() if resynced else self.start
+        marks = self.resynced_marks if resynced else self.start
         kernel.simulate(self.op, self.mv, marks, self.interval_s, q, out)
         return out
 

@@ -101,7 +101,7 @@ def ours(valve: Valve) -> tuple[Result, StickSlipFit]:
 def bare_seconds(fit: StickSlipFit, simulations: int) -> float:
     """Seconds that so many bare simulations of this recording take, one vector after another."""
     problem, q = fit.bench.problem, to_kernel(fit.candidate, fit.bench.restick)[0]
-    out, marks = np.empty(problem.op.size), problem.resynced_marks()
+    out, marks = np.empty(problem.op.size), problem.resynced_marks
     taken = []
     for _ in range(50):
         began = time.perf_counter()

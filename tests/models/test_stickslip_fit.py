@@ -83,7 +83,7 @@ def test_blocks_cover_the_record_in_order():
     scored = problem.block[problem.block >= 0]
     assert 11 == problem.n_blocks
     assert (np.diff(scored) >= 0).all()
-    begins = np.flatnonzero(problem.resynced_marks() == kernel.RESYNC)
+    begins = np.flatnonzero(problem.resynced_marks == kernel.RESYNC)
     np.testing.assert_array_equal(problem.block[begins], np.arange(1, 11))
     np.testing.assert_array_equal(problem.block[begins - 1], np.arange(10))
 

@@ -305,10 +305,10 @@ def test_resync_moves_a_resting_stem_only():
     np.testing.assert_allclose(out[9:], u[9:] - 1.5)
 
 
-def drawn_problem(seed):
+def drawn_problem(seed, m=7):
     """Command, position, marks, blocks and candidates as a fit would hand them over."""
     rng = np.random.default_rng(seed)
-    n, m = 300, 7
+    n = 300
     u = 50.0 + np.cumsum(rng.standard_normal(n))
     mv = u + rng.standard_normal(n)
     marks = np.zeros(n, dtype=np.uint8)
@@ -341,10 +341,12 @@ def counted_losses(function, case, delta=0.7, dt=0.8):
     return losses, counts
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_block_losses_are_the_loss_of_the_free_run(seed):
+@pytest.mark.parametrize(("seed", "m"), [*enumerate((7, 1, 16, 17, 40)), (5, 7)])
+def test_block_losses_are_the_loss_of_the_free_run(seed, m):
     """The loss kernel gives, block by block, the Cauchy loss of what ``simulate`` gives."""
-    case = u, mv, marks, block, candidates = drawn_problem(seed)
+    case = u, mv, marks, block, candidates = drawn_problem(seed, m)
+    if seed == 5:  # the command as it is, which needs no look back
+        candidates[:, kernel.DEAD_TIME_S] = 0.0
     losses, counts = counted_losses(kernel.block_losses, case)
     np.testing.assert_array_equal(counts, [np.sum(block == b) for b in range(5)])
     out = np.empty(u.size)
@@ -352,6 +354,28 @@ def test_block_losses_are_the_loss_of_the_free_run(seed):
         kernel.simulate(u, mv, marks, 0.8, candidate, out)
         each = 0.7**2 * np.log1p(((mv - out) / 0.7) ** 2)
         np.testing.assert_allclose(found, [each[block == b].sum() for b in range(5)], rtol=1e-9)
+
+
+def test_a_candidate_costs_the_same_in_any_company():
+    """Candidates go side by side; what one costs does not depend on which others go with it."""
+    u, mv, marks, block, candidates = drawn_problem(6, 21)
+    together, _ = counted_losses(kernel.block_losses, (u, mv, marks, block, candidates))
+    alone = [
+        counted_losses(kernel.block_losses, (u, mv, marks, block, candidates[[i]]))[0][0]
+        for i in range(21)
+    ]
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_what_is_not_scored_is_not_charged():
+    """Losses of some blocks are those that all blocks would have; the others are 0."""
+    u, mv, marks, block, candidates = drawn_problem(7)
+    whole, _ = counted_losses(kernel.block_losses, (u, mv, marks, block, candidates))
+    some = np.where(np.isin(block, (0, 2)), block, -1)
+    part, counts = counted_losses(kernel.block_losses, (u, mv, marks, some, candidates))
+    np.testing.assert_allclose(part[:, [0, 2]], whole[:, [0, 2]], rtol=1e-12)
+    assert not part[:, [1, 3, 4]].any()
+    assert not counts[[1, 3, 4]].any()
 
 
 def test_block_losses_survive_huge_residuals():

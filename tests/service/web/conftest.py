@@ -23,6 +23,7 @@ from tests.service.web.signed_in import cookie_of
 
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
+PATIENCE_S = 30.0  # with a machine that has other tests to run
 
 
 @pytest.fixture
@@ -69,7 +70,8 @@ def client_of() -> Iterator[Callable[[Site], httpx.Client]]:
         around = made_plant.serving(site)
         if role is not None:
             options = {"cookies": cookie_of(site, role), **options}
-        client = httpx.Client(base_url=around.__enter__(), trust_env=False, **options)
+        base = around.__enter__()
+        client = httpx.Client(base_url=base, trust_env=False, timeout=PATIENCE_S, **options)
         open_ones.append((around, client))
         return client
 
