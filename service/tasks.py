@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -98,9 +99,20 @@ def open_file(path: str, options: ReadOptions) -> HistorianFile:
 
 @lru_cache(maxsize=2)
 def _open_store(address: Address) -> Store:
-    """The store, opened once in each process."""
+    """The store, opened once in each process.
+
+    A worker makes none: where a SQLite file is not, it is on another machine.
+    """
+    from stemwatch.service.store.engine import existing_engine
     from stemwatch.service.store.store import open_store
 
+    try:
+        existing_engine(address).dispose()
+    except StoreError as error:
+        raise StoreError(
+            f"{error} on {platform.node()}, where this work was done. Samples in a SQLite file are "
+            "read on their own machine only: keep them in PostgreSQL, or take the executor `local`"
+        ) from None
     return open_store(address)
 
 

@@ -12,13 +12,27 @@ from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.tasks import Chunk, StoredBaseline, Task, in_chunks, screen_chunk
+from stemwatch.service.store.address import Address
+from stemwatch.service.tasks import Chunk, InStore, StoredBaseline, Task, in_chunks, screen_chunk
 
 
 def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
     """The sticking valve of the small plant, or a misspelt tag of it."""
     tags = {Role.OP: TagMapping(tag=op), Role.MV: TagMapping(tag="FIC-104.ZT")}
     return Task(path=str(path), tags=ValveTags(valve="FIC-104", tags=tags), **more)
+
+
+def test_a_worker_makes_no_database(tmp_path: Path) -> None:
+    """A worker on another machine sees no SQLite file: it says so and makes none."""
+    address = Address(f"sqlite:///{tmp_path / 'stemwatch.db'}")
+    stored = InStore(address=address, source="plc-1")
+    (found,) = screen_chunk(
+        Chunk(tasks=(task(tmp_path / "plc-1", stored=stored),), limits=Limits())
+    )
+    assert found.verdict is Verdict.UNDETERMINED
+    assert f"no database at {tmp_path / 'stemwatch.db'}" in found.reason
+    assert "PostgreSQL" in found.reason
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_chunk_gives_a_screening_for_each_task_in_order(one_valve: Path, tmp_path: Path) -> None:
