@@ -1,14 +1,20 @@
-"""One network sample by sample, in numba: its free run, and what its weights do to that run.
+"""Networks sample by sample, in numba: their free runs, and what weights do to those runs.
 
 Signals are scaled: ``level`` is OP and ``position`` is MV, both in units of ``se``; ``move`` is
 ``(v(t) - v(t-1)) / sd``. ``limits`` = lowest and highest error, increment and position, and
 ``ratio`` = se / sd. ``edge`` is the network's, in units of sd. Weights (P,) are value, gate,
 hidden, flattened.
+
+Each sample of a run waits for the one before, so that one run alone leaves most of a processor
+idle. Runs therefore go side by side, one in each *lane*: the members of an ensemble over one
+signal, or one network over many pieces of it. What is known of the lanes stands in one array ``s``,
+row by row (``s[_LAST + i]`` is the last position in lane ``i``), the weights of each lane in its
+last rows, and loops over the lanes choose values and do not branch, so that the compiler makes
+vectors of them. It does so only for unsigned indices, for one array, where all is read before
+anything is written, and where a division need not raise (``error_model``).
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numba import njit
@@ -17,35 +23,54 @@ from stemwatch.models.narx.plan import Indices, Plan
 from stemwatch.models.recording import Floats
 
 _Limits = tuple[float, float, float, float, float, float]
-_TOGETHER = 4  # rows of the Jacobian that are squared at once
+_Frame = tuple[_Limits, float, float]  # limits, ratio, edge
+_U = np.uint64
+_LANES = 16  # runs side by side at most
+_VECTOR = 4  # lanes that one instruction works on; an odd lane would be done alone
+# Rows of the lanes' array. First what one step is given and finds, ...
+(_LEVEL, _MOVE, _BEFORE, _LAST, _ERROR, _DRIFT, _WAYS) = [_U(i * _LANES) for i in range(7)]
+# ... without the clamps (_GAP the error, _FREE the position), and the tanh of the drift, ...
+(_GAP, _DRIFTING, _VALUE, _SHARE, _FREE, _RESIDUAL) = [_U(i * _LANES) for i in range(7, 13)]
+# ... then its derivatives: by value, gate, ways, and the last position and the one before.
+(_BY_VALUE, _BY_GATE, _BY_WAYS, _BY_LAST, _BY_BEFORE) = [_U(i * _LANES) for i in range(13, 18)]
+# After these: H rows of hidden units, H of what their sums do to the step, P of weights.
+_UNITS = 18
+_ROW = _U(_LANES)
+# Rows of the Jacobian are squared many at once, by BLAS; from so many multiplications on it would
+# take more than one thread.
+_ON_ONE_THREAD = 2**18
+
+# Cephes' exponential (S. L. Moshier): exp(r) = (even + odd) / (even - odd), |r| <= ln(2) / 2.
+_ODD = (1.26177193074810590878e-4, 3.02994407707441961300e-2, 9.99999999999999999910e-1)
+_EVEN = (3.00198505138664455042e-6, 2.52448340349684104192e-3, 2.27265548208155028766e-1, 2.0)
+_PER_LN2 = 1.4426950408889634
+_LN2_HIGH, _LN2_LOW = 6.93145751953125e-1, 1.42860682030941723212e-6
+_TO_WHOLE = 1.5 * 2.0**52  # added to a number, leaves its nearest integer in the lowest bits
+_ONE_FROM = 20.0  # tanh is 1 there, to the last digit
+_BIAS, _FRACTION_BITS = 1023, 52
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tanh(x: float) -> float:
-    """Right to 3e-16 and twice as quick as the library's; beyond 355 the exponential is inf."""
-    return 1.0 - 2.0 / (math.exp(2.0 * x) + 1.0)
+    """``(exp(2x) - 1) / (exp(2x) + 1)``, right to 4e-16, with one division and no branch or call.
+
+    ``2x = k ln(2) + r``, and the fraction that is ``exp(r)`` is never divided out.
+    """
+    x = -_ONE_FROM if x < -_ONE_FROM else x
+    x = _ONE_FROM if x > _ONE_FROM else x
+    shifted = _PER_LN2 * (2.0 * x) + _TO_WHOLE
+    k = shifted - _TO_WHOLE
+    r = 2.0 * x - k * _LN2_HIGH - k * _LN2_LOW
+    rr = r * r
+    odd = r * ((_ODD[0] * rr + _ODD[1]) * rr + _ODD[2])
+    even = ((_EVEN[0] * rr + _EVEN[1]) * rr + _EVEN[2]) * rr + _EVEN[3]
+    exponent = (np.float64(shifted).view(np.int64) + _BIAS) << _FRACTION_BITS
+    above = np.int64(exponent).view(np.float64) * (even + odd)
+    below = even - odd
+    return (above - below) / (above + below)
 
 
-@njit(cache=True)
-def _outputs(weights: Floats, hidden: int, units: Floats) -> tuple[float, float]:
-    """The value and the gate's share, 0 to 1; ``units`` (H + 5,) = ``[h, x, 1]`` gets its ``h``."""
-    gate = hidden + 5
-    rows = gate + hidden + 1
-    opening = weights[rows - 1]
-    for unit in range(hidden):
-        row = rows + 5 * unit
-        total = weights[row + 4]
-        for at in range(4):
-            total += weights[row + at] * units[hidden + at]
-        units[unit] = _tanh(total)
-        opening += weights[gate + unit] * units[unit]
-    value = 0.0
-    for at in range(gate):
-        value += weights[at] * units[at]
-    return value, 0.5 * (1.0 + _tanh(0.5 * opening))
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def free_run(
     weights: Floats,
     hidden: int,
@@ -66,32 +91,29 @@ def free_run(
     seed, run and restart. What is skipped is left as it is.
     """
     seed, run, restart = codes
-    error_low, error_high, slowest, fastest, low, high = limits
-    units = np.ones(hidden + 5)
-    for member in range(weights.shape[0]):
-        before, last = 0.0, 0.0
+    frame = (limits, ratio, edge)
+    for first in range(0, weights.shape[0], _LANES):
+        members = min(_LANES, weights.shape[0] - first)
+        s = _laid_out(weights[first : first + members], hidden)
+        lanes = _whole_vectors(members)
         for t in range(level.shape[0]):
             if plan[t] == seed:
-                new = position[t]
+                for i in range(lanes):
+                    s[_BEFORE + i] = s[_LAST + i]
+                    s[_LAST + i] = position[t]
             elif plan[t] == run or plan[t] == restart:
-                if plan[t] == restart:
-                    before, last = position[t - 2], position[t - 1]
-                drift = ratio * (last - before)
-                units[hidden] = min(max(level[t] - last, error_low), error_high)
-                units[hidden + 1] = move[t]
-                units[hidden + 2] = drift
-                # Which way command and stem go, however slowly: 1 where both go up.
-                units[hidden + 3] = 0.5 * (_tanh(move[t] / edge) + _tanh(drift / edge))
-                value, share = _outputs(weights[member], hidden, units)
-                new = last + min(max(share * value, slowest), fastest)
-                new = min(max(new, low), high)
+                for i in range(lanes):
+                    if plan[t] == restart:
+                        s[_BEFORE + i], s[_LAST + i] = position[t - 2], position[t - 1]
+                    s[_LEVEL + i], s[_MOVE + i] = level[t], move[t]
+                _step(s, hidden, lanes, frame)
             else:
                 continue
-            out[member, t] = new
-            before, last = last, new
+            for i in range(_U(members)):
+                out[first + i, t] = s[_LAST + i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def normal_matrix(
     weights: Floats,
     hidden: int,
@@ -110,118 +132,301 @@ def normal_matrix(
 
     The same as ``sensitivities.normal_matrix``, of one network and with no Jacobian kept.
     ``weights`` (P,). ``runs``: the first samples and the lengths of free runs, each from the two
-    measurements before it. Derivatives are held within ``steepest``. Returns False, and leaves
-    ``out`` unfinished, as soon as ``r'r`` is above ``most`` or no number.
+    measurements before it; neighbours go side by side, so it is quick where they are of a length.
+    Derivatives are held within ``steepest``. Returns False, and leaves ``out`` unfinished, as soon
+    as ``r'r`` is above ``most`` or no number: no derivative is taken before all have run.
     """
-    size = weights.shape[0]
-    starts, lengths = runs
-    units, rows = np.ones(hidden + 5), np.zeros((_TOGETHER, size + 1))
+    size, lengths, frame = weights.size, runs[1], (limits, ratio, edge)
+    s = _laid_out(weights.reshape((1, size)), hidden)
+    steps = 0
+    for first in range(0, lengths.size, _LANES):
+        steps += lengths[first : first + _LANES].max()
+    kept = np.empty((steps, (_UNITS + hidden) * _LANES))
+    if not _run_all(s, hidden, (level, move, position), runs, frame, most, kept):
+        return False
     out[:, :] = 0.0
-    squares, at = 0.0, 0
-    for run in range(starts.size):
-        first = starts[run]
-        before, last = position[first - 2], position[first - 1]
-        for t in range(first, first + lengths[run]):
-            units[hidden + 1] = move[t]
-            row = rows[at]
-            new, d1, d2 = _derivatives(
-                weights, hidden, level[t], before, last, limits, ratio, edge, units, row
-            )
-            if t > first:  # two samples back there is no run yet at the second one
-                d2 = d2 if t > first + 1 else 0.0
-                _carry(row, d1, rows[at - 1], d2, rows[at - 2], steepest)
-            residual = new - position[t]
-            row[size] = residual
-            squares += residual * residual
-            if not squares <= most:
-                return False
-            at += 1
-            if at == _TOGETHER:
-                _add_squares(rows, out)
-                at = 0
-            before, last = last, new
-    rows[at:] = 0.0
-    _add_squares(rows, out)
+    together = max(_LANES, _ON_ONE_THREAD // (size + 1) ** 2)
+    rows, carried = np.empty(together * (size + 1)), np.zeros(2 * _LANES * size)
+    step, filled = 0, 0
+    for first in range(0, lengths.size, _LANES):
+        beside = lengths[first : first + _LANES]
+        for age in range(beside.max()):
+            if filled + beside.size > together:
+                _add_squares(rows, filled, out)
+                filled = 0
+            for at in range(kept.shape[1]):
+                s[at] = kept[step, at]
+            _slopes(s, hidden, _whole_vectors(beside.size), frame)
+            filled = _add_rows(s, hidden, beside, age, steepest, carried, rows, filled)
+            step += 1
+    _add_squares(rows, filled, out)
     return True
 
 
+@njit(cache=True, error_model="numpy")
+def _laid_out(weights: Floats, hidden: int) -> Floats:
+    """The lanes' array, with the weights (m, P) of m lanes; the others get the first lane's."""
+    members, size = weights.shape
+    s = np.zeros((_UNITS + 2 * hidden + size) * _LANES)
+    rows = s.reshape((-1, _LANES))[_UNITS + 2 * hidden :]
+    for at in range(size):
+        for lane in range(_LANES):
+            rows[at, lane] = weights[lane if lane < members else 0, at]
+    return s
+
+
 @njit(cache=True)
-def _derivatives(
-    weights: Floats,
+def _whole_vectors(lanes: int) -> np.uint64:
+    return _U((lanes + _VECTOR - 1) // _VECTOR * _VECTOR)
+
+
+@njit(cache=True)
+def _weight_rows(hidden: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """Where in the lanes' array value, the inputs' part of it, gate and hidden begin."""
+    value = _ROW * _U(_UNITS + 2 * hidden)
+    inputs = value + _ROW * _U(hidden)
+    gate = inputs + _ROW * _U(5)
+    return value, inputs, gate, gate + _ROW * _U(hidden + 1)
+
+
+@njit(cache=True, error_model="numpy")
+def _step(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
+    """One sample on in every lane, from level, move and the last two positions."""
+    (error_low, error_high, slowest, fastest, low, high), ratio, edge = frame
+    for i in range(lanes):
+        gap = s[_LEVEL + i] - s[_LAST + i]
+        drift = ratio * (s[_LAST + i] - s[_BEFORE + i])
+        drifting = _tanh(drift / edge)
+        moving = _tanh(s[_MOVE + i] / edge)
+        error = error_low if gap < error_low else gap
+        s[_GAP + i] = gap
+        s[_ERROR + i] = error_high if error > error_high else error
+        s[_DRIFT + i] = drift
+        s[_DRIFTING + i] = drifting
+        # Which way command and stem go, however slowly: 1 where both go up.
+        s[_WAYS + i] = 0.5 * (moving + drifting)
+    _outputs(s, hidden, lanes)
+    for i in range(lanes):
+        last = s[_LAST + i]
+        step = s[_SHARE + i] * s[_VALUE + i]
+        step = slowest if step < slowest else step
+        step = fastest if step > fastest else step
+        free = last + step
+        new = low if free < low else free
+        s[_BEFORE + i] = last
+        s[_FREE + i] = free
+        s[_LAST + i] = high if new > high else new
+
+
+@njit(cache=True, error_model="numpy")
+def _outputs(s: Floats, hidden: int, lanes: np.uint64) -> None:
+    """The hidden units, the value and the gate's share, 0 to 1."""
+    value, inputs, gate, row = _weight_rows(hidden)
+    bias = gate + _ROW * _U(hidden)
+    for i in range(lanes):
+        s[_SHARE + i] = s[bias + i]
+        s[_VALUE + i] = 0.0
+    unit = _ROW * _U(_UNITS)
+    for _ in range(hidden):
+        by_move, by_drift, by_ways, bias = _next_four(row)
+        for i in range(lanes):
+            total = s[bias + i] + s[row + i] * s[_ERROR + i] + s[by_move + i] * s[_MOVE + i]
+            total = total + s[by_drift + i] * s[_DRIFT + i] + s[by_ways + i] * s[_WAYS + i]
+            h = _tanh(total)
+            opening = s[_SHARE + i] + s[gate + i] * h
+            sums = s[_VALUE + i] + s[value + i] * h
+            s[unit + i] = h
+            s[_SHARE + i] = opening
+            s[_VALUE + i] = sums
+        unit, value, gate, row = unit + _ROW, value + _ROW, gate + _ROW, bias + _ROW
+    by_move, by_drift, by_ways, bias = _next_four(inputs)
+    for i in range(lanes):
+        total = s[_VALUE + i] + s[inputs + i] * s[_ERROR + i] + s[by_move + i] * s[_MOVE + i]
+        total = total + s[by_drift + i] * s[_DRIFT + i] + s[by_ways + i] * s[_WAYS + i]
+        share = 0.5 * (1.0 + _tanh(0.5 * s[_SHARE + i]))
+        s[_VALUE + i] = total + s[bias + i]
+        s[_SHARE + i] = share
+
+
+@njit(cache=True)
+def _next_four(row: np.uint64) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    return row + _ROW, row + _ROW * _U(2), row + _ROW * _U(3), row + _ROW * _U(4)
+
+
+@njit(cache=True, error_model="numpy")
+def _run_all(
+    s: Floats,
     hidden: int,
-    level: float,
-    before: float,
-    last: float,
-    limits: _Limits,
-    ratio: float,
-    edge: float,
-    units: Floats,
-    row: Floats,
-) -> tuple[float, float, float]:
-    """One step: the new position, and its derivative by the last two; those by the weights go to
-    ``row`` (P + 1,). ``units`` (H + 5,) holds the move and 1, the rest of it is filled here."""
-    error_low, error_high, slowest, fastest, low, high = limits
-    error = level - last
-    units[hidden] = min(max(error, error_low), error_high)
-    units[hidden + 2] = ratio * (last - before)
-    drifting = _tanh(units[hidden + 2] / edge)
-    units[hidden + 3] = 0.5 * (_tanh(units[hidden + 1] / edge) + drifting)
-    value, share = _outputs(weights, hidden, units)
-    step = share * value
-    raw = last + min(max(step, slowest), fastest)
-    live = 1.0 if low <= raw <= high else 0.0
-    by_value = share * live if slowest <= step <= fastest else 0.0
-    by_error, by_drift, by_consensus = _backwards(
-        weights, hidden, units, by_value, by_value * value * (1.0 - share), row
-    )
-    by_drift += by_consensus * (1.0 - drifting * drifting) * 0.5 / edge
-    d2 = -by_drift * ratio
-    held = by_error if error_low <= error <= error_high else 0.0
-    return min(max(raw, low), high), live - held - d2, d2
+    signals: tuple[Floats, Floats, Floats],
+    runs: tuple[Indices, Indices],
+    frame: _Frame,
+    most: float,
+    kept: Floats,
+) -> bool:
+    """Run every piece, and keep what the lanes knew at each step; False as ``normal_matrix``."""
+    level, move, position = signals
+    squares, step = 0.0, 0
+    for first in range(0, runs[0].size, _LANES):
+        starts, beside = runs[0][first : first + _LANES], runs[1][first : first + _LANES]
+        many, lanes = _U(beside.size), _whole_vectors(beside.size)
+        for i in range(many):
+            s[_BEFORE + i], s[_LAST + i] = position[starts[i] - 2], position[starts[i] - 1]
+        for age in range(beside.max()):
+            for i in range(many):
+                if age < beside[i]:
+                    s[_LEVEL + i], s[_MOVE + i] = level[starts[i] + age], move[starts[i] + age]
+            _step(s, hidden, lanes, frame)
+            for i in range(many):
+                if age < beside[i]:
+                    residual = s[_LAST + i] - position[starts[i] + age]
+                    s[_RESIDUAL + i] = residual
+                    squares += residual * residual
+            if not squares <= most:
+                return False
+            for at in range(kept.shape[1]):
+                kept[step, at] = s[at]
+            step += 1
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _slopes(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
+    """After a step: what value, gate, hidden sums and the last two positions do to the new one."""
+    (error_low, error_high, slowest, fastest, low, high), ratio, edge = frame
+    value, inputs, gate, row = _weight_rows(hidden)
+    by_drift, by_ways = inputs + _ROW * _U(2), inputs + _ROW * _U(3)
+    for i in range(lanes):
+        total, share, free = s[_VALUE + i], s[_SHARE + i], s[_FREE + i]
+        step = share * total
+        held = (step < slowest) | (step > fastest) | (free < low) | (free > high)
+        by_value = 0.0 if held else share
+        last, before, ways = s[inputs + i], s[by_drift + i], s[by_ways + i]
+        s[_BY_VALUE + i] = by_value
+        s[_BY_GATE + i] = by_value * total * (1.0 - share)
+        s[_BY_LAST + i] = by_value * last
+        s[_BY_BEFORE + i] = by_value * before
+        s[_BY_WAYS + i] = by_value * ways
+    unit = _ROW * _U(_UNITS)
+    through = unit + _ROW * _U(hidden)
+    for _ in range(hidden):
+        _, by_drift, by_ways, bias = _next_four(row)
+        for i in range(lanes):
+            h = s[unit + i]
+            by_sum = s[_BY_VALUE + i] * s[value + i] + s[_BY_GATE + i] * s[gate + i]
+            by_sum = by_sum * (1.0 - h * h)
+            last = s[_BY_LAST + i] + by_sum * s[row + i]
+            before = s[_BY_BEFORE + i] + by_sum * s[by_drift + i]
+            ways = s[_BY_WAYS + i] + by_sum * s[by_ways + i]
+            s[through + i] = by_sum
+            s[_BY_LAST + i] = last
+            s[_BY_BEFORE + i] = before
+            s[_BY_WAYS + i] = ways
+        unit, through, value, gate = unit + _ROW, through + _ROW, value + _ROW, gate + _ROW
+        row = bias + _ROW
+    for i in range(lanes):
+        drifting, gap, free = s[_DRIFTING + i], s[_GAP + i], s[_FREE + i]
+        by_ways, by_error = s[_BY_WAYS + i], s[_BY_LAST + i]
+        by_drift = s[_BY_BEFORE + i] + by_ways * (1.0 - drifting * drifting) * 0.5 / edge
+        by_error = 0.0 if (gap < error_low) | (gap > error_high) else by_error
+        live = 0.0 if (free < low) | (free > high) else 1.0
+        before = -by_drift * ratio
+        s[_BY_LAST + i] = live - by_error - before
+        s[_BY_BEFORE + i] = before
 
 
 @njit(cache=True)
-def _backwards(
-    weights: Floats, hidden: int, units: Floats, by_value: float, by_gate: float, row: Floats
-) -> tuple[float, float, float]:
-    """From what value and gate do to the step to what the weights do, in ``row``, and what error,
-    drift and consensus do."""
-    gate = hidden + 5
-    rows = gate + hidden + 1
-    for at in range(gate):
-        row[at] = by_value * units[at]
-    row[rows - 1] = by_gate
-    by_error = by_value * weights[hidden]
-    by_drift = by_value * weights[hidden + 2]
-    by_consensus = by_value * weights[hidden + 3]
-    for unit in range(hidden):
-        row[gate + unit] = by_gate * units[unit]
-        inwards = rows + 5 * unit
-        through = by_value * weights[unit] + by_gate * weights[gate + unit]
-        through *= 1.0 - units[unit] * units[unit]
-        by_error += through * weights[inwards]
-        by_drift += through * weights[inwards + 2]
-        by_consensus += through * weights[inwards + 3]
-        for at in range(5):
-            row[inwards + at] = through * units[hidden + at]
-    return by_error, by_drift, by_consensus
+def _add_rows(
+    s: Floats,
+    hidden: int,
+    lengths: Indices,
+    age: int,
+    steepest: float,
+    carried: Floats,
+    rows: Floats,
+    filled: int,
+) -> int:
+    """A row of the Jacobian for each lane still running, after the ``filled``; how many there are.
+
+    ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``; ``carried`` has the last two ``s`` of every lane.
+    """
+    size = _U(carried.size // (2 * _LANES))
+    width, many = size + _U(1), _U(lengths.size)
+    begin = _U(filled) * width
+    at = begin
+    for i in range(many):
+        if age < lengths[i]:
+            _gradient(s, hidden, i, rows, at)
+            rows[at + size] = s[_RESIDUAL + i]
+            at += width
+            filled += 1
+    older = _U(age % 2) * _ROW * size
+    last = _ROW * size - older
+    # A run's first samples have nothing behind them.
+    known, known_before = 1.0 if age > 0 else 0.0, 1.0 if age > 1 else 0.0
+    bound = steepest if age > 0 else np.inf
+    at = begin
+    for i in range(many):
+        if age < lengths[i]:
+            d1, d2 = known * s[_BY_LAST + i], known_before * s[_BY_BEFORE + i]
+            _carry(rows, at, d1, carried, last + i * size, d2, older + i * size, size, bound)
+            at += width
+    return filled
 
 
 @njit(cache=True)
-def _carry(row: Floats, d1: float, held: Floats, d2: float, older: Floats, steepest: float) -> None:
-    """``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``, in place of ``g(t)`` in ``row``."""
-    for at in range(row.shape[0]):
-        carried = row[at] + d1 * held[at] + d2 * older[at]
-        carried = -steepest if carried < -steepest else carried
-        row[at] = steepest if carried > steepest else carried
+def _gradient(s: Floats, hidden: int, i: int, rows: Floats, at: np.uint64) -> None:
+    """What the weights do to one step of lane ``i``, to ``rows`` from ``at`` on."""
+    by_value, by_gate = s[_BY_VALUE + i], s[_BY_GATE + i]
+    error, move, drift, ways = s[_ERROR + i], s[_MOVE + i], s[_DRIFT + i], s[_WAYS + i]
+    units = _U(hidden)
+    gate = at + units + _U(5)
+    unit = _ROW * _U(_UNITS) + i
+    for k in range(units):
+        rows[at + k] = by_value * s[unit]
+        rows[gate + k] = by_gate * s[unit]
+        unit += _ROW
+    rows[gate + units] = by_gate
+    _by_inputs(rows, at + units, by_value, error, move, drift, ways)
+    for k in range(units):
+        _by_inputs(rows, gate + units + _U(1) + k * _U(5), s[unit], error, move, drift, ways)
+        unit += _ROW
 
 
 @njit(cache=True)
-def _add_squares(rows: Floats, out: Floats) -> None:
-    """Add ``rows' rows`` to ``out``; four at once need a quarter of the loads and stores."""
-    a, b, c, d = rows[0], rows[1], rows[2], rows[3]
-    for i in range(out.shape[0]):
-        by_a, by_b, by_c, by_d = a[i], b[i], c[i], d[i]
-        line = out[i]
-        for j in range(line.shape[0]):
-            line[j] += by_a * a[j] + by_b * b[j] + by_c * c[j] + by_d * d[j]
+def _by_inputs(
+    rows: Floats, at: np.uint64, by: float, error: float, move: float, drift: float, ways: float
+) -> None:
+    rows[at] = by * error
+    rows[at + _U(1)] = by * move
+    rows[at + _U(2)] = by * drift
+    rows[at + _U(3)] = by * ways
+    rows[at + _U(4)] = by
+
+
+@njit(cache=True)
+def _carry(
+    rows: Floats,
+    row: np.uint64,
+    d1: float,
+    carried: Floats,
+    last: np.uint64,
+    d2: float,
+    older: np.uint64,
+    size: np.uint64,
+    bound: float,
+) -> None:
+    """Carry one row on; it takes the place of the ``older`` of those it was carried from."""
+    for k in range(size):
+        value = rows[row + k] + d1 * carried[last + k] + d2 * carried[older + k]
+        value = -bound if value < -bound else value
+        value = bound if value > bound else value
+        rows[row + k] = value
+        carried[older + k] = value
+
+
+@njit(cache=True)
+def _add_squares(rows: Floats, filled: int, out: Floats) -> None:
+    """Add ``rows' rows`` of those that are filled to ``out``."""
+    width = out.shape[0]
+    part = rows[: filled * width].reshape((filled, width))
+    out += np.dot(part.T, part)

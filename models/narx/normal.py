@@ -1,7 +1,8 @@
 """What Levenberg-Marquardt asks of a batch: every network's normal matrix, on a CPU or elsewhere.
 
-On a CPU the kernel works through one network after the other: no padding, and a trial that is worse
-is given up at the sample that shows it. Elsewhere torch works on all of them at once.
+On a CPU the kernel works through one network after the other, its runs side by side: no padding,
+and a trial that is worse is given up at the step that shows it. Elsewhere torch works on all of
+them at once.
 """
 
 from __future__ import annotations
@@ -32,13 +33,20 @@ def normal_of(
 
     Networks are ordered valve by valve, each valve's members together.
     """
-    runs = [segments(valve.trained, horizon) for valve in valves]
+    runs = [_longest_first(segments(valve.trained, horizon)) for valve in valves]
     counts = [float(lengths.sum()) for _, lengths in runs for _ in range(members)]
     samples = torch.tensor(counts, dtype=torch.float64, device=device)
     if samples.device.type == "cpu":
         return partial(_one_by_one, valves, runs, hidden, members), samples
     limits = bounds(valves, members, device)
     return partial(_together, blocks(valves, horizon, members, device), limits, hidden), samples
+
+
+def _longest_first(runs: _Runs) -> _Runs:
+    """Runs that go side by side in the kernel are then of about one length."""
+    starts, lengths = runs
+    order = np.argsort(-lengths, kind="stable")
+    return starts[order], lengths[order]
 
 
 def _together(pieces: list[Block], limits: Bounds, hidden: int, flat: Tensor, _: Tensor) -> Tensor:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -13,12 +15,10 @@ from stemwatch.models.narx.batch import blocks, bounds
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import EDGE
 from stemwatch.models.narx.normal import normal_of
-from stemwatch.models.narx.plan import CODES, Step, plan_run, segments
+from stemwatch.models.narx.plan import CODES, Indices, Plan, Step, plan_run, segments
 from stemwatch.models.narx.prepared import Prepared, prepare
 from stemwatch.models.narx.starts import random_starts
 from stemwatch.models.recording import Floats
-
-SIZE = 42  # weights and the residual
 
 
 def ready(seed: int = 1, samples: int = 900) -> Prepared:
@@ -36,16 +36,24 @@ def ready(seed: int = 1, samples: int = 900) -> Prepared:
     return found
 
 
-def compiled(valve: Prepared, weights: Floats, horizon: int, most: float = np.inf) -> Floats | None:
+def compiled(
+    valve: Prepared,
+    weights: Floats,
+    horizon: int,
+    most: float = np.inf,
+    hidden: int = 5,
+    runs: tuple[Indices, Indices] | None = None,
+) -> Floats | None:
     """The kernel's normal matrix, or none where it gave up."""
-    out, signals = np.zeros((SIZE, SIZE)), valve.signals
+    size, signals = weights.size + 1, valve.signals
+    out = np.full((size, size), np.nan)
     whole = kernel.normal_matrix(
         weights,
-        5,
+        hidden,
         signals.level,
         signals.move,
         signals.position,
-        segments(valve.trained, horizon),
+        segments(valve.trained, horizon) if runs is None else runs,
         valve.limits,
         valve.ratio,
         EDGE,
@@ -56,10 +64,10 @@ def compiled(valve: Prepared, weights: Floats, horizon: int, most: float = np.in
     return out if whole else None
 
 
-def by_torch(valves: list[Prepared], flat: torch.Tensor, horizon: int) -> Floats:
+def by_torch(valves: list[Prepared], flat: torch.Tensor, horizon: int, hidden: int = 5) -> Floats:
     """The same of a padded batch, as on a device that is no CPU."""
     pieces, limits = blocks(valves, horizon, 1, "cpu"), bounds(valves, 1, "cpu")
-    split = sensitivities.Weights.split(flat, 5)
+    split = sensitivities.Weights.split(flat, hidden)
     return sensitivities.normal_matrix(pieces, split, limits).numpy()
 
 
@@ -95,10 +103,17 @@ def test_it_gives_up_exactly_where_the_error_allowed_is_passed() -> None:
 
 def _residuals(valve: Prepared, weights: Floats, horizon: int) -> Floats:
     """The same network's free runs against the measurement, sample by sample."""
-    plan, signals = plan_run(valve.trained, horizon), valve.signals
-    out = np.full((1, plan.size), np.nan)
+    plan = plan_run(valve.trained, horizon)
+    run = simulated(valve, weights[None], plan)[0]
+    return np.asarray((run - valve.signals.position)[plan >= Step.RUN])
+
+
+def simulated(valve: Prepared, weights: Floats, plan: Plan) -> Floats:
+    """The free runs (m, n) of networks with weights (m, P); NaN where there is none."""
+    signals = valve.signals
+    out = np.full((weights.shape[0], plan.size), np.nan)
     kernel.free_run(
-        weights[None],
+        weights,
         5,
         signals.level,
         signals.move,
@@ -110,7 +125,7 @@ def _residuals(valve: Prepared, weights: Floats, horizon: int) -> Floats:
         EDGE,
         out,
     )
-    return np.asarray((out[0] - signals.position)[plan >= Step.RUN])
+    return out
 
 
 def test_a_network_that_is_done_is_not_worked_on() -> None:
@@ -129,3 +144,49 @@ def test_a_network_that_is_done_is_not_worked_on() -> None:
 def test_the_quick_tanh_is_a_tanh(x: float) -> None:
     """Within 4e-16 everywhere, also where the exponential overflows."""
     assert abs(kernel._tanh(x) - np.tanh(x)) <= 4e-16
+
+
+def test_the_quick_tanh_is_odd_and_knows_no_number() -> None:
+    """Densely where it bends: within 4e-16, never beyond 1, and NaN stays NaN."""
+    bending = np.linspace(-21.0, 21.0, 20001)
+    found = np.array([kernel._tanh(x) for x in bending])
+    np.testing.assert_allclose(found, np.tanh(bending), rtol=0, atol=4e-16)
+    assert np.abs(found).max() == 1.0
+    assert [kernel._tanh(-x) for x in bending] == list(-found)
+    assert [kernel._tanh(x) for x in (-np.inf, np.inf)] == [-1.0, 1.0]
+    assert np.isnan(kernel._tanh(np.nan))
+
+
+@pytest.mark.parametrize("hidden", [1, 3, 8])
+def test_any_number_of_hidden_units_and_of_runs_side_by_side(hidden: int) -> None:
+    """More units or fewer, and pieces of all lengths: still the matrix that torch builds."""
+    valve = replace(ready(3), trained=np.arange(900) % 97 > np.arange(900) // 13)
+    flat = random_starts(NarxSettings(hidden=hidden), 1)
+    assert len(set(segments(valve.trained, 60)[1])) == 10
+    expected = by_torch([valve], torch.from_numpy(flat), 60, hidden)[0]
+    found = compiled(valve, flat[0], 60, hidden=hidden)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_the_order_of_the_runs_is_of_no_consequence() -> None:
+    """Longest first is quick; any order is right, and so is no run at all."""
+    valve, weights = ready(), random_starts(NarxSettings(), 1)[0]
+    starts, lengths = segments(valve.trained, 7)
+    expected = compiled(valve, weights, 7)
+    order = np.random.default_rng(0).permutation(starts.size)
+    found = compiled(valve, weights, 7, runs=(starts[order], lengths[order]))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    nothing = compiled(valve, weights, 7, runs=(starts[:0], lengths[:0]))
+    assert nothing is not None
+    assert not nothing.any()
+
+
+def test_members_side_by_side_run_as_each_alone() -> None:
+    """Bit for bit, also where there are more members than lanes."""
+    valve, flat = ready(), 3.0 * random_starts(NarxSettings(), 19)
+    plan = plan_run(valve.trained, 50)
+    together = simulated(valve, flat, plan)
+    alone = [simulated(valve, flat[[at]], plan)[0] for at in range(19)]
+    np.testing.assert_array_equal(together, alone)
+    assert len(np.unique(together[:, -1])) == 1  # not trained on: left as it was
+    assert len(np.unique(together[:, 400])) > 10
