@@ -10,7 +10,8 @@ from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.kinship import correlation, delayed_correlation, is_copy
 from stemwatch.models.limits import Limits
-from stemwatch.models.recording import PERCENT, Recording, Role, Signal
+from stemwatch.models.percent import not_percent
+from stemwatch.models.recording import Recording, Role
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
 from stemwatch.models.words import share, times
 
@@ -85,16 +86,6 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
             "Check which tag is this valve's position; step OP and see whether it answers.",
         )
     ]
-
-
-def not_percent(signal: Signal) -> str | None:
-    """What the signal is in instead of percent, by its unit or by its values."""
-    if signal.unit != PERCENT:
-        return f"is in {signal.unit or 'an unknown unit'}"
-    values = signal.values[np.isfinite(signal.values)]
-    if values.size and np.mean((values < -10.0) | (values > 110.0)) > 0.5:
-        return f"runs from {values.min():.4g} to {values.max():.4g}"
-    return None
 
 
 def unit_obstacles(recording: Recording) -> list[Obstacle]:

@@ -20,18 +20,16 @@ from stemwatch.models.obstacles import (
     foreign_obstacles,
     length_obstacles,
     movement_obstacles,
-    not_percent,
     position_obstacles,
     record_obstacles,
     unit_obstacles,
 )
+from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
 MOSTLY = 0.5  # frozen longer than this is an obstacle, and said there
-# No stem and no command is outside this, percent; one such value would outweigh all the others.
-POSSIBLE_PERCENT = (-100.0, 200.0)
 
 
 @dataclass(frozen=True)
@@ -53,21 +51,6 @@ def _mask(recording: Recording, role: Role, runs: list[tuple[int, int]]) -> Reco
         quality[first + 1 : last] = Quality.BAD
     masked = Signal(signal.values, quality, signal.tag, signal.unit, signal.interval_s)
     return replace(recording, signals={**recording.signals, role: masked})
-
-
-def _mask_impossible(recording: Recording) -> Recording:
-    """OP and MV without the samples that no percent can be."""
-    signals = dict(recording.signals)
-    for role in (Role.OP, Role.MV):
-        signal = signals.get(role)
-        if signal is None or not_percent(signal) is not None:
-            continue
-        low, high = POSSIBLE_PERCENT
-        outside = (signal.values < low) | (signal.values > high)
-        if outside.any():
-            quality = np.where(outside, Quality.RANGE, signal.quality).astype(np.uint8)
-            signals[role] = replace(signal, quality=quality)
-    return replace(recording, signals=signals)
 
 
 def _drawn_share(recording: Recording) -> float:
@@ -123,7 +106,7 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     Grade A: nothing to remark; B, C: a verdict with care; D: none possible.
     """
     obstacles = unit_obstacles(recording)
-    recording = _mask_impossible(recording)
+    recording = possible(recording)
     runs = frozen_runs(recording)
     frozen = sum(b - a - 1 for a, b in runs) / max(len(recording), 1)
     drawn = _drawn_share(recording)

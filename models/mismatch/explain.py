@@ -53,6 +53,7 @@ from stemwatch.models.mismatch.telling import (
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
+from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.problem import Problem, make_problem
 
@@ -89,7 +90,7 @@ def explain(recording: Recording, *, ceiling: Floats | None = None) -> Mismatch:
     ``ceiling`` (n,) is a network's free run of MV, NaN where it has none: the share of the
     residual that is systematic at all.
     """
-    began = time.perf_counter()
+    began, recording = time.perf_counter(), possible(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
         found = _through_flow(recording)
     else:

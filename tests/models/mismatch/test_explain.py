@@ -162,6 +162,18 @@ def test_the_same_recording_gives_the_same_answer():
     np.testing.assert_array_equal(once.runs.extended, twice.runs.extended)
 
 
+@pytest.mark.parametrize("value", [1e300, -5_000.0])
+def test_an_impossible_sample_costs_itself_only(value):
+    """A command or a position that no percent can be is as good as none."""
+    part = simulated("null", 4001)[0].part(0, 900)
+    op, mv = (part.signals[role].values.copy() for role in (Role.OP, Role.MV))
+    op[[0, 200]], mv[500] = value, value
+    found = explain(recorded(op, mv))
+    op[[0, 200]], mv[500] = np.nan, np.nan
+    without = explain(recorded(op, mv))
+    assert replace(found, runs=None, seconds=0.0) == replace(without, runs=None, seconds=0.0)
+
+
 def test_without_a_position_the_stem_is_not_named():
     """OP, PV and SP alone: not testable, every physical effect with the same reason."""
     recording = simulated("dead_time", 4000)[0]

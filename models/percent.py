@@ -1,0 +1,37 @@
+"""What can be a percentage of span or travel, and what cannot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
+
+# No stem and no command is outside this, percent; one such value would outweigh all the others.
+POSSIBLE_PERCENT = (-100.0, 200.0)
+
+
+def not_percent(signal: Signal) -> str | None:
+    """What the signal is in instead of percent, by its unit or by its values."""
+    if signal.unit != PERCENT:
+        return f"is in {signal.unit or 'an unknown unit'}"
+    values = signal.values[np.isfinite(signal.values)]
+    if values.size and np.mean((values < -10.0) | (values > 110.0)) > 0.5:
+        return f"runs from {values.min():.4g} to {values.max():.4g}"
+    return None
+
+
+def possible(recording: Recording) -> Recording:
+    """OP and MV without the samples that no percent can be."""
+    signals = dict(recording.signals)
+    for role in (Role.OP, Role.MV):
+        signal = signals.get(role)
+        if signal is None or not_percent(signal) is not None:
+            continue
+        low, high = POSSIBLE_PERCENT
+        outside = (signal.values < low) | (signal.values > high)
+        if outside.any():
+            quality = np.where(outside, Quality.RANGE, signal.quality).astype(np.uint8)
+            signals[role] = replace(signal, quality=quality)
+    return replace(recording, signals=signals)
