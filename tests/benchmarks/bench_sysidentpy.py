@@ -38,6 +38,7 @@ ONE_CORE = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_TH
 SAMPLES, TRAINED_SHARE = 3240, 0.6
 EPOCHS, UNITS = 200, 10
 DEGREE, TERMS, LAGS = 2, 20, 4
+OLDEST, INSTALL = (0, 9), "pip install 'sysidentpy>=0.9' ."
 WORST_FIT = -100.0  # percent; a run that diverged counts as this
 OURS, SCREEN = "stemwatch", "stemwatch screen"
 FROLS, NARXNN = "SysIdentPy FROLS", "SysIdentPy NARXNN"
@@ -236,7 +237,12 @@ def main() -> None:
     except ImportError:
         sys.exit(
             "bench_sysidentpy: SysIdentPy is not installed; it serves this comparison only. "
-            "Install it beside stemwatch, in an environment of its own: pip install sysidentpy"
+            f"Install it beside stemwatch, in an environment of its own: {INSTALL}"
+        )
+    if tuple(int(part) for part in version.split(".")[:2]) < OLDEST:
+        sys.exit(
+            f"bench_sysidentpy: SysIdentPy {version} is too old, which is what pip finds for this "
+            f"numpy. In an environment of its own: {INSTALL}"
         )
     rows = measure(options.valves, options.seed)
     print(f"SysIdentPy {version}, numpy {np.__version__}, torch {torch.__version__}")

@@ -114,7 +114,7 @@ def run(one: Benchmark, folder: Path, *, full: bool) -> Outcome:
     said = " ".join(command)
     missing = [name for name in one.needs if not _installed(name)]
     if missing:
-        why = f"left out: {missing[0]} is not installed (pip install {missing[0]})"
+        why = f"left out: {missing[0]} is not installed here; run the script to hear how"
         return Outcome(one, said, 0.0, "", None, why)
     numbers = folder / f"{one.name}.json"
     numbers.unlink(missing_ok=True)
