@@ -17,7 +17,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 export STRICT
 # What is imported is compiled once and kept; installing compiles nothing.
 unexport PYTHONDONTWRITEBYTECODE
-# Tests run side by side; each stays on its own core, and all share one cache of compiled kernels.
+# Tests run side by side, neighbours in one process, so that what a module's tests share is made once; each process
+# stays on its own core, and all share one cache of compiled kernels.
 test: export OMP_NUM_THREADS ?= 1
 test: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
 
@@ -48,7 +49,7 @@ live: $(VENV)/can-run ## The live demo: a plant whose valve wears, the service, 
 
 test: check ## All checks and all tests; sets up what they need
 	@echo 'Running the tests ...'
-	@$(BIN)/pytest -n $(WORKERS) -q -rsfE
+	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE
 
 check: $(VENV)/can-test .typed/stemwatch ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)

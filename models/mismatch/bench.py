@@ -8,15 +8,19 @@ so that a richer hypothesis can only win by what it adds on blocks that it was n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain, pairwise
 
 import numpy as np
-from numba import njit
 
 from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch.delay import delayed
+from stemwatch.models.mismatch.given import Record, Scoring
+from stemwatch.models.mismatch.kernel import LANES, follow
 from stemwatch.models.mismatch.onsets import Onsets, Samples, onsets
-from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.stem import Stems
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.kernel import RESYNC, Marks
@@ -33,19 +37,14 @@ DEAD_TIME = "dead_time"
 WINDOW = 0.35
 EVENT_OF_DRAWN = 0.7  # samples that a breakaway counts for where most samples are drawn
 FIRST_SCATTER = 0.08  # of the level (S + J)/2
+_NOTHING = np.empty((0, 0))
 
 
-@njit(cache=True)
-def delayed(command: Floats, marks: Marks, samples: float, out: Floats) -> None:
-    """``command`` (n,) later by a delay in samples, linear between them; held at a START."""
-    whole = int(samples)
-    late = samples - whole
-    first = 0
-    for k in range(command.size):
-        if marks[k] == 1:
-            first = k
-        i = max(k - whole, first)
-        out[k] = command[i] + late * (command[max(i - 1, first)] - command[i])
+def batches(count: int) -> Iterator[slice]:
+    """``count`` candidates in as few parts as run side by side, of nearly equal sizes."""
+    parts = -(-count // LANES)
+    ends = [count * part // parts for part in range(parts + 1)]
+    return (slice(begin, end) for begin, end in pairwise(ends))
 
 
 @dataclass(frozen=True)
@@ -79,14 +78,42 @@ class Layout:
     def size(self) -> int:
         return int(self.bounds.low.size)
 
+    @cached_property
+    def shaping(self) -> tuple[tuple[Term, slice], ...]:
+        """The terms that shape the command, and where their coordinates lie."""
+        terms = self.hypothesis.terms
+        return tuple((t, self.places[t.slug]) for t in terms if t.way is Way.COMMAND)
 
-@dataclass
-class _Force:
-    """The ``force`` (n,) that was computed last, what it was ``made`` of, and a spare buffer."""
+    @cached_property
+    def filling(self) -> tuple[tuple[Term, slice], ...]:
+        """The terms that fill the stem, and where their coordinates lie."""
+        terms = self.hypothesis.terms
+        return tuple((t, self.places[t.slug]) for t in terms if t.way is not Way.COMMAND)
 
-    made: tuple[object, ...]
-    force: Floats
+    @cached_property
+    def of_force(self) -> list[int]:
+        """The coordinates that the force on the stem is made of."""
+        shaping = (range(place.start, place.stop) for _, place in self.shaping)
+        return [DELAY, *chain.from_iterable(shaping)]
+
+
+@dataclass(frozen=True)
+class _Forces:
+    """Forces that were computed last: ``rows`` (LANES, n), and which one was made of what."""
+
+    rows: Floats
     spare: Floats
+    made: dict[tuple[object, ...], int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs of m candidates: the readings and how far each breakaway came from ``fs``, (m, n)
+    percent, and the loss in each block (m, n_blocks). Buffers: the next run writes over them."""
+
+    simulated: Floats
+    early_late: Floats
+    losses: Floats
 
 
 @dataclass(frozen=True)
@@ -105,10 +132,9 @@ class Bench:
     event: float  # samples that a breakaway counts for
     slack: Floats  # (n,) how far the true value may lie from a drawn one, percent; 0: measured
     _upcoming: tuple[Samples, Samples]
-    _early_late: Floats
-    _stem: Stem
-    _last: _Force
-    _out: Floats
+    _stems: Stems
+    _forces: _Forces
+    _runs: Runs
     _layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
 
     def layout(self, hypothesis: Hypothesis) -> Layout:
@@ -133,20 +159,20 @@ class Bench:
 
     def simulate(self, layout: Layout, candidate: Floats) -> Floats:
         """(n,) MV by a free run, percent; only gaps in the recording restart it."""
-        out = np.empty(self.problem.op.size)
-        self._run(layout, candidate, self.problem.start, 0.0, out)
-        return out
+        runs = self._first(1)
+        self._follow(layout, candidate[None], self.problem.start, 0.0, self.problem.block, runs)
+        return np.array(runs.simulated[0])
 
     def assimilated(self, layout: Layout, candidate: Floats) -> tuple[Floats, Floats]:
         """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each came."""
-        out, early_late = self.run(layout, candidate)
-        return out.copy(), early_late.copy()
+        runs = self.run(layout, candidate[None], self.problem.block)
+        return np.array(runs.simulated[0]), np.array(runs.early_late[0])
 
-    def run(self, layout: Layout, candidate: Floats) -> tuple[Floats, Floats]:
-        """As ``assimilated``, in buffers that the next run writes over."""
-        out = self._out
-        self._run(layout, candidate, self.marks, self.window, out)
-        return out, self._early_late
+    def run(self, layout: Layout, candidates: Floats, block: Samples) -> Runs:
+        """Assimilated runs of up to LANES candidates (m, size), scored as ``block`` (n,) says."""
+        runs = self._first(candidates.shape[0])
+        self._follow(layout, candidates, self.marks, self.window, block, runs)
+        return runs
 
     def block_losses(self, layout: Layout, candidates: Floats) -> Floats:
         """(m, n_blocks) sums of the robust loss of candidates (m, size)."""
@@ -155,30 +181,28 @@ class Bench:
     def _losses(self, layout: Layout, candidates: Floats, block: Samples) -> Floats:
         """``block_losses`` of the samples that ``block`` (n,) gives to a block."""
         losses = np.empty((candidates.shape[0], self.problem.n_blocks))
-        for row, candidate in zip(losses, candidates, strict=True):
-            out, early_late = self.run(layout, candidate)
-            at.block_loss(
-                out,
-                self.problem.mv,
-                self.slack,
-                block,
-                self.delta,
-                early_late,
-                self.scatter,
-                self.event,
-                row,
-            )
+        for part in batches(candidates.shape[0]):
+            only = Runs(_NOTHING, _NOTHING, losses[part])
+            self._follow(layout, candidates[part], self.marks, self.window, block, only)
         return losses
 
     def loss(self, layout: Layout, blocks: Bools) -> Loss:
         """The mean robust loss over some blocks as a function of candidates."""
-        samples = max(float(self.counts[blocks].sum()), 1.0)
-        block = np.where(np.append(blocks, False)[self.problem.block], self.problem.block, -1)
+        block = self.within(blocks)
 
         def value(candidates: Floats) -> Floats:
-            return np.asarray(self._losses(layout, candidates, block).sum(1) / samples)
+            return self.mean_loss(self._losses(layout, candidates, block), blocks)
 
         return value
+
+    def within(self, blocks: Bools) -> Samples:
+        """(n,) the block of each sample, -1 outside of some ``blocks``."""
+        block = self.problem.block
+        return np.where(np.append(blocks, False)[block], block, -1)
+
+    def mean_loss(self, losses: Floats, blocks: Bools) -> Floats:
+        """(m,) the mean over the samples of some blocks of losses (m, n_blocks) within them."""
+        return np.asarray(losses.sum(1) / max(float(self.counts[blocks].sum()), 1.0))
 
     @cached_property
     def counts(self) -> Floats:
@@ -202,46 +226,75 @@ class Bench:
         block = self.problem.block[self.measured]
         return np.bincount(block, minlength=self.problem.n_blocks).astype(np.float64)
 
-    def _run(
-        self, layout: Layout, candidate: Floats, marks: Marks, window: float, out: Floats
-    ) -> None:
-        problem, stem = self.problem, self._stem
-        p = self._force(layout, candidate, marks)
-        stem.clear()
-        q = stem.numbers
-        q[at.S] = candidate[S_PERCENT]
-        q[at.J] = candidate[S_PERCENT] * candidate[RATIO]
-        q[at.ZERO], q[at.GAIN] = candidate[ZERO], 1.0 + candidate[GAIN]
-        q[at.RESTICK] = candidate[RESTICK] if candidate[RESTICK] > 0.0 else self.restick
-        for term in layout.hypothesis.terms:
-            if term.way is not Way.COMMAND:
-                term.fill(stem, candidate[layout.places[term.slug]])
-        up, down = self._upcoming
-        tables = stem.friction, stem.force, stem.breakaway, stem.wander
-        late = self._early_late
-        at.run(p, problem.mv, marks, problem.interval_s, q, *tables, up, down, window, late, out)
+    def _first(self, count: int) -> Runs:
+        """Buffers for the runs of some candidates."""
+        runs = self._runs
+        return Runs(runs.simulated[:count], runs.early_late[:count], runs.losses[:count])
 
-    def _force(self, layout: Layout, candidate: Floats, marks: Marks) -> Floats:
-        """(n,) the force on the stem, percent; most runs differ from the last in nothing of it."""
-        shaping = [term for term in layout.hypothesis.terms if term.way is Way.COMMAND]
-        values = [candidate[layout.places[term.slug]] for term in shaping]
-        made = (
-            marks is self.marks,
-            float(candidate[DELAY]),
-            layout.hypothesis.slugs,
-            *(one.tobytes() for one in values),
-        )
-        last = self._last
-        if last.made == made:
-            return last.force
-        p, spare = last.force, last.spare
+    def _follow(
+        self,
+        layout: Layout,
+        candidates: Floats,
+        marks: Marks,
+        window: float,
+        block: Samples,
+        runs: Runs,
+    ) -> None:
+        """Run up to LANES candidates (m, size) into ``runs``."""
         problem = self.problem
-        delayed(problem.op, marks, candidate[DELAY] / problem.interval_s, p)
-        for term, one in zip(shaping, values, strict=True):
-            term.shape(p, marks, problem.interval_s, one, spare)
+        rows = self._made(layout, candidates, marks)
+        self._fill(layout, candidates)
+        follow(
+            self._forces.rows,
+            rows,
+            *self._stems.first(rows.size),
+            Record(problem.mv, marks, *self._upcoming, problem.interval_s, window),
+            Scoring(block, self.slack, self.delta, self.scatter, self.event),
+            runs.losses,
+            runs.simulated,
+            runs.early_late,
+        )
+
+    def _fill(self, layout: Layout, candidates: Floats) -> None:
+        """The stems of candidates (m, size)."""
+        count = candidates.shape[0]
+        each, q = self._stems.each[:count], self._stems.numbers[:count]
+        for stem in each:
+            stem.clear()
+        q[:, at.S] = candidates[:, S_PERCENT]
+        q[:, at.J] = candidates[:, S_PERCENT] * candidates[:, RATIO]
+        q[:, at.ZERO], q[:, at.GAIN] = candidates[:, ZERO], 1.0 + candidates[:, GAIN]
+        resticks = candidates[:, RESTICK]
+        q[:, at.RESTICK] = np.where(resticks > 0.0, resticks, self.restick)
+        for term, place in layout.filling:
+            for stem, values in zip(each, candidates[:, place], strict=True):
+                term.fill(stem, values)
+
+    def _made(self, layout: Layout, candidates: Floats, marks: Marks) -> Samples:
+        """(m,) rows of the forces on the stems; many candidates differ in nothing of it."""
+        forces, how = self._forces, (marks is self.marks, *(t.slug for t, _ in layout.shaping))
+        keys = [(*how, one.tobytes()) for one in candidates[:, layout.of_force]]
+        wanted = set(keys)
+        for key, candidate in zip(keys, candidates, strict=True):
+            if key not in forces.made:
+                row = len(forces.made)
+                if row == LANES:
+                    row = forces.made.pop(next(old for old in forces.made if old not in wanted))
+                self._make(layout, candidate, marks, forces.rows[row])
+                forces.made[key] = row
+        return np.array([forces.made[key] for key in keys])
+
+    def _make(self, layout: Layout, candidate: Floats, marks: Marks, row: Floats) -> None:
+        """The force on the stem, percent, into ``row`` (n,)."""
+        dt = self.problem.interval_s
+        # The two take turns, so that the last is written to the row.
+        p, spare = row, self._forces.spare
+        if len(layout.shaping) % 2:
             p, spare = spare, p
-        last.made, last.force, last.spare = made, p, spare
-        return p
+        delayed(self.problem.op, marks, candidate[DELAY] / dt, p)
+        for term, place in layout.shaping:
+            term.shape(p, marks, dt, candidate[place], spare)
+            p, spare = spare, p
 
     def spread(self, layout: Layout, scale: float) -> Floats:
         """(size,) widths of a search over all coordinates."""
@@ -292,8 +345,11 @@ def make_bench(
         event=EVENT_OF_DRAWN if slack.any() else at.EVENT,
         slack=slack,
         _upcoming=seen.upcoming(n),
-        _early_late=np.zeros(n),
-        _stem=Stem.neutral(n, problem.interval_s),
-        _last=_Force((), np.empty(n), np.empty(n)),
-        _out=np.empty(n),
+        _stems=Stems.neutral(LANES, n, problem.interval_s),
+        _forces=_Forces(np.empty((LANES, n)), np.empty(n)),
+        _runs=Runs(
+            np.empty((LANES, n)),
+            np.empty((LANES, n)),
+            np.empty((LANES, problem.n_blocks)),
+        ),
     )

@@ -185,19 +185,23 @@ def again(bench: Bench, fitted: Fitted, effort: Effort, *more: Floats) -> Fitted
 
 def better(bench: Bench, old: Fitted, new: Fitted) -> Fitted:
     """The fit of each fold that is better on the fold it was fitted to."""
-    counts = bench.counts
-    candidates = new.candidates.copy()
+    both = np.vstack((old.candidates, new.candidates))
+    losses = bench.block_losses(new.layout, both)
+    taken = [2, 3]
     for i, fold in enumerate(folds(bench)):
-        both = np.vstack((old.candidates[i], new.candidates[i]))
-        losses = bench.block_losses(new.layout, both)[:, fold].sum(axis=1)
-        if counts[fold].sum() and losses[0] < losses[1]:
-            candidates[i] = old.candidates[i]
-    return scored(bench, new.layout, candidates)
+        before, after = losses[[i, 2 + i]][:, fold].sum(axis=1)
+        if bench.counts[fold].sum() and before < after:
+            taken[i] = i
+    return _of(bench, new.layout, both[taken], losses[taken])
 
 
 def scored(bench: Bench, layout: Layout, candidates: Floats) -> Fitted:
     """The held-out losses of two fits (2, size), one to each fold."""
-    losses = bench.block_losses(layout, candidates)
+    return _of(bench, layout, candidates, bench.block_losses(layout, candidates))
+
+
+def _of(bench: Bench, layout: Layout, candidates: Floats, losses: Floats) -> Fitted:
+    """Two fits and their losses in each block (2, n_blocks)."""
     _, odd = folds(bench)
     heldout = np.where(odd, losses[0], losses[1])
     return Fitted(layout=layout, candidates=candidates, heldout=heldout)

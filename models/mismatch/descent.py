@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch.bench import Bench, Layout, batches
 from stemwatch.models.mismatch.onsets import Samples
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.search import Found
@@ -29,13 +29,15 @@ _BASE_STEPS = np.array([0.02, 0.015, 0.04, 0.004, 0.04, 0.05])
 def descend(bench: Bench, layout: Layout, blocks: Bools, start: Floats, rounds: int) -> Found:
     """The candidate (size,) reached from ``start`` by at most ``rounds``; never worse than it."""
     loss = bench.loss(layout, blocks)
+    if rounds <= 0:
+        return Found(start.copy(), float(loss(start[None, :])[0]))
     seen = _seen(bench, blocks)
-    best = Found(start.copy(), float(loss(start[None, :])[0]))
+    best = Found(start.copy(), np.inf)
     free = layout.bounds.high > layout.bounds.low
     free[at.RESTICK] = False  # a stem sticks or does not: there is nothing to differentiate
     for _ in range(rounds):
-        steps = _steps(layout, best.candidate)
-        normal, slope = _linearised(bench, layout, seen, best.candidate, steps, free)
+        normal, slope, here = _linearised(bench, layout, seen, best.candidate, free)
+        best = Found(best.candidate, here)
         trial = _trials(layout, best.candidate, normal, slope, free)
         values = loss(trial)
         i = int(np.argmin(values))
@@ -49,17 +51,20 @@ def descend(bench: Bench, layout: Layout, blocks: Bools, start: Floats, rounds: 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a descent is fitted to: scored ``samples`` (m,), and the breakaways (e,) on them."""
+    """What a descent is fitted to: some ``blocks`` of time, their scored ``samples`` (m,), the
+    ``block`` (n,) of each sample, -1 outside, and the breakaways (e,) on them."""
 
+    blocks: Bools
+    block: Samples
     samples: Samples
     events: Samples
 
 
 def _seen(bench: Bench, blocks: Bools) -> _Seen:
     """The samples of some blocks; a run is early or late only where the recorded stem lets go."""
-    inside = np.append(blocks, False)[bench.problem.block]  # block -1 is the False at the end
-    at_onsets = bench.onsets.at[inside[bench.onsets.at]]
-    return _Seen(np.flatnonzero(inside), at_onsets)
+    block = bench.within(blocks)
+    at_onsets = bench.onsets.at[block[bench.onsets.at] >= 0]
+    return _Seen(blocks, block, np.flatnonzero(block >= 0), at_onsets)
 
 
 def _steps(layout: Layout, candidate: Floats) -> Floats:
@@ -80,15 +85,16 @@ def _residuals(
     early_late: Floats,
     events: Samples,
     event_scale: float,
-    row: Floats,
+    rows: Floats,
 ) -> None:
-    """Residuals at ``samples`` (m,), then at the breakaways ``events`` (e,), into ``row``."""
-    for i in range(samples.size):
-        k = samples[i]
-        off = mv[k] - simulated[k]
-        row[i] = off - min(max(off, -slack[k]), slack[k])
-    for i in range(events.size):
-        row[samples.size + i] = early_late[events[i]] * event_scale
+    """Residuals at ``samples`` (m,), then at the breakaways ``events`` (e,), of each run (n,)."""
+    for j in range(rows.shape[0]):
+        for i in range(samples.size):
+            k = samples[i]
+            off = mv[k] - simulated[j, k]
+            rows[j, i] = off - min(max(off, -slack[k]), slack[k])
+        for i in range(events.size):
+            rows[j, samples.size + i] = early_late[j, events[i]] * event_scale
 
 
 @njit(cache=True)
@@ -110,31 +116,32 @@ def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -
 
 
 def _linearised(
-    bench: Bench, layout: Layout, seen: _Seen, candidate: Floats, steps: Floats, free: Bools
-) -> tuple[Floats, Floats]:
-    """(k, k) normal matrix and (k,) right-hand side over the free coordinates."""
+    bench: Bench, layout: Layout, seen: _Seen, candidate: Floats, free: Bools
+) -> tuple[Floats, Floats, float]:
+    """(k, k) normal matrix and (k,) right-hand side over the free coordinates, and the loss."""
     index = np.flatnonzero(free)
-    m = seen.samples.size
+    steps = _steps(layout, candidate)[index]
+    moved = np.tile(candidate, (index.size + 1, 1))
+    moved[np.arange(1, index.size + 1), index] += steps
+    m, scale, here = seen.samples.size, bench.delta / bench.scatter, 0.0
     rows = np.empty((index.size + 1, m + seen.events.size))
-    problem, scale = bench.problem, bench.delta / bench.scatter
-    for row, i in zip(rows, (-1, *index), strict=True):
-        moved = candidate.copy()
-        if i >= 0:
-            moved[i] += steps[i]
-        simulated, early_late = bench.run(layout, moved)
+    for part in batches(rows.shape[0]):
+        runs = bench.run(layout, moved[part], seen.block)
+        if part.start == 0:
+            here = float(bench.mean_loss(runs.losses, seen.blocks)[0])
         _residuals(
-            simulated,
-            problem.mv,
+            runs.simulated,
+            bench.problem.mv,
             bench.slack,
             seen.samples,
-            early_late,
+            runs.early_late,
             seen.events,
             scale,
-            row,
+            rows[part],
         )
-    _weighted(rows, steps[index], m, bench.event, bench.delta)
+    _weighted(rows, steps, m, bench.event, bench.delta)
     product = rows @ rows.T
-    return product[1:, 1:], product[1:, 0]
+    return product[1:, 1:], product[1:, 0], here
 
 
 def _trials(

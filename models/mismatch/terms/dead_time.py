@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.delay import delayed
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm
 from stemwatch.models.recording import Floats
@@ -21,22 +21,6 @@ from stemwatch.models.stickslip.kernel import Marks
 
 # Less lies within a scan of controller and recorder, where it cannot be told from sampling.
 MATERIAL = 0.8  # seconds, and samples
-
-
-@njit(cache=True)
-def late(command: Floats, marks: Marks, dt: float, theta_s: float, out: Floats) -> None:
-    """``command`` (n,) later by ``theta_s`` seconds into ``out`` (n,), another array, percent.
-
-    Linear between samples. What was before a START is not known: the command is held there.
-    """
-    whole = int(theta_s / dt)
-    part = theta_s / dt - whole
-    first = 0
-    for k in range(command.size):
-        if marks[k] == 1:
-            first = k
-        i = max(k - whole, first)
-        out[k] = command[i] + part * (command[max(i - 1, first)] - command[i])
 
 
 class DeadTime(CommandTerm):
@@ -71,7 +55,7 @@ class DeadTime(CommandTerm):
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
         """The delayed command."""
-        late(command, marks, interval_s, float(values[0]), out)
+        delayed(command, marks, float(values[0]) / interval_s, out)
 
     def material(self, values: Floats, look: Look) -> bool:
         """More than what scanning alone makes."""

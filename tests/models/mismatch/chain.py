@@ -11,7 +11,10 @@ from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.base import base_bounds, first_scatter
 from stemwatch.models.mismatch.bench import Bench, Hypothesis, Layout, make_bench
 from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.given import Record, Scoring
+from stemwatch.models.mismatch.kernel import follow
 from stemwatch.models.mismatch.record import settle
+from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.stickslip.fit import CANONICAL
@@ -83,3 +86,26 @@ def rescaled(recording: Recording, mv: Floats) -> Recording:
     """The recording with another position."""
     signals = {**recording.signals, Role.MV: Signal.good(mv, "V.ZT")}
     return replace(recording, signals=signals)
+
+
+def followed(stem, p, mv, marks, seen, window=0.0, scoring=None, blocks=1):
+    """MV, ``early_late`` and losses of one stem over the force ``p``; ``seen`` are the samples at
+    which it next lets go, up and down."""
+    n = p.size
+    record = Record(mv, marks, *seen, stem.interval_s, window)
+    unscored = Scoring(np.full(n, -1), np.zeros(n), 1.0, 1.0, 1.0)
+    tables = Tables(*(t[None] for t in (stem.friction, stem.force, stem.breakaway, stem.wander)))
+    out, early_late = np.full((1, n), np.nan), np.full((1, n), np.nan)
+    losses = np.full((1, blocks), np.nan)
+    follow(
+        p[None],
+        np.zeros(1, dtype=np.int64),
+        stem.numbers[None],
+        tables,
+        record,
+        scoring or unscored,
+        losses,
+        out,
+        early_late,
+    )
+    return out[0], early_late[0], losses[0]

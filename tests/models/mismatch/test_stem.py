@@ -8,9 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import stem as at
-from stemwatch.models.mismatch.stem import Stem, block_loss, places
+from stemwatch.models.mismatch.given import Record, Scoring
+from stemwatch.models.mismatch.kernel import LANES, follow
+from stemwatch.models.mismatch.stem import Stem, Stems, places
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import ONLY_WHEN_TURNING
+from tests.models.mismatch.chain import followed
 
 GRID = 64.0  # all in 64ths of a percent: sums are exact, and ties are ties in every order
 numbers = st.integers(-6 * 64, 6 * 64)
@@ -44,10 +47,8 @@ def run(p, *, mv=None, marks=None, stem=None, window=0.0, up=None, down=None, dt
         marks = np.zeros(p.size, dtype=np.uint8)
         marks[0] = kernel.START
     mv = p if mv is None else np.asarray(mv, dtype=float)
-    tables = stem.friction, stem.force, stem.breakaway, stem.wander
     seen = [np.asarray(upcoming(p.size, one)) for one in (up, down)]
-    out, early_late = np.empty(p.size), np.full(p.size, np.nan)
-    at.run(p, mv, marks, dt, stem.numbers, *tables, *seen, window, early_late, out)
+    out, early_late, _ = followed(stem, p, mv, marks, seen, window)
     return out, early_late
 
 
@@ -322,19 +323,87 @@ def test_a_free_run_never_looks_at_onsets(p, S, ratio, up, down):
     assert not late.any()
 
 
+def drawn_runs(rng, count, n):
+    """Forces, stems with every addition in some of them, a record, and how it is scored."""
+    p = 50.0 + np.cumsum(rng.normal(0.0, 0.4, (3, n)), axis=1)
+    marks = np.zeros(n, dtype=np.uint8)
+    marks[[0, n // 2]] = kernel.START
+    marks[[n // 4, n // 3]] = kernel.RESYNC
+    stems = Stems.neutral(count, n, 1.0)
+    ranges = {
+        "S": (0.0, 5.0), "J": (0.0, 4.0), "ASYMMETRY": (-0.4, 0.4), "GROWTH": (-0.3, 1.0),
+        "CREEP": (-0.01, 0.01), "DRAG_S": (0.0, 4.0), "RESTICK": (0.0, 1.0), "PLAY": (0.0, 1.0),
+        "STOP_LOW": (20.0, 49.0), "STOP_HIGH": (51.0, 80.0), "ZERO": (-1.0, 1.0),
+        "DRIFT": (-1.0, 1.0), "BY_PLACE": (1.0, 1.0), "BY_REST": (1.0, 1.0), "BY_TIME": (1.0, 1.0),
+    }  # fmt: skip
+    for stem in stems.each:
+        for name, (low, high) in ranges.items():
+            if name in ("S", "J") or rng.random() < 0.3:
+                stem.numbers[getattr(at, name)] = rng.uniform(low, high)
+        stem.friction[:] = 0.5 * np.sin(places() / rng.uniform(2.0, 9.0))
+        stem.force[:] = 0.02 * (places() - 50.0)
+        stem.breakaway[:] = 0.5 * (1.0 - np.exp(-np.arange(n + 1) / 20.0))
+        stem.wander[:] = 0.3 * np.sin(np.arange(n + 1) / 30.0)
+    up, down = (sorted(rng.choice(n, 9, replace=False)) for _ in range(2))
+    mv = p[0] + rng.normal(0.0, 1.0, n)
+    record = Record(mv, marks, upcoming(n, up), upcoming(n, down), 1.0, 0.35)
+    block = np.where(rng.random(n) < 0.1, -1, np.arange(n) * 4 // n)
+    scoring = Scoring(block, np.where(rng.random(n) < 0.2, 0.3, 0.0), 0.4, 0.2, 3.0)
+    return p, stems, record, scoring
+
+
+@pytest.mark.parametrize(("seed", "count"), [*enumerate([1, 2, 5, 8, 17, LANES])])
+def test_a_stem_runs_the_same_in_any_company(seed, count):
+    """Stems go side by side; neither run nor loss depends on which others go with it, nor the loss
+    on whether runs are kept."""
+    rng = np.random.default_rng(seed)
+    n = 333
+    p, stems, record, scoring = drawn_runs(rng, count, n)
+    rows = rng.integers(0, 3, count)
+    losses, out, late = np.empty((count, 4)), np.empty((count, n)), np.empty((count, n))
+    follow(p, rows, *stems.first(count), record, scoring, losses, out, late)
+    assert np.isfinite(out).all()
+    seen = record.next_up, record.next_down
+    for i, stem in enumerate(stems.each):
+        alone = followed(stem, p[rows[i]], record.mv, record.marks, seen, 0.35, scoring, 4)
+        for together, one in zip((out[i], late[i], losses[i]), alone, strict=True):
+            np.testing.assert_array_equal(together, one)
+    only, nothing = np.empty((count, 4)), np.empty((0, 0))
+    follow(p, rows, *stems.first(count), record, scoring, only, nothing, nothing)
+    np.testing.assert_array_equal(only, losses)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_compiled_is_interpreted(seed):
+    """The compiled kernel gives what the same Python gives uncompiled, additions included."""
+    rng = np.random.default_rng(100 + seed)
+    p, stems, record, scoring = drawn_runs(rng, 3, 90)
+    rows = np.arange(3)
+    found = []
+    for function in (follow, follow.py_func):
+        losses, out, late = np.empty((3, 4)), np.empty((3, 90)), np.empty((3, 90))
+        function(p, rows, *stems.first(3), record, scoring, losses, out, late)
+        found.append((losses, out, late))
+    for compiled, plain in zip(*found, strict=True):
+        np.testing.assert_allclose(compiled, plain, rtol=1e-9, atol=1e-12)
+
+
 @given(st.integers(0, 2**20), st.sampled_from([0.05, 1.0, 1e-60]), st.sampled_from([0.7, 3.0]))
 @settings(max_examples=30, deadline=None)
 def test_the_loss_of_a_block_is_cauchys_plus_what_the_breakaways_cost(seed, delta, event):
     """The product of many samples under one logarithm is the sum of their logarithms; a drawn
     value is charged from the edge of its slack on."""
     rng = np.random.default_rng(seed)
-    mv, simulated = rng.normal(50.0, 3.0, 400), rng.normal(50.0, 3.0, 400)
+    n = 400
+    p, stems, record, _ = drawn_runs(rng, 1, n)
     block = np.repeat([0, -1, 1, 2], 100)
-    late = np.where(rng.random(400) < 0.05, rng.normal(0.0, 0.4, 400), 0.0)
-    slack = np.where(rng.random(400) < 0.5, 0.4, 0.0)
-    losses = np.full(4, np.nan)
-    block_loss(simulated, mv, slack, block, delta, late, 0.2, event, losses)
-    off = np.maximum(np.abs(mv - simulated) - slack, 0.0)
+    slack = np.where(rng.random(n) < 0.5, 0.4, 0.0)
+    scoring = Scoring(block, slack, delta, 0.2, event)
+    seen = record.next_up, record.next_down
+    simulated, late, losses = followed(
+        stems.each[0], p[0], record.mv, record.marks, seen, 0.35, scoring, 4
+    )
+    off = np.maximum(np.abs(record.mv - simulated) - slack, 0.0)
     of_sample = np.log1p((off / delta) ** 2) + event * np.log1p((late / 0.2) ** 2)
     expected = [delta**2 * of_sample[block == b].sum() for b in range(4)]
     np.testing.assert_allclose(losses, expected, rtol=1e-9)

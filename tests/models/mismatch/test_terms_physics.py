@@ -15,6 +15,7 @@ from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats
+from tests.models.mismatch.chain import followed
 
 CATALOGUE = catalogue()
 COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.way is Way.COMMAND)
@@ -58,11 +59,8 @@ def simulated(
             CATALOGUE[slug].fill(stem, np.array(values))
     marks = np.zeros(op.size, dtype=np.uint8)
     marks[0] = 1
-    out = np.empty(op.size)
-    tables = stem.friction, stem.force, stem.breakaway, stem.wander
     never = np.full(op.size, op.size)
-    free = 0.0  # the run takes no breakaway from the recording
-    at.run(p, op, marks, dt, stem.numbers, *tables, never, never, free, np.empty(op.size), out)
+    out, _, _ = followed(stem, p, op, marks, (never, never))
     return out
 
 

@@ -1,0 +1,447 @@
+"""The stem's kernel: many candidates over a recording, side by side.
+
+No two breakaways of a real stem are equal (5 to 12 % scatter is normal), and on a slow ramp a
+breakaway that comes a little late costs a whole jump for a long time. A run may therefore be
+*assimilated*: where the recording shows the stem let go (``onsets``), and the force is within a
+window of ``fs``, the stem lets go there, and what is charged is how far the force was from
+``fs``, not the time. All hypotheses are compared this way; what is shown to people is a free run.
+
+Each sample waits for the one before, so that one stem alone leaves most of a processor idle.
+Candidates therefore run side by side, one in each *lane*: what is known of the lanes stands in
+one array, row by row (``s[X + i]`` is the place of the stem in lane ``i``), and the loop over the
+lanes decides by choosing values, not by branching, so that the compiler makes vectors of it. It
+does so only for unsigned indices, for one array beside the forces, and where all is read before
+anything is chosen. What is rare (marks, onsets, tables, logarithms) is done lane by lane.
+
+The equations stand in ``stem``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from stemwatch.models.mismatch import stem as of
+from stemwatch.models.mismatch.given import Record, Scoring
+from stemwatch.models.mismatch.stem import Tables
+from stemwatch.models.recording import Floats
+
+LANES = 32  # candidates that run side by side at most
+
+_START, _RESYNC = 1, 2
+_ROUNDING = 1e-9  # percent; a smaller step of the force is a held command
+# A stem that drags towards its end of travel never quite arrives; below this speed it stands.
+_STANDS_BELOW = 0.01  # percent per second
+_PATIENCE_S = 120.0  # how long an assimilated run waits for a breakaway that the recording shows
+_FULL = 1e200  # of a product of losses, before its logarithm is taken
+_AHEAD = 64  # samples of the forces that are laid out by lane at once
+_WIDTH = 4  # lanes of a vector; an odd lane would be done alone
+_U = np.uint64
+# Rows of the lanes' array: the stem; what holds for a run; the levels; the reading and its loss.
+_ROWS = 30
+(_X, _Z, _SIDE, _MOVING, _BEFORE, _LEAVES, _RESTED) = [_U(i * LANES) for i in range(7)]
+(_SHARE, _LEAST, _STEP, _LOW, _HIGH, _HALF) = [_U(i * LANES) for i in range(7, 13)]
+(_S_HALF, _J_HALF, _UNEVEN, _GROWN) = [_U(i * LANES) for i in range(13, 17)]
+(_FS_UP, _FS_DOWN, _FD_UP, _FD_DOWN, _PUSHED) = [_U(i * LANES) for i in range(17, 22)]
+(_SPAN, _OFFSET, _DRIFTS, _WANDER, _PRODUCT) = [_U(i * LANES) for i in range(22, 27)]
+(_FRICTION, _RISE, _LOOKED_UP) = [_U(i * LANES) for i in range(27, 30)]
+
+
+@njit(cache=True)
+def _at(tables: Floats, lane: int, x: float) -> float:
+    """The table of ``lane`` at place ``x``, linear between its entries and constant beyond."""
+    place = (x - of.PLACE_LOW) * ((of.PLACES - 1) / (of.PLACE_HIGH - of.PLACE_LOW))
+    place = min(max(place, 0.0), of.PLACES - 1.000001)
+    i = int(place)
+    here, there = tables[lane, i], tables[lane, i + 1]
+    value: float = here + (place - i) * (there - here)
+    return value
+
+
+@njit(cache=True)
+def _share_and_least(dt: float, q: Floats) -> tuple[float, float]:
+    """The share of its way that a dragging stem makes in a sample, and the speed below which it
+    sticks, as a gap; a negative one lets only a turn stop it."""
+    share = 1.0 - np.exp(-dt / q[of.DRAG_S]) if q[of.DRAG_S] > 1e-3 else 1.0
+    if q[of.RESTICK] < 0.0:
+        return share, -_ROUNDING
+    speed = max(q[of.RESTICK], _STANDS_BELOW if share < 1.0 else 0.0)
+    return share, max(speed * dt / share, _ROUNDING)
+
+
+@njit(cache=True)
+def _reading(z: float, gain: float, offset: float, drift: float, wander: float, t: float) -> float:
+    """What is read of the place ``z``, percent of MV, ``t`` samples from the middle."""
+    return gain * (z - 50.0) + (offset + drift * t + wander)
+
+
+@njit(cache=True)
+def _cost(off: float, slack: float, scale: float) -> float:
+    """The factor 1 + (r/delta)^2 of a sample that is ``off`` percent; ``scale`` is 1/delta^2."""
+    r = abs(off) - slack
+    r = r if r > 0.0 else 0.0
+    return 1.0 + r * r * scale
+
+
+@njit(cache=True)
+def _set_levels(s: Floats, lanes: np.uint64, k: int) -> None:
+    """Breakaway and sliding of every lane at sample ``k``, percent."""
+    for i in range(lanes):
+        s_half, j_half = s[_S_HALF + i], s[_J_HALF + i]
+        uneven, growth = s[_UNEVEN + i], s[_GROWN + i]
+        friction, rise = s[_FRICTION + i], s[_RISE + i]
+        grown = 1.0 + growth * k
+        level, jump = s_half * grown + friction, j_half * grown
+        up, down = jump * (1.0 + uneven), jump * (1.0 - uneven)
+        s[_FS_UP + i], s[_FS_DOWN + i] = level + up + rise, level + down + rise
+        s[_FD_UP + i], s[_FD_DOWN + i] = level - up, level - down
+
+
+@njit(cache=True)
+def _begin(
+    s: Floats, numbers: Floats, lanes: int, force: Floats, rows: NDArray[np.int64], dt: float
+) -> None:
+    """Every lane at rest at its first force."""
+    n = force.shape[1]
+    for lane in range(lanes):
+        row, i = min(lane, rows.size - 1), _U(lane)
+        q = numbers[row]
+        s[_X + i] = s[_Z + i] = force[rows[row], 0]
+        s[_SIDE + i] = s[_PRODUCT + i] = 1.0
+        s[_MOVING + i] = s[_BEFORE + i] = s[_RESTED + i] = s[_PUSHED + i] = s[_WANDER + i] = 0.0
+        s[_SHARE + i], s[_LEAST + i] = _share_and_least(dt, q)
+        s[_STEP + i] = q[of.CREEP] * dt
+        s[_LOW + i], s[_HIGH + i], s[_HALF + i] = q[of.STOP_LOW], q[of.STOP_HIGH], 0.5 * q[of.PLAY]
+        s[_S_HALF + i], s[_J_HALF + i] = 0.5 * q[of.S], 0.5 * q[of.J]
+        s[_UNEVEN + i], s[_GROWN + i] = q[of.ASYMMETRY], q[of.GROWTH] / n
+        s[_SPAN + i], s[_OFFSET + i] = q[of.GAIN], 50.0 + q[of.ZERO]
+        s[_DRIFTS + i] = q[of.DRIFT] / n
+        s[_FRICTION + i], s[_RISE + i], s[_LOOKED_UP + i] = 0.0, 0.0, np.nan
+    _set_levels(s, _U(lanes), 0)
+
+
+@njit(cache=True)
+def _used(numbers: Floats) -> tuple[bool, bool]:
+    """Whether levels of some stem vary along the record, and whether readings wander."""
+    varied, timed = False, False
+    for q in numbers:
+        varied |= q[of.GROWTH] != 0.0 or q[of.BY_PLACE] != 0.0 or q[of.BY_REST] != 0.0
+        timed |= q[of.BY_TIME] != 0.0
+    return varied, timed
+
+
+@njit(cache=True)
+def _move(
+    s: Floats,
+    forces: Floats,
+    lanes: np.uint64,
+    near: tuple[float, float],
+    mv: Floats,
+    slack: Floats,
+    scale: float,
+    begin: int,
+    end: int,
+) -> tuple[int, int]:
+    """Some samples of every lane: stick, let go, slide, be read and charged.
+
+    ``forces`` (_AHEAD lanes,) are laid out by lane, and each is written over by what is read; a
+    stuck stem lets go beyond ``near`` times ``fs``, rising and falling. With a ``scale`` of 0
+    nothing is charged. Returns where it stopped, at ``end`` or before because products are full,
+    and how many are.
+    """
+    near_up, near_down = near
+    k, full, half_way = begin, 0, 0.5 * mv.size
+    while k < end and full == 0:
+        o, t = _U(k % _AHEAD) * lanes, k - half_way
+        seen, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
+        for i in range(lanes):
+            x, z, d, moving = s[_X + i], s[_Z + i], s[_SIDE + i], s[_MOVING + i]
+            fs_up, fs_down = s[_FS_UP + i], s[_FS_DOWN + i]
+            fd_up, fd_down = s[_FD_UP + i], s[_FD_DOWN + i]
+            share, least, step = s[_SHARE + i], s[_LEAST + i], s[_STEP + i]
+            low, high, half = s[_LOW + i], s[_HIGH + i], s[_HALF + i]
+            gain, offset = s[_SPAN + i], s[_OFFSET + i]
+            drift, wander = s[_DRIFTS + i], s[_WANDER + i]
+            product = s[_PRODUCT + i]
+            f = forces[o + i] - x - s[_PUSHED + i]
+            rises, falls = f > near_up * fs_up, -f > near_down * fs_down
+            fd, fd_on = fd_up if rises else fd_down, fd_up if d > 0.0 else fd_down
+            # A moving stem goes on where it is fast enough; one that rests, or sticks, may let go.
+            gap_on, gap = d * f - fd_on, abs(f) - fd
+            moving = moving if gap_on > least else 0.0
+            goes = 1.0 if rises | falls else 0.0
+            leaves = f if rises | falls else 0.0
+            turned = -1.0 if falls else d
+            turned = 1.0 if rises else turned
+            s[_LEAVES + i] = 0.0 if moving > 0.0 else leaves
+            d = d if moving > 0.0 else turned
+            gap = gap_on if moving > 0.0 else gap
+            gap = gap if gap > 0.0 else 0.0  # friction never pushes the stem back
+            moving = moving if moving > 0.0 else goes
+            slid, crept = x + share * d * gap, x + step
+            placed = slid if moving > 0.0 else crept
+            s[_BEFORE + i] = f + x - placed
+            placed = placed if placed > low else low
+            placed = placed if placed < high else high
+            behind, ahead = placed - half, placed + half
+            z = z if z > behind else behind
+            z = z if z < ahead else ahead
+            read = _reading(z, gain, offset, drift, wander, t)
+            product *= _cost(seen - read, free, scale)
+            forces[o + i] = read
+            s[_X + i], s[_Z + i], s[_SIDE + i], s[_MOVING + i] = placed, z, d, moving
+            s[_PRODUCT + i] = product
+            full += 1 if product > _FULL else 0
+        k += 1
+    return k, full
+
+
+@njit(cache=True)
+def _near(onset: int, k: int, n: int, window: float, patience: int) -> float:
+    """The share of ``fs`` beyond which a stem lets go that was next seen to do so at ``onset``."""
+    if window <= 0.0 or onset >= n:
+        return 1.0
+    if onset == k:
+        return 1.0 - window
+    return 1.0 + window if onset - k <= patience else 1.0
+
+
+@njit(cache=True)
+def _early_late(s: Floats, i: np.uint64, before: float, up: bool, down: bool) -> float:
+    """How far the force was from ``fs`` where lane ``i`` let go as it was seen to, percent, else 0.
+
+    ``before`` was the force one sample ago. It was seen to go ``up`` or ``down`` between the two
+    samples: neither early nor late if ``fs`` lies between.
+    """
+    size, fs_up, fs_down = s[_LEAVES + i], s[_FS_UP + i], s[_FS_DOWN + i]
+    side, fs = (1.0, fs_up) if size > 0.0 else (-1.0, fs_down)
+    size, off = abs(size), 0.0
+    if size > 0.0 and (up if side > 0.0 else down):
+        # Neither early nor late if fs lies between the two samples.
+        late = min(side * before, size) - fs if side * before > fs else 0.0
+        off = size - fs if size < fs else late
+    return off
+
+
+@njit(cache=True)
+def _look_up(s: Floats, numbers: Floats, friction: Floats, force: Floats) -> None:
+    """Friction and force by place, of the lanes that moved."""
+    for lane in range(numbers.shape[0]):
+        i = _U(lane)
+        x = s[_X + i]
+        if x != s[_LOOKED_UP + i] and numbers[lane, of.BY_PLACE] != 0.0:
+            s[_LOOKED_UP + i] = x
+            s[_FRICTION + i] = _at(friction, lane, x)
+            s[_PUSHED + i] = _at(force, lane, x)
+
+
+@njit(cache=True)
+def _rise(s: Floats, numbers: Floats, breakaway: Floats) -> None:
+    """What the rest before adds to the breakaway of each lane."""
+    for lane in range(numbers.shape[0]):
+        i = _U(lane)
+        # A stem that sticks at this very sample has not rested yet.
+        rested = 0.0 if s[_MOVING + i] > 0.0 else s[_RESTED + i]
+        if numbers[lane, of.BY_REST] != 0.0:
+            s[_RISE + i] = breakaway[lane, int(rested)]
+        s[_RESTED + i] = rested + 1.0
+
+
+@njit(cache=True)
+def _start(s: Floats, lanes: int, t: float, seen: tuple[float, float, float], laid: Floats) -> int:
+    """Read and charge all lanes at a START, where nothing moves; how many products are full.
+
+    ``seen`` are MV, its slack and the scale of the loss; what is read goes to ``laid``.
+    """
+    full, (measured, free, scale) = 0, seen
+    for i in range(_U(lanes)):
+        laid[i] = _reading(
+            s[_Z + i], s[_SPAN + i], s[_OFFSET + i], s[_DRIFTS + i], s[_WANDER + i], t
+        )
+        s[_PRODUCT + i] *= _cost(measured - laid[i], free, scale)
+        full += 1 if s[_PRODUCT + i] > _FULL else 0
+    return full
+
+
+@njit(cache=True)
+def _plain(
+    k: int,
+    most: int,
+    marks: NDArray[np.uint8],
+    block: NDArray[np.int64],
+    up: int,
+    down: int,
+    patience: int,
+) -> int:
+    """The end of the samples from ``k`` on that are alike: of one block, no mark, no onset."""
+    end = min(most, up if up <= k + patience else up - patience)
+    end = min(end, down if down <= k + patience else down - patience)
+    end, last, b = max(end, k + 1), k + 1, block[k]
+    while last < end:
+        if (marks[last] != 0) | (block[last] != b):
+            end = last
+        last += 1
+    return end
+
+
+@njit(cache=True)
+def _settle(s: Floats, lanes: int, b: int, least: float, scale: float, losses: Floats) -> None:
+    """Add the logarithms of the products beyond ``least`` to block ``b``, and begin them anew.
+
+    Those of spare lanes too: a product that stays full would stop every stretch.
+    """
+    for lane in range(lanes):
+        i = _U(lane)
+        if s[_PRODUCT + i] > least:
+            if lane < losses.shape[0] and b >= 0:
+                losses[lane, b] += np.log(s[_PRODUCT + i]) / scale
+            s[_PRODUCT + i] = 1.0
+
+
+@njit(cache=True)
+def _lay_out(force: Floats, rows: NDArray[np.int64], begin: int, lanes: int, to: Floats) -> None:
+    """The next forces lane by lane, those of spare lanes as of the last candidate."""
+    end = min(begin + _AHEAD, force.shape[1])
+    for lane in range(lanes):
+        row, place = _U(rows[min(lane, rows.size - 1)]), _U(lane)
+        for k in range(_U(begin), _U(end)):
+            to[place] = force[row, k]
+            place += _U(lanes)
+
+
+@njit(cache=True)
+def _gather(laid: Floats, end: int, lanes: int, out: Floats) -> None:
+    """The readings laid out before ``end`` into ``out`` (m, n), candidate by candidate."""
+    begin = max(end - 1, 0) // _AHEAD * _AHEAD
+    for lane in range(out.shape[0]):
+        for k in range(begin, end):
+            out[lane, k] = laid[(k - begin) * lanes + lane]
+
+
+@njit(cache=True, error_model="numpy")  # one that may raise counts its arrays at each call
+def _wander_and_rest(
+    s: Floats,
+    numbers: Floats,
+    tables: tuple[Floats, Floats, Floats, Floats],
+    seen: tuple[float, float, int],
+    k: int,
+    t: float,
+    laid: Floats,
+) -> None:
+    """Before sample ``k``: how far readings wander, and at a mark where stems rest, which is where
+    they were ``seen`` (MV, MV one sample ago, and the mark), but within the band of their force."""
+    (now, ago, mark), (friction, force, _, wander) = seen, tables
+    start = mark == _START
+    for lane in range(numbers.shape[0]):
+        i, q = _U(lane), numbers[lane]
+        if q[of.BY_TIME] != 0.0:
+            s[_WANDER + i] = wander[lane, k]
+        if not (start or (mark == _RESYNC and s[_MOVING + i] == 0.0)):
+            continue
+        offset = s[_OFFSET + i] + s[_DRIFTS + i] * t + s[_WANDER + i]
+        z, half = ((now if start else ago) - offset) / s[_SPAN + i] + 50.0, s[_HALF + i]
+        band = abs(s[_S_HALF + i] + s[_J_HALF + i]) * (1.0 + abs(s[_GROWN + i]) * k) + half
+        if q[of.BY_PLACE] != 0.0:
+            band += abs(_at(friction, lane, z)) + abs(_at(force, lane, z))
+        z = min(max(z, laid[lane] - band), laid[lane] + band)
+        # At a RESYNC it rests within the play of its reading.
+        s[_X + i] = z if start else min(max(s[_X + i], z - half), z + half)
+        s[_Z + i], s[_MOVING + i] = z, 0.0
+        s[_RESTED + i] = 0.0 if start else s[_RESTED + i]
+
+
+@njit(cache=True)
+def _charge_onsets(
+    s: Floats,
+    before: Floats,
+    sides: tuple[bool, bool],
+    costs: tuple[float, float, float],
+    k: int,
+    b: int,
+    losses: Floats,
+    early_late: Floats,
+) -> None:
+    """After sample ``k``, at which the stem was seen to let go: what each lane is charged for it.
+
+    ``sides``: whether it was seen to rise, to fall. ``costs``: the scatter, what an event counts
+    for, and 1/delta^2.
+    """
+    up, down = sides
+    scatter, event, scale = costs
+    for lane in range(losses.shape[0]):
+        late = _early_late(s, _U(lane), before[lane], up, down)
+        if early_late.size > 0:
+            early_late[lane, k] = late
+        if late != 0.0 and b >= 0:
+            e = late / scatter
+            losses[lane, b] += event * np.log(1.0 + e * e) / scale
+
+
+@njit(cache=True)
+def follow(
+    force: Floats,
+    rows: NDArray[np.int64],
+    numbers: Floats,
+    tables: Tables,
+    record: Record,
+    scoring: Scoring,
+    losses: Floats,
+    out: Floats,
+    early_late: Floats,
+) -> None:
+    """Run ``m <= LANES`` stems of ``numbers`` (m, 16), each over a row of ``force`` (r, n).
+
+    ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
+    sums of the loss, ``out`` (m, n) the readings, percent of MV, and ``early_late`` (m, n) how far
+    the force was below (negative) or beyond ``fs`` at each assimilated breakaway, percent, else 0.
+    Of the last two, empty ones are left alone.
+    """
+    # Taken apart first: an array that is looked up by name is counted at every sample.
+    mv, marks, next_up, next_down, dt, window = record
+    block, slack, delta, scatter, event = scoring
+    friction, pushing, breakaway, wander = tables
+    tabled = friction, pushing, breakaway, wander
+    n, m, scale, patience = mv.size, rows.size, 1.0 / (delta * delta), int(_PATIENCE_S / dt)
+    lanes = (m + _WIDTH - 1) // _WIDTH * _WIDTH
+    s, laid, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
+    _begin(s, numbers, lanes, force, rows, dt)
+    varied, timed = _used(numbers)
+    losses[:], early_late[:] = 0.0, 0.0
+    k, current, full = 0, -1, 0
+    while k < n:
+        if k % _AHEAD == 0:
+            _gather(laid, k, lanes, out)
+            _lay_out(force, rows, k, lanes, laid)
+        b, mark, t, o = block[k], marks[k], k - 0.5 * n, k % _AHEAD * lanes
+        if b >= 0 and (b != current or full > 0):
+            _settle(s, lanes, current, 0.0 if b != current else _FULL, scale, losses)
+            current, full = b, 0
+        charged = scale if b >= 0 else 0.0
+        if timed or mark != 0:
+            seen = mv[k], mv[k - 1], int(mark)
+            _wander_and_rest(s, numbers, tabled, seen, k, t, laid[o:])
+        if mark == _START:
+            full += _start(s, m, t, (mv[k], slack[k], charged), laid[o:])
+            k += 1
+            continue
+        if varied:
+            _look_up(s, numbers, friction, pushing)
+            _rise(s, numbers, breakaway)
+            _set_levels(s, _U(lanes), k)
+        up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
+        end = k + 1
+        if not (up or down or mark != 0 or varied or timed):
+            most = min(n, k - k % _AHEAD + _AHEAD)
+            end = _plain(k, most, marks, block, next_up[k], next_down[k], patience)
+        near_up = _near(next_up[k], k, n, window, patience)
+        near = near_up, _near(next_down[k], k, n, window, patience)
+        for lane in range(m if up or down else 0):
+            before[lane] = s[_BEFORE + _U(lane)]
+        at, (k, more) = k, _move(s, laid, _U(lanes), near, mv, slack, charged, k, end)
+        full += more
+        if up or down:
+            costs = scatter, event, scale
+            _charge_onsets(s, before, (up, down), costs, at, b, losses, early_late)
+    _settle(s, lanes, current, 0.0, scale, losses)
+    _gather(laid, n, lanes, out)
