@@ -24,7 +24,8 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 
-# Order of the numbers (16,) of a stem.
+# Order of the numbers (16,) of a stem. They and the places are compiled into ``kernel``, whose
+# cache does not notice a change here: clear it, or save ``kernel`` as well.
 (
     S,
     J,
@@ -45,6 +46,7 @@ from stemwatch.models.recording import Floats
 ) = range(16)
 N_NUMBERS = 16
 PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
+
 _NEUTRAL = np.zeros(N_NUMBERS)
 _NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH]] = 1.0, -np.inf, np.inf
 EVENT = 3.0  # samples that a breakaway counts for
