@@ -103,21 +103,25 @@ class Memory(threading.Thread):
 
     ``together``, of the process ``alone``, and of its largest ``worker`` (0 where it has none);
     each highest at its own instant. Proportional shares as the kernel tells them, so that what
-    processes share counts once.
+    processes share counts once. ``spent`` is their processor time by process, seconds, when each
+    was last seen: workers that a fork server started are nobody's children when they end.
     """
 
     def __init__(self, pid: int) -> None:
         super().__init__(daemon=True)
         self.pid, self.over = pid, threading.Event()
         self.together = self.alone = self.worker = 0
+        self.spent: dict[int, float] = {}
 
     def run(self) -> None:
         """Look twice a second until it is over."""
         while not self.over.wait(LOOK_S):
-            alone, *workers = [_memory(pid) for pid in _family(self.pid)]
+            family = _family(self.pid)
+            alone, *workers = [_memory(pid) for pid in family]
             self.together = max(self.together, alone + sum(workers))
             self.alone = max(self.alone, alone)
             self.worker = max(self.worker, *workers, 0)
+            self.spent |= {pid: seconds for pid in family if (seconds := _processor_time(pid))}
 
 
 def _family(pid: int) -> list[int]:
@@ -142,6 +146,16 @@ def _memory(pid: int) -> int:
         return 0
     except OSError:
         return 0
+
+
+def _processor_time(pid: int) -> float:
+    """Seconds of processor time of one process so far; 0 where it has ended."""
+    try:
+        # The name, in brackets, may hold blanks; user and system time are the 12th and 13th after.
+        after = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(after[11]) + int(after[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def make_archive(folder: Path, form: str, valves: int, hours: float, distinct: int) -> float:
@@ -171,8 +185,8 @@ def _stemwatch(*arguments: object) -> None:
 def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, float]:
     """One run of ``stemwatch screen`` on the plant: seconds, and the highest memory in MB.
 
-    ``core_s`` is the processor time of all its processes, which other work on the machine
-    disturbs less.
+    ``core_s`` is the processor time of all its processes to within half a second of each, which
+    other work on the machine disturbs less.
     """
     tell(f"screening {plant.parent.name}/{plant.name} with {workers} workers")
     with tempfile.TemporaryDirectory() as out:
@@ -181,7 +195,7 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
             sys.executable, "-m", "stemwatch.service", "screen", "--plant", plant,
             "--out", out, "--db", database, "--workers", workers, "--executor", executor,
         ]  # fmt: skip
-        began, spent = time.perf_counter(), _processor_time()
+        began = time.perf_counter()
         process = subprocess.Popen(
             list(map(str, command)),
             env={**os.environ, "OMP_NUM_THREADS": "1"},
@@ -199,7 +213,7 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
         size = (Path(out) / "report.html").stat().st_size
     found = {
         "seconds": seconds,
-        "core_s": _processor_time() - spent,
+        "core_s": sum(memory.spent.values()),
         "memory_mb": memory.together / 1e6,
         "program_mb": memory.alone / 1e6,
         "worker_mb": memory.worker / 1e6,
@@ -207,12 +221,6 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
     }
     tell(", ".join(f"{name} {value:.1f}" for name, value in found.items()))
     return found
-
-
-def _processor_time() -> float:
-    """Seconds of processor time of the children that have ended, and of theirs."""
-    times = os.times()
-    return times.children_user + times.children_system
 
 
 def stages_of(archive: Path, valves: int) -> dict[str, float]:
