@@ -13,6 +13,7 @@ from stemwatch.models.forensics import repeat_share
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.bench import Bench, Hypothesis, Layout, make_bench
 from stemwatch.models.mismatch.crossfit import CAREFUL, Effort, Fitted, crossfit, search
+from stemwatch.models.mismatch.instep import Search, conclude
 from stemwatch.models.mismatch.term import Look
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.fit import CANONICAL, COARSE_COMMAND, ONLY_WHEN_TURNING
@@ -114,7 +115,10 @@ def fit_base(
     if repeat_share(problem.op) >= COARSE_COMMAND:
         readings.append(replace(bench, restick=ONLY_WHEN_TURNING, _layouts={}))
     everything = np.ones(problem.n_blocks, dtype=bool)
-    found = [search(one, one.layout(Hypothesis()), everything, starts, CAREFUL) for one in readings]
+    found = [
+        conclude(one, search(one, one.layout(Hypothesis()), everything, starts, CAREFUL))
+        for one in readings
+    ]
     best = int(np.argmin([one.loss for one in found]))
     if found[best].loss >= CLEARLY * found[0].loss:
         best = 0
@@ -128,7 +132,7 @@ def fit_base(
     layout = chosen.layout(Hypothesis())
     every = 1 if chosen.slack.any() else max(starts.shape[0] // 60, 1)
     near = np.vstack((starts[::every], found[best].candidate))
-    fitted = crossfit(chosen, layout, near, CAREFUL)
+    fitted = conclude(chosen, crossfit(chosen, layout, near, CAREFUL))
     seen = fitted.candidates.mean(axis=0)
     S = float(seen[at.S_PERCENT])
     look = replace(look, S=S, J=S * float(seen[at.RATIO]))
@@ -140,12 +144,13 @@ def naive_bench(bench: Bench) -> Bench:
     return replace(bench, window=0.0, restick=CANONICAL, _layouts={})
 
 
-def fit_naive(bench: Bench, blocks: Bools) -> Floats:
+def fit_naive(bench: Bench, blocks: Bools) -> Search[Floats]:
     """(6,) S and J alone: gain 1, zero 0, no delay, fitted to ``blocks`` of a naive bench."""
     layout = naive_layout(bench)
     starts = layout.bounds.clip(grid(bench.look, 0.0))
-    found = search(bench, layout, blocks, starts, NAIVE)
-    return search(bench, layout, blocks, found.candidate[None, :], NAIVE).candidate
+    found = yield from search(bench, layout, blocks, starts, NAIVE)
+    found = yield from search(bench, layout, blocks, found.candidate[None, :], NAIVE)
+    return found.candidate
 
 
 def naive_layout(bench: Bench) -> Layout:

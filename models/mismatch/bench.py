@@ -8,19 +8,21 @@ so that a richer hypothesis can only win by what it adds on blocks that it was n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain, pairwise
+from itertools import accumulate, chain, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from stemwatch.models.mismatch import stem as at
-from stemwatch.models.mismatch.delay import delayed
+from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.given import Record, Scoring
-from stemwatch.models.mismatch.kernel import LANES, follow
+from stemwatch.models.mismatch.kernel import LANES, follow, used
 from stemwatch.models.mismatch.onsets import Onsets, Samples, onsets
-from stemwatch.models.mismatch.stem import Stems
+from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.kernel import RESYNC, Marks
@@ -40,11 +42,17 @@ FIRST_SCATTER = 0.08  # of the level (S + J)/2
 _NOTHING = np.empty((0, 0))
 
 
-def batches(count: int) -> Iterator[slice]:
-    """``count`` candidates in as few parts as run side by side, of nearly equal sizes."""
-    parts = -(-count // LANES)
-    ends = [count * part // parts for part in range(parts + 1)]
-    return (slice(begin, end) for begin, end in pairwise(ends))
+def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
+    """Candidates, ``counts`` of them in each lot, in as few batches as run side by side, of nearly
+    equal sizes; of each batch the lots, by number, and which part of each."""
+    total, ends = sum(counts), list(accumulate(counts, initial=0))
+    parts = -(-total // LANES)
+    for begin, end in pairwise(total * part // parts for part in range(parts + 1)):
+        yield [
+            (lot, slice(max(begin - first, 0), min(end, last) - first))
+            for lot, (first, last) in enumerate(pairwise(ends))
+            if first < end and begin < last
+        ]
 
 
 @dataclass(frozen=True)
@@ -79,10 +87,22 @@ class Layout:
         return int(self.bounds.low.size)
 
     @cached_property
-    def shaping(self) -> tuple[tuple[Term, slice], ...]:
-        """The terms that shape the command, and where their coordinates lie."""
-        terms = self.hypothesis.terms
-        return tuple((t, self.places[t.slug]) for t in terms if t.way is Way.COMMAND)
+    def shaping(self) -> Shaping:
+        """The terms that shape the command, by the coordinates ``of_force``."""
+        terms = [term for term in self.hypothesis.terms if term.way is Way.COMMAND]
+        found, begin = [], 1
+        for term in terms:
+            place = self.places[term.slug]
+            end = begin + place.stop - place.start
+            found.append((term, slice(begin, end)))
+            begin = end
+        return Shaping(tuple(found), tuple(term.slug for term in terms))
+
+    @cached_property
+    def of_force(self) -> list[int]:
+        """The coordinates that the force on the stem is made of."""
+        places = (self.places[slug] for slug in self.shaping.slugs)
+        return [DELAY, *chain.from_iterable(range(place.start, place.stop) for place in places)]
 
     @cached_property
     def filling(self) -> tuple[tuple[Term, slice], ...]:
@@ -91,29 +111,43 @@ class Layout:
         return tuple((t, self.places[t.slug]) for t in terms if t.way is not Way.COMMAND)
 
     @cached_property
-    def of_force(self) -> list[int]:
-        """The coordinates that the force on the stem is made of."""
-        shaping = (range(place.start, place.stop) for _, place in self.shaping)
-        return [DELAY, *chain.from_iterable(shaping)]
+    def kind(self) -> tuple[bool, bool]:
+        """Whether levels vary along the record, and whether readings wander: what runs alike."""
+        stem = Stem.neutral(2, 1.0)
+        for term, place in self.filling:
+            term.fill(stem, self.bounds.high[place])
+        varied, timed = used(stem.numbers[None])
+        return bool(varied), bool(timed)
 
 
-@dataclass(frozen=True)
-class _Forces:
-    """Forces that were computed last: ``rows`` (LANES, n), and which one was made of what."""
-
-    rows: Floats
-    spare: Floats
-    made: dict[tuple[object, ...], int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Runs:
+class Runs(NamedTuple):
     """Runs of m candidates: the readings and how far each breakaway came from ``fs``, (m, n)
     percent, and the loss in each block (m, n_blocks). Buffers: the next run writes over them."""
 
     simulated: Floats
     early_late: Floats
     losses: Floats
+
+
+class Ask:
+    """What a search waits for: assimilated runs of ``candidates`` (m, size) of a layout.
+
+    Answered with ``losses`` (m, n_blocks), the sums of the robust loss, all blocks of time among
+    them. One that ``reads`` is shown the runs as well.
+    """
+
+    reads = False
+
+    def __init__(self, layout: Layout, candidates: Floats) -> None:
+        self.layout, self.candidates = layout, candidates
+        self.losses = _NOTHING
+
+    def take(self, part: slice, runs: Runs) -> None:
+        """The answer of some of the candidates; the next one writes over the runs."""
+        self.losses[part] = runs.losses
+
+
+Piece = tuple[Layout, Floats]  # candidates (m, size) that run side by side with those of others
 
 
 @dataclass(frozen=True)
@@ -133,7 +167,7 @@ class Bench:
     slack: Floats  # (n,) how far the true value may lie from a drawn one, percent; 0: measured
     _upcoming: tuple[Samples, Samples]
     _stems: Stems
-    _forces: _Forces
+    _forces: Forces
     _runs: Runs
     _layouts: dict[tuple[str, ...], Layout] = field(default_factory=dict)
 
@@ -160,40 +194,44 @@ class Bench:
     def simulate(self, layout: Layout, candidate: Floats) -> Floats:
         """(n,) MV by a free run, percent; only gaps in the recording restart it."""
         runs = self._first(1)
-        self._follow(layout, candidate[None], self.problem.start, 0.0, self.problem.block, runs)
+        self._follow([(layout, candidate[None])], self.problem.start, 0.0, runs)
         return np.array(runs.simulated[0])
 
     def assimilated(self, layout: Layout, candidate: Floats) -> tuple[Floats, Floats]:
         """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each came."""
-        runs = self.run(layout, candidate[None], self.problem.block)
+        runs = self._first(1)
+        self._follow([(layout, candidate[None])], self.marks, self.window, runs)
         return np.array(runs.simulated[0]), np.array(runs.early_late[0])
-
-    def run(self, layout: Layout, candidates: Floats, block: Samples) -> Runs:
-        """Assimilated runs of up to LANES candidates (m, size), scored as ``block`` (n,) says."""
-        runs = self._first(candidates.shape[0])
-        self._follow(layout, candidates, self.marks, self.window, block, runs)
-        return runs
 
     def block_losses(self, layout: Layout, candidates: Floats) -> Floats:
         """(m, n_blocks) sums of the robust loss of candidates (m, size)."""
-        return self._losses(layout, candidates, self.problem.block)
+        ask = Ask(layout, candidates)
+        self.answer([ask])
+        return ask.losses
 
-    def _losses(self, layout: Layout, candidates: Floats, block: Samples) -> Floats:
-        """``block_losses`` of the samples that ``block`` (n,) gives to a block."""
-        losses = np.empty((candidates.shape[0], self.problem.n_blocks))
-        for part in batches(candidates.shape[0]):
-            only = Runs(_NOTHING, _NOTHING, losses[part])
-            self._follow(layout, candidates[part], self.marks, self.window, block, only)
-        return losses
+    def answer(self, asks: Iterable[Ask]) -> None:
+        """Run what is asked for: candidates that run alike side by side, whoever asks for them."""
+        alike = defaultdict(list)
+        for ask in asks:
+            ask.losses = np.empty((ask.candidates.shape[0], self.problem.n_blocks))
+            alike[ask.reads, ask.layout.kind].append(ask)
+        for (reads, _), group in alike.items():
+            for batch in batches([ask.candidates.shape[0] for ask in group]):
+                self._serve([(group[i], part) for i, part in batch], reads=reads)
+
+    def _serve(self, parts: list[tuple[Ask, slice]], *, reads: bool) -> None:
+        """Run up to LANES candidates, and hand each part of an ask what is its own."""
+        ends = np.cumsum([part.stop - part.start for _, part in parts]).tolist()
+        simulated, early_late, losses = self._first(ends[-1])
+        runs = Runs(simulated, early_late, losses) if reads else Runs(_NOTHING, _NOTHING, losses)
+        pieces = [(ask.layout, ask.candidates[part]) for ask, part in parts]
+        self._follow(pieces, self.marks, self.window, runs)
+        for (ask, part), (begin, end) in zip(parts, pairwise([0, *ends]), strict=True):
+            ask.take(part, Runs(*(rows[begin:end] for rows in runs)))
 
     def loss(self, layout: Layout, blocks: Bools) -> Loss:
         """The mean robust loss over some blocks as a function of candidates."""
-        block = self.within(blocks)
-
-        def value(candidates: Floats) -> Floats:
-            return self.mean_loss(self._losses(layout, candidates, block), blocks)
-
-        return value
+        return lambda candidates: self.mean_loss(self.block_losses(layout, candidates), blocks)
 
     def within(self, blocks: Bools) -> Samples:
         """(n,) the block of each sample, -1 outside of some ``blocks``."""
@@ -201,8 +239,9 @@ class Bench:
         return np.where(np.append(blocks, False)[block], block, -1)
 
     def mean_loss(self, losses: Floats, blocks: Bools) -> Floats:
-        """(m,) the mean over the samples of some blocks of losses (m, n_blocks) within them."""
-        return np.asarray(losses.sum(1) / max(float(self.counts[blocks].sum()), 1.0))
+        """(m,) the mean over the samples of some blocks of losses (m, n_blocks)."""
+        within = np.where(blocks, losses, 0.0)
+        return np.asarray(within.sum(1) / max(float(self.counts[blocks].sum()), 1.0))
 
     @cached_property
     def counts(self) -> Floats:
@@ -228,73 +267,41 @@ class Bench:
 
     def _first(self, count: int) -> Runs:
         """Buffers for the runs of some candidates."""
-        runs = self._runs
-        return Runs(runs.simulated[:count], runs.early_late[:count], runs.losses[:count])
+        return Runs(*(rows[:count] for rows in self._runs))
 
-    def _follow(
-        self,
-        layout: Layout,
-        candidates: Floats,
-        marks: Marks,
-        window: float,
-        block: Samples,
-        runs: Runs,
-    ) -> None:
-        """Run up to LANES candidates (m, size) into ``runs``."""
+    def _follow(self, pieces: Sequence[Piece], marks: Marks, window: float, runs: Runs) -> None:
+        """Run up to LANES candidates in all into ``runs``."""
         problem = self.problem
-        rows = self._made(layout, candidates, marks)
-        self._fill(layout, candidates)
+        rows = self._forces.of((one.shaping, some[:, one.of_force]) for one, some in pieces)
+        self._fill(pieces)
         follow(
             self._forces.rows,
             rows,
             *self._stems.first(rows.size),
             Record(problem.mv, marks, *self._upcoming, problem.interval_s, window),
-            Scoring(block, self.slack, self.delta, self.scatter, self.event),
+            Scoring(problem.block, self.slack, self.delta, self.scatter, self.event),
             runs.losses,
             runs.simulated,
             runs.early_late,
         )
 
-    def _fill(self, layout: Layout, candidates: Floats) -> None:
-        """The stems of candidates (m, size)."""
-        count = candidates.shape[0]
+    def _fill(self, pieces: Sequence[Piece]) -> None:
+        """The stems of the candidates."""
+        base = np.concatenate([candidates[:, :N_BASE] for _, candidates in pieces])
+        count = base.shape[0]
         each, q = self._stems.each[:count], self._stems.numbers[:count]
-        for stem in each:
-            stem.clear()
-        q[:, at.S] = candidates[:, S_PERCENT]
-        q[:, at.J] = candidates[:, S_PERCENT] * candidates[:, RATIO]
-        q[:, at.ZERO], q[:, at.GAIN] = candidates[:, ZERO], 1.0 + candidates[:, GAIN]
-        resticks = candidates[:, RESTICK]
-        q[:, at.RESTICK] = np.where(resticks > 0.0, resticks, self.restick)
-        for term, place in layout.filling:
-            for stem, values in zip(each, candidates[:, place], strict=True):
-                term.fill(stem, values)
-
-    def _made(self, layout: Layout, candidates: Floats, marks: Marks) -> Samples:
-        """(m,) rows of the forces on the stems; many candidates differ in nothing of it."""
-        forces, how = self._forces, (marks is self.marks, *(t.slug for t, _ in layout.shaping))
-        keys = [(*how, one.tobytes()) for one in candidates[:, layout.of_force]]
-        wanted = set(keys)
-        for key, candidate in zip(keys, candidates, strict=True):
-            if key not in forces.made:
-                row = len(forces.made)
-                if row == LANES:
-                    row = forces.made.pop(next(old for old in forces.made if old not in wanted))
-                self._make(layout, candidate, marks, forces.rows[row])
-                forces.made[key] = row
-        return np.array([forces.made[key] for key in keys])
-
-    def _make(self, layout: Layout, candidate: Floats, marks: Marks, row: Floats) -> None:
-        """The force on the stem, percent, into ``row`` (n,)."""
-        dt = self.problem.interval_s
-        # The two take turns, so that the last is written to the row.
-        p, spare = row, self._forces.spare
-        if len(layout.shaping) % 2:
-            p, spare = spare, p
-        delayed(self.problem.op, marks, candidate[DELAY] / dt, p)
-        for term, place in layout.shaping:
-            term.shape(p, marks, dt, candidate[place], spare)
-            p, spare = spare, p
+        self._stems.clear(count)
+        q[:, at.S] = base[:, S_PERCENT]
+        q[:, at.J] = base[:, S_PERCENT] * base[:, RATIO]
+        q[:, at.ZERO], q[:, at.GAIN] = base[:, ZERO], 1.0 + base[:, GAIN]
+        q[:, at.RESTICK] = np.where(base[:, RESTICK] > 0.0, base[:, RESTICK], self.restick)
+        begin = 0
+        for layout, candidates in pieces:
+            end = begin + candidates.shape[0]
+            for term, place in layout.filling:
+                for stem, values in zip(each[begin:end], candidates[:, place], strict=True):
+                    term.fill(stem, values)
+            begin = end
 
     def spread(self, layout: Layout, scale: float) -> Floats:
         """(size,) widths of a search over all coordinates."""
@@ -346,7 +353,7 @@ def make_bench(
         slack=slack,
         _upcoming=seen.upcoming(n),
         _stems=Stems.neutral(LANES, n, problem.interval_s),
-        _forces=_Forces(np.empty((LANES, n)), np.empty(n)),
+        _forces=Forces.none_yet(problem.op, problem.start, problem.interval_s, LANES),
         _runs=Runs(
             np.empty((LANES, n)),
             np.empty((LANES, n)),

@@ -1,7 +1,7 @@
 """Cross-fitting: each hypothesis is fitted twice, and judged on the blocks it was not fitted to.
 
 Blocks of time alternate between two folds. A search sees one fold only; the score of a block comes
-from the fit to the other one.
+from the fit to the other one. Both folds, and all places that a search begins from, go in step.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.bench import Bench, Hypothesis, Layout
+from stemwatch.models.mismatch.bench import Ask, Bench, Hypothesis, Layout
 from stemwatch.models.mismatch.descent import descend
+from stemwatch.models.mismatch.instep import Search, together
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.fit import Advantage, advantage
-from stemwatch.models.stickslip.search import Found, best_of, refine
+from stemwatch.models.stickslip.search import Found, ordered, refining
 
 SEED = 1977
 
@@ -49,13 +50,19 @@ DISAGREE = 0.1  # percent per second between the folds' speeds of sticking again
 class Fitted:
     """A hypothesis on both folds.
 
-    ``candidates`` (2, size): fitted to the even and to the odd blocks; ``heldout`` (n_blocks,) the
-    sum of the loss of each block by the fit that did not see it.
+    ``candidates`` (2, size): fitted to the even and to the odd blocks; ``losses`` (2, n_blocks)
+    the sums of the loss of all blocks by each.
     """
 
     layout: Layout
     candidates: Floats
-    heldout: Floats
+    losses: Floats
+
+    @property
+    def heldout(self) -> Floats:
+        """(n_blocks,) the loss of each block by the fit that did not see it."""
+        odd = np.arange(self.losses.shape[1]) % 2 == 1
+        return np.asarray(np.where(odd, self.losses[0], self.losses[1]))
 
     @property
     def slugs(self) -> tuple[str, ...]:
@@ -72,11 +79,22 @@ def folds(bench: Bench) -> tuple[Bools, Bools]:
     return even, ~even
 
 
-def search(bench: Bench, layout: Layout, blocks: Bools, starts: Floats, effort: Effort) -> Found:
+def search(
+    bench: Bench, layout: Layout, blocks: Bools, starts: Floats, effort: Effort
+) -> Search[Found]:
     """The best candidate on ``blocks`` that is found from ``starts`` (m, size). Seeded."""
-    loss = bench.loss(layout, blocks)
-    begun = best_of(loss, starts, keep=effort.keep)
-    return _refined(bench, layout, blocks, begun, effort)
+    begun = yield from _cheapest(bench, layout, blocks, starts)
+    found = yield from _refined(bench, layout, blocks, begun[: effort.keep], effort)
+    return found
+
+
+def _cheapest(
+    bench: Bench, layout: Layout, blocks: Bools, candidates: Floats
+) -> Search[list[Found]]:
+    """Candidates (m, size), the best on ``blocks`` first."""
+    ask = Ask(layout, candidates)
+    yield [ask]
+    return ordered(candidates, bench.mean_loss(ask.losses, blocks))
 
 
 def _refined(
@@ -86,51 +104,69 @@ def _refined(
     begun: list[Found],
     effort: Effort,
     simple: float = np.inf,
-) -> Found:
+) -> Search[Found]:
     """The best that is found from ``begun``; no further where the loss ``simple`` of a poorer
     hypothesis is out of reach."""
     reached = begun
     if len(begun) > 1:
-        reached = _descended(bench, layout, blocks, begun, FIRST_ROUNDS)
+        reached = yield from _descended(bench, layout, blocks, begun, FIRST_ROUNDS)
     if reached[0].loss > HOPELESS * simple:
         return reached[0]
     left = effort.rounds - (FIRST_ROUNDS if len(begun) > 1 else 0)
-    best = _descended(bench, layout, blocks, reached[: effort.go_on], left)[0]
+    found = yield from _descended(bench, layout, blocks, reached[: effort.go_on], left)
     # Always: what makes the command late stands only with another speed of sticking again.
-    best = _resticking(bench, layout, blocks, best)
+    best = yield from _resticking(bench, layout, blocks, found[0])
     if not effort.population or best.loss > simple:
         return best
-    around = refine(
-        bench.loss(layout, blocks),
-        best.candidate,
-        bench.spread(layout, effort.width),
-        layout.bounds,
-        np.random.default_rng(SEED),
-        rounds=POPULATION_ROUNDS,
-        population=effort.population,
-    )
-    return min(best, around, key=lambda one: one.loss)
+    best = yield from _around(bench, layout, blocks, best, effort)
+    return best
 
 
 def _descended(
     bench: Bench, layout: Layout, blocks: Bools, begun: list[Found], rounds: int
-) -> list[Found]:
+) -> Search[list[Found]]:
     """Where ``begun`` lead to, the best first."""
-    reached = [descend(bench, layout, blocks, one.candidate, rounds) for one in begun]
+    reached = yield from together(
+        descend(bench, layout, blocks, one.candidate, rounds) for one in begun
+    )
     return sorted(reached, key=lambda one: one.loss)
 
 
-def _resticking(bench: Bench, layout: Layout, blocks: Bools, best: Found) -> Found:
+def _resticking(bench: Bench, layout: Layout, blocks: Bools, best: Found) -> Search[Found]:
     """Try other speeds below which the stem sticks again, and go on from a better one."""
     if layout.bounds.high[at.RESTICK] <= 0.0:
         return best
     now = float(best.candidate[at.RESTICK])
     trials = np.tile(best.candidate, (len(RESTICKS) + 2, 1))
     trials[:, at.RESTICK] = [*RESTICKS, 0.75 * now, 1.3 * now]
-    found = best_of(bench.loss(layout, blocks), layout.bounds.clip(trials))[0]
-    if found.loss >= best.loss:
+    tried = yield from _cheapest(bench, layout, blocks, layout.bounds.clip(trials))
+    if tried[0].loss >= best.loss:
         return best
-    return descend(bench, layout, blocks, found.candidate, AFTER_RESTICK)
+    found = yield from descend(bench, layout, blocks, tried[0].candidate, AFTER_RESTICK)
+    return found
+
+
+def _around(
+    bench: Bench, layout: Layout, blocks: Bools, best: Found, effort: Effort
+) -> Search[Found]:
+    """The best of populations about ``best``."""
+    search = refining(
+        best,
+        bench.spread(layout, effort.width),
+        layout.bounds,
+        np.random.default_rng(SEED),
+        rounds=POPULATION_ROUNDS,
+        population=effort.population,
+    )
+    drawn = next(search)
+    while True:
+        ask = Ask(layout, drawn)
+        yield [ask]
+        try:
+            drawn = search.send(bench.mean_loss(ask.losses, blocks))
+        except StopIteration as end:
+            found: Found = end.value
+            return found
 
 
 def crossfit(
@@ -139,72 +175,64 @@ def crossfit(
     starts: Floats,
     effort: Effort,
     simple: tuple[float, float] = (np.inf, np.inf),
-) -> Fitted:
+) -> Search[Fitted]:
     """Fit ``layout``'s hypothesis to each fold; ``starts`` (m, size) must not depend on them.
 
     ``simple`` are the losses of a poorer hypothesis on both folds: what does not come near them
     is not searched further.
     """
-    candidates = np.empty((2, layout.size))
-    ordered = ranked(bench, layout, starts)
-    for i, (fold, begun) in enumerate(zip(folds(bench), ordered, strict=True)):
-        kept = begun[: effort.keep]
-        candidates[i] = _refined(bench, layout, fold, kept, effort, simple[i]).candidate
-    return scored(bench, layout, candidates)
+    begun = yield from ranked(bench, layout, starts)
+    of_folds = zip(folds(bench), begun, simple, strict=True)
+    found = yield from together(
+        _refined(bench, layout, fold, first[: effort.keep], effort, least)
+        for fold, first, least in of_folds
+    )
+    fitted = yield from scored(layout, np.array([one.candidate for one in found]))
+    return fitted
 
 
-def ranked(bench: Bench, layout: Layout, starts: Floats) -> tuple[list[Found], list[Found]]:
+def ranked(bench: Bench, layout: Layout, starts: Floats) -> Search[tuple[list[Found], list[Found]]]:
     """The ``starts`` (m, size) for the even and for the odd blocks, the best first."""
-    losses = bench.block_losses(layout, starts)
-    found = []
-    for fold in folds(bench):
-        totals = losses[:, fold].sum(axis=1) / max(float(bench.counts[fold].sum()), 1.0)
-        order = np.argsort(totals, kind="stable")
-        found.append([Found(starts[j].copy(), float(totals[j])) for j in order])
-    return found[0], found[1]
+    ask = Ask(layout, starts)
+    yield [ask]
+    even, odd = (ordered(starts, bench.mean_loss(ask.losses, fold)) for fold in folds(bench))
+    return even, odd
 
 
 def own_losses(bench: Bench, fitted: Fitted) -> tuple[float, float]:
     """The mean loss of each fold by the fit to that fold."""
-    losses = bench.block_losses(fitted.layout, fitted.candidates)
     even, odd = (
-        float(row[fold].sum()) / max(float(bench.counts[fold].sum()), 1.0)
-        for row, fold in zip(losses, folds(bench), strict=True)
+        float(bench.mean_loss(row[None], fold)[0])
+        for row, fold in zip(fitted.losses, folds(bench), strict=True)
     )
     return even, odd
 
 
-def again(bench: Bench, fitted: Fitted, effort: Effort, *more: Floats) -> Fitted:
+def again(bench: Bench, fitted: Fitted, effort: Effort, *more: Floats) -> Search[Fitted]:
     """Go on from where ``fitted`` stands on each fold, and from more candidates for each (2, m)."""
-    candidates = np.empty_like(fitted.candidates)
-    for i, fold in enumerate(folds(bench)):
-        starts = np.vstack((fitted.candidates[i : i + 1], *(extra[i : i + 1] for extra in more)))
-        candidates[i] = search(bench, fitted.layout, fold, starts, effort).candidate
-    return better(bench, fitted, scored(bench, fitted.layout, candidates))
+    starts = np.stack((fitted.candidates, *more), axis=1)
+    found = yield from together(
+        search(bench, fitted.layout, fold, of_fold, effort)
+        for fold, of_fold in zip(folds(bench), starts, strict=True)
+    )
+    went_on = yield from scored(fitted.layout, np.array([one.candidate for one in found]))
+    return better(bench, fitted, went_on)
 
 
 def better(bench: Bench, old: Fitted, new: Fitted) -> Fitted:
-    """The fit of each fold that is better on the fold it was fitted to."""
-    both = np.vstack((old.candidates, new.candidates))
-    losses = bench.block_losses(new.layout, both)
-    taken = [2, 3]
+    """The fit of each fold that is better on the fold it was fitted to; both of one layout."""
+    candidates, losses = new.candidates.copy(), new.losses.copy()
     for i, fold in enumerate(folds(bench)):
-        before, after = losses[[i, 2 + i]][:, fold].sum(axis=1)
-        if bench.counts[fold].sum() and before < after:
-            taken[i] = i
-    return _of(bench, new.layout, both[taken], losses[taken])
+        if bench.counts[fold].sum() and old.losses[i, fold].sum() < new.losses[i, fold].sum():
+            candidates[i], losses[i] = old.candidates[i], old.losses[i]
+    return Fitted(new.layout, candidates, losses)
 
 
-def scored(bench: Bench, layout: Layout, candidates: Floats) -> Fitted:
-    """The held-out losses of two fits (2, size), one to each fold."""
-    return _of(bench, layout, candidates, bench.block_losses(layout, candidates))
-
-
-def _of(bench: Bench, layout: Layout, candidates: Floats, losses: Floats) -> Fitted:
-    """Two fits and their losses in each block (2, n_blocks)."""
-    _, odd = folds(bench)
-    heldout = np.where(odd, losses[0], losses[1])
-    return Fitted(layout=layout, candidates=candidates, heldout=heldout)
+def scored(layout: Layout, candidates: Floats) -> Search[Fitted]:
+    """Two fits (2, size), one to each fold, with their losses."""
+    ask = Ask(layout, candidates)
+    yield [ask]
+    return Fitted(layout, candidates, ask.losses)
 
 
 def gain(bench: Bench, simple: Fitted, rich: Fitted) -> Advantage:

@@ -8,6 +8,23 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 _START = 1
+_CHUNK = 64
+
+
+@njit(cache=True)
+def _next_start(marks: Marks, k: int) -> int:
+    """The first START from ``k`` on, or the end: looked for in chunks, which vectors do."""
+    n = marks.size
+    while k + _CHUNK <= n:
+        starts = 0
+        for mark in marks[k : k + _CHUNK]:
+            starts += mark == _START
+        if starts > 0:
+            break
+        k += _CHUNK
+    while k < n and marks[k] != _START:
+        k += 1
+    return k
 
 
 @njit(cache=True)
@@ -20,9 +37,7 @@ def delayed(command: Floats, marks: Marks, samples: float, out: Floats) -> None:
     late = samples - whole
     first = 0
     while first < n:
-        end = first + 1
-        while end < n and marks[end] != _START:
-            end += 1
+        end = _next_start(marks, first + 1)
         known = min(first + whole + 1, end)
         out[first:known] = command[first]
         came, to = command[known - whole - 1 : end - whole], out[known:end]

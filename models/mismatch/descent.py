@@ -14,36 +14,44 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.bench import Bench, Layout, batches
+from stemwatch.models.mismatch.bench import Ask, Bench, Layout, Runs
+from stemwatch.models.mismatch.instep import Search
 from stemwatch.models.mismatch.onsets import Samples
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.search import Found
 
 DAMPING = (0.003, 0.1, 3.0)  # tried side by side in every round
+_DAMPING = np.array(DAMPING)
 SMALLEST_GAIN = 2e-3  # a round that lowers the loss by a smaller share is the last
 # Differences wide enough that a sample which jumps does not rule them.
 _STEP_SHARE, _STEP_RANGE = 0.03, 0.004
 _BASE_STEPS = np.array([0.02, 0.015, 0.04, 0.004, 0.04, 0.05])
 
 
-def descend(bench: Bench, layout: Layout, blocks: Bools, start: Floats, rounds: int) -> Found:
+def descend(
+    bench: Bench, layout: Layout, blocks: Bools, start: Floats, rounds: int
+) -> Search[Found]:
     """The candidate (size,) reached from ``start`` by at most ``rounds``; never worse than it."""
-    loss = bench.loss(layout, blocks)
     if rounds <= 0:
-        return Found(start.copy(), float(loss(start[None, :])[0]))
+        only = Ask(layout, start[None])
+        yield [only]
+        return Found(start.copy(), float(bench.mean_loss(only.losses, blocks)[0]))
     seen = _seen(bench, blocks)
     best = Found(start.copy(), np.inf)
     free = layout.bounds.high > layout.bounds.low
     free[at.RESTICK] = False  # a stem sticks or does not: there is nothing to differentiate
     for _ in range(rounds):
-        normal, slope, here = _linearised(bench, layout, seen, best.candidate, free)
+        slopes = _Slopes(bench, layout, seen, best.candidate, free)
+        yield [slopes]
+        normal, slope, here = slopes.linearised()
         best = Found(best.candidate, here)
-        trial = _trials(layout, best.candidate, normal, slope, free)
-        values = loss(trial)
+        trial = Ask(layout, _trials(layout, best.candidate, normal, slope, free))
+        yield [trial]
+        values = bench.mean_loss(trial.losses, blocks)
         i = int(np.argmin(values))
         gained = best.loss - float(values[i])
         if gained > 0.0:
-            best = Found(trial[i], float(values[i]))
+            best = Found(trial.candidates[i], float(values[i]))
         if gained <= SMALLEST_GAIN * best.loss:
             break
     return best
@@ -51,11 +59,10 @@ def descend(bench: Bench, layout: Layout, blocks: Bools, start: Floats, rounds: 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a descent is fitted to: some ``blocks`` of time, their scored ``samples`` (m,), the
-    ``block`` (n,) of each sample, -1 outside, and the breakaways (e,) on them."""
+    """What a descent is fitted to: some ``blocks`` of time, their scored ``samples`` (m,), and
+    the breakaways (e,) on them."""
 
     blocks: Bools
-    block: Samples
     samples: Samples
     events: Samples
 
@@ -64,7 +71,7 @@ def _seen(bench: Bench, blocks: Bools) -> _Seen:
     """The samples of some blocks; a run is early or late only where the recorded stem lets go."""
     block = bench.within(blocks)
     at_onsets = bench.onsets.at[block[bench.onsets.at] >= 0]
-    return _Seen(blocks, block, np.flatnonzero(block >= 0), at_onsets)
+    return _Seen(blocks, np.flatnonzero(block >= 0), at_onsets)
 
 
 def _steps(layout: Layout, candidate: Floats) -> Floats:
@@ -97,7 +104,7 @@ def _residuals(
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")  # a division that may raise is done one by one
 def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -> None:
     """Rows (1 + k, m + e) of residuals, the first one's and after each step, to differences.
 
@@ -115,20 +122,26 @@ def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -
         rows[0, i] *= root[i]
 
 
-def _linearised(
-    bench: Bench, layout: Layout, seen: _Seen, candidate: Floats, free: Bools
-) -> tuple[Floats, Floats, float]:
-    """(k, k) normal matrix and (k,) right-hand side over the free coordinates, and the loss."""
-    index = np.flatnonzero(free)
-    steps = _steps(layout, candidate)[index]
-    moved = np.tile(candidate, (index.size + 1, 1))
-    moved[np.arange(1, index.size + 1), index] += steps
-    m, scale, here = seen.samples.size, bench.delta / bench.scatter, 0.0
-    rows = np.empty((index.size + 1, m + seen.events.size))
-    for part in batches(rows.shape[0]):
-        runs = bench.run(layout, moved[part], seen.block)
-        if part.start == 0:
-            here = float(bench.mean_loss(runs.losses, seen.blocks)[0])
+class _Slopes(Ask):
+    """The runs of a candidate, and with a step along each free coordinate."""
+
+    reads = True
+
+    def __init__(
+        self, bench: Bench, layout: Layout, seen: _Seen, candidate: Floats, free: Bools
+    ) -> None:
+        self.bench, self.seen = bench, seen
+        index = np.flatnonzero(free)
+        self.steps = _steps(layout, candidate)[index]
+        moved = np.tile(candidate, (index.size + 1, 1))
+        moved[np.arange(1, index.size + 1), index] += self.steps
+        self.residuals = np.empty((index.size + 1, seen.samples.size + seen.events.size))
+        super().__init__(layout, moved)
+
+    def take(self, part: slice, runs: Runs) -> None:
+        """Losses and residuals of some of the runs."""
+        super().take(part, runs)
+        bench, seen = self.bench, self.seen
         _residuals(
             runs.simulated,
             bench.problem.mv,
@@ -136,12 +149,17 @@ def _linearised(
             seen.samples,
             runs.early_late,
             seen.events,
-            scale,
-            rows[part],
+            bench.delta / bench.scatter,
+            self.residuals[part],
         )
-    _weighted(rows, steps, m, bench.event, bench.delta)
-    product = rows @ rows.T
-    return product[1:, 1:], product[1:, 0], here
+
+    def linearised(self) -> tuple[Floats, Floats, float]:
+        """(k, k) normal matrix and (k,) right-hand side over the free coordinates, and the loss."""
+        bench, rows = self.bench, self.residuals
+        _weighted(rows, self.steps, self.seen.samples.size, bench.event, bench.delta)
+        product = rows @ rows.T
+        here = float(bench.mean_loss(self.losses[:1], self.seen.blocks)[0])
+        return product[1:, 1:], product[1:, 0], here
 
 
 def _trials(
@@ -150,10 +168,12 @@ def _trials(
     """(3, size) where the damped steps lead."""
     diagonal = np.diag(normal)
     floor = 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
-    damped = np.repeat(normal[None], len(DAMPING), axis=0)
-    index = np.arange(diagonal.size)
-    damped[:, index, index] += np.outer(DAMPING, diagonal) + floor
-    steps = np.linalg.solve(damped, np.broadcast_to(slope[:, None], (*damped.shape[:2], 1)))
-    trials = np.tile(candidate, (len(DAMPING), 1))
+    damped = normal[None].repeat(len(DAMPING), 0)
+    # Every so many elements of a square matrix lie on its diagonal.
+    damped.reshape(len(DAMPING), -1)[:, :: diagonal.size + 1] += (
+        _DAMPING[:, None] * diagonal + floor
+    )
+    steps = np.linalg.solve(damped, slope[:, None])
+    trials = candidate[None].repeat(len(DAMPING), 0)
     trials[:, free] += steps[:, :, 0]
     return layout.bounds.clip(trials)

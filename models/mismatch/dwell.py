@@ -16,6 +16,7 @@ from scipy.special import ndtri, stdtr
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.bench import Bench
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, scored
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.terms.dwell_dependent_breakaway import T0_S
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.parameters import Bounds
@@ -91,7 +92,8 @@ def begun(bench: Bench, plain: Fitted, seen: Dwelling) -> Fitted:
     candidates[:, at.S_PERCENT] = S - less
     candidates[:, at.RATIO] = (J - less) / np.maximum(S - less, _SMALLEST)
     candidates[:, place] = seen.rise
-    return again(bench, scored(bench, layout, layout.bounds.clip(candidates)), CAREFUL)
+    first = conclude(bench, scored(layout, layout.bounds.clip(candidates)))
+    return conclude(bench, again(bench, first, CAREFUL))
 
 
 def _slope(columns: Floats, values: Floats) -> tuple[float, float]:

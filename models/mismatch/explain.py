@@ -31,6 +31,7 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.limits import (
     MEAN_OF_A_LINE,
     MEAN_WHERE_MUCH_IS_LEFT,
@@ -230,7 +231,7 @@ def _told(case: _Case) -> Mismatch:
     everything = np.ones(bench.problem.n_blocks, dtype=bool)
     plain = naive_bench(bench)
     simple = naive_layout(plain)
-    naive = fit_naive(plain, everything)
+    naive = conclude(plain, fit_naive(plain, everything))
     shown = show(bench, layout, [one.term for one in named.needed], case.ceiling)
     effects, open_end = _standing(case, bench, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
@@ -279,7 +280,8 @@ def _whole(bench: Bench, fitted: Fitted) -> tuple[Layout, Floats]:
     """The hypothesis fitted to the whole record, from the fits to both folds."""
     everything = np.ones(bench.problem.n_blocks, dtype=bool)
     starts = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
-    return fitted.layout, search(bench, fitted.layout, everything, starts, CAREFUL).candidate
+    found = conclude(bench, search(bench, fitted.layout, everything, starts, CAREFUL))
+    return fitted.layout, found.candidate
 
 
 def _stiction(drawn: Floats, best: Floats) -> Stiction:

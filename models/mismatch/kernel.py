@@ -122,7 +122,7 @@ def _begin(
 
 
 @njit(cache=True)
-def _used(numbers: Floats) -> tuple[bool, bool]:
+def used(numbers: Floats) -> tuple[bool, bool]:
     """Whether levels of some stem vary along the record, and whether readings wander."""
     varied, timed = False, False
     for q in numbers:
@@ -406,7 +406,7 @@ def follow(
     lanes = (m + _WIDTH - 1) // _WIDTH * _WIDTH
     s, laid, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
-    varied, timed = _used(numbers)
+    varied, timed = used(numbers)
     losses[:], early_late[:] = 0.0, 0.0
     k, current, full = 0, -1, 0
     while k < n:

@@ -22,7 +22,6 @@ from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     LOOK,
     POLISH,
-    Effort,
     Fitted,
     again,
     better,
@@ -33,6 +32,7 @@ from stemwatch.models.mismatch.crossfit import (
     scored,
     widened,
 )
+from stemwatch.models.mismatch.instep import Search, conclude, together
 from stemwatch.models.mismatch.limits import convincing
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -107,26 +107,36 @@ class Named:
     stages: tuple[Stage, ...]
 
 
-def screened(bench: Bench, simple: Fitted, terms: Iterable[Term], effort: Effort) -> list[Score]:
+def screened(bench: Bench, simple: Fitted, terms: Iterable[Term]) -> Search[list[Score]]:
     """Every term on top of ``simple``, best first."""
-    found = []
+    found = yield from together(_looked_at(bench, simple, term) for term in terms)
+    return _ordered(found)
+
+
+def _looked_at(bench: Bench, simple: Fitted, term: Term) -> Search[Score]:
+    """A first look at one term on top of ``simple``."""
+    rich = simple.layout.hypothesis.plus(term)
+    own = own_losses(bench, simple)
+    fitted = yield from crossfit(
+        bench, bench.layout(rich), _starts(bench, simple, term, rich), LOOK, own
+    )
+    plain = yield from neutral(bench, simple, rich)
+    fitted = better(bench, plain, fitted)
+    return Score(term, fitted, gain(bench, simple, fitted))
+
+
+def _starts(bench: Bench, simple: Fitted, term: Term, rich: Hypothesis) -> Floats:
+    """(m, size) where the search for one more term begins."""
     middle = simple.candidates.mean(axis=0)
     S, J = float(middle[at.S_PERCENT]), float(middle[at.S_PERCENT] * middle[at.RATIO])
-    own = own_losses(bench, simple)
-    for term in terms:
-        rich = simple.layout.hypothesis.plus(term)
-        starts = widened(bench, rich, simple, term, beginnings(term, S, J))
-        fitted = crossfit(bench, bench.layout(rich), starts, effort, own)
-        fitted = better(bench, neutral(bench, simple, rich), fitted)
-        found.append(Score(term, fitted, gain(bench, simple, fitted)))
-    return _ordered(found)
+    return widened(bench, rich, simple, term, beginnings(term, S, J))
 
 
 def _ordered(scores: Iterable[Score]) -> list[Score]:
     return sorted(scores, key=lambda score: -score.advantage.mean)
 
 
-def neutral(bench: Bench, simple: Fitted, rich: Hypothesis) -> Fitted:
+def neutral(bench: Bench, simple: Fitted, rich: Hypothesis) -> Search[Fitted]:
     """``simple`` written in the coordinates of ``rich``, its new terms neutral."""
     layout = bench.layout(rich)
     candidates = np.zeros((2, layout.size))
@@ -135,7 +145,8 @@ def neutral(bench: Bench, simple: Fitted, rich: Hypothesis) -> Fitted:
         candidates[:, layout.places[slug]] = simple.candidates[:, place]
     if at.DEAD_TIME in layout.places and at.DEAD_TIME not in simple.layout.places:
         candidates[:, layout.places[at.DEAD_TIME]] = simple.candidates[:, [at.DELAY]]
-    return scored(bench, layout, layout.bounds.clip(candidates))
+    fitted = yield from scored(layout, layout.bounds.clip(candidates))
+    return fitted
 
 
 def reduced(bench: Bench, rich: Fitted, simple: Hypothesis) -> Floats:
@@ -150,7 +161,9 @@ def reduced(bench: Bench, rich: Fitted, simple: Hypothesis) -> Floats:
     return layout.bounds.clip(candidates)
 
 
-def refined(bench: Bench, simple: Fitted, terms: Sequence[Term]) -> tuple[Fitted, list[Score]]:
+def refined(
+    bench: Bench, simple: Fitted, terms: Sequence[Term]
+) -> Search[tuple[Fitted, list[Score]]]:
     """All ``terms`` on top of ``simple``, the best of them searched with care, and ``simple``
     restarted from each of these.
 
@@ -158,44 +171,48 @@ def refined(bench: Bench, simple: Fitted, terms: Sequence[Term]) -> tuple[Fitted
     finds a better one, everything is done once more from there.
     """
     for _ in range(ATTEMPTS):
-        careful = _careful(bench, simple, screened(bench, simple, terms, LOOK))
-        hypothesis = simple.layout.hypothesis
-        restarts = [reduced(bench, one.fitted, hypothesis) for one in careful[:REFINED]]
-        restarted = simple
-        if restarts:
-            restarted = again(bench, again(bench, simple, CAREFUL, *restarts), POLISH)
+        looked = yield from screened(bench, simple, terms)
+        promising = [one for one in looked[:REFINED] if one.advantage.mean >= PROMISING]
+        careful = yield from together(_careful(bench, simple, one) for one in promising)
+        scores = [*careful, *looked[len(promising) :]]
+        restarted = yield from _restarted(bench, simple, scores[:REFINED])
         moved = gain(bench, simple, restarted).mean
         simple = restarted
         if moved < MOVED:
             break
-    return simple, _ordered(_nested(bench, simple, one) for one in careful)
+    nested = yield from together(_nested(bench, simple, one) for one in scores)
+    return simple, _ordered(nested)
 
 
-def _careful(bench: Bench, simple: Fitted, scores: list[Score]) -> list[Score]:
-    """The best scores that promise something searched with care, then the others.
+def _careful(bench: Bench, simple: Fitted, one: Score) -> Search[Score]:
+    """A score searched with care.
 
     The first look began from the best starts; this also begins from those that come next.
     """
-    careful = []
-    middle = simple.candidates.mean(axis=0)
-    S, J = float(middle[at.S_PERCENT]), float(middle[at.S_PERCENT] * middle[at.RATIO])
-    promising = [one for one in scores[:REFINED] if one.advantage.mean >= PROMISING]
-    for one in promising:
-        layout = one.fitted.layout
-        starts = widened(bench, layout.hypothesis, simple, one.term, beginnings(one.term, S, J))
-        even, odd = ranked(bench, layout, starts)
-        more = [
-            np.vstack((a.candidate, b.candidate))
-            for a, b in zip(even[LOOK.keep :], odd[LOOK.keep :], strict=True)
-        ]
-        fitted = again(bench, one.fitted, CAREFUL, *more[: CAREFUL.keep - 1])
-        careful.append(Score(one.term, fitted, one.advantage))
-    return [*careful, *scores[len(promising) :]]
+    layout = one.fitted.layout
+    starts = _starts(bench, simple, one.term, layout.hypothesis)
+    even, odd = yield from ranked(bench, layout, starts)
+    more = [
+        np.vstack((a.candidate, b.candidate))
+        for a, b in zip(even[LOOK.keep :], odd[LOOK.keep :], strict=True)
+    ]
+    fitted = yield from again(bench, one.fitted, CAREFUL, *more[: CAREFUL.keep - 1])
+    return Score(one.term, fitted, one.advantage)
 
 
-def _nested(bench: Bench, simple: Fitted, one: Score) -> Score:
+def _restarted(bench: Bench, simple: Fitted, scores: Sequence[Score]) -> Search[Fitted]:
+    """``simple`` searched again from where richer hypotheses have led."""
+    if not scores:
+        return simple
+    restarts = [reduced(bench, one.fitted, simple.layout.hypothesis) for one in scores]
+    fitted = yield from again(bench, simple, CAREFUL, *restarts)
+    fitted = yield from again(bench, fitted, POLISH)
+    return fitted
+
+
+def _nested(bench: Bench, simple: Fitted, one: Score) -> Search[Score]:
     """A score against what ``simple`` has become; a richer hypothesis contains it."""
-    plain = neutral(bench, simple, one.fitted.layout.hypothesis)
+    plain = yield from neutral(bench, simple, one.fitted.layout.hypothesis)
     fitted = better(bench, plain, one.fitted)
     return Score(one.term, fitted, gain(bench, simple, fitted))
 
@@ -247,14 +264,14 @@ def name(base: Base, terms: Sequence[Term]) -> Named:
     stages: list[Stage] = []
     first = simple
     for stage in range(MOST_TERMS):
-        simple, scores = refined(bench, simple, left)
+        simple, scores = conclude(bench, refined(bench, simple, left))
         if stage == 0:
             first = simple
         found = accepted(bench, scores, stage)
         stages.append(Stage(simple, tuple(scores), tuple(found)))
         if not found:
             break
-        simple = again(bench, found[0].fitted, POLISH)
+        simple = conclude(bench, again(bench, found[0].fitted, POLISH))
         left = [term for term in left if term.slug != found[0].slug]
     fitted, needed = pruned(bench, simple, [stage for stage in stages if stage.accepted])
     if not needed:
@@ -270,7 +287,7 @@ def told_by_events(
     seen = dwell.dwelling(bench, simple) if term is not None else None
     if term is None or seen is None or not seen.convincing:
         return simple, []
-    plain = neutral(bench, simple, simple.layout.hypothesis.plus(term))
+    plain = conclude(bench, neutral(bench, simple, simple.layout.hypothesis.plus(term)))
     fitted = dwell.begun(bench, plain, seen)
     score = Score(term, fitted, gain(bench, simple, fitted))
     return fitted, [Needed(Stage(simple, (score,), (score,)), simple, score.advantage, seen)]
@@ -287,8 +304,9 @@ def pruned(bench: Bench, fitted: Fitted, stages: list[Stage]) -> tuple[Fitted, l
     needed: list[Needed] = []
     for stage in stages:
         lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)
-        begun = scored(bench, bench.layout(lacking), reduced(bench, fitted, lacking))
-        without = again(bench, begun, CAREFUL)
+        layout = bench.layout(lacking)
+        begun = conclude(bench, scored(layout, reduced(bench, fitted, lacking)))
+        without = conclude(bench, again(bench, begun, CAREFUL))
         advantage = gain(bench, without, fitted)
         if convincing(advantage, bench.told, stage.accepted[0].slug, 1):
             needed.append(Needed(stage, without, advantage))

@@ -13,6 +13,7 @@ import numpy as np
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.bench import Bench, Layout
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, gain, scored
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.limits import convincing
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -83,8 +84,8 @@ def _explained(fitted: Fitted, found: list[Off]) -> bool:
 def without(bench: Bench, fitted: Fitted, coordinate: int, most: float) -> Fitted:
     """``fitted`` with one base coordinate held at neutral, refitted."""
     layout = pinned(fitted.layout, coordinate, most)
-    begun = scored(bench, layout, layout.bounds.clip(fitted.candidates))
-    return again(bench, begun, CAREFUL)
+    begun = conclude(bench, scored(layout, layout.bounds.clip(fitted.candidates)))
+    return conclude(bench, again(bench, begun, CAREFUL))
 
 
 def _dropped(bench: Bench, fitted: Fitted, term: Term, coordinate: int, most: float) -> Off | None:

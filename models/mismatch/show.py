@@ -14,6 +14,7 @@ from stemwatch.models.mismatch.beginnings import beginnings
 from stemwatch.models.mismatch.bench import Bench, Hypothesis, Layout
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search, widened
 from stemwatch.models.mismatch.findings import HeldOut, Runs
+from stemwatch.models.mismatch.instep import Search, conclude
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
 
@@ -39,29 +40,36 @@ def show(bench: Bench, layout: Layout, terms: Sequence[Term], ceiling: Floats | 
     problem = bench.problem
     train = problem.training_blocks()
     plain = naive_bench(bench)
-    naive = plain.simulate(naive_layout(plain), fit_naive(plain, train))
-    extended = bench.simulate(layout, _trained(bench, layout, terms, train))
+    naive = plain.simulate(naive_layout(plain), conclude(plain, fit_naive(plain, train)))
+    trained = conclude(bench, _trained(bench, layout, terms, train))
+    extended = bench.simulate(layout, trained)
     first = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
     late = bench.measured & (np.arange(problem.op.size) >= first)
     runs = Runs(naive=naive, extended=extended, heldout_from=first)
     return Shown(_heldout(bench, runs, late, ceiling), runs)
 
 
-def _trained(bench: Bench, layout: Layout, terms: Sequence[Term], train: Bools) -> Floats:
+def _trained(bench: Bench, layout: Layout, terms: Sequence[Term], train: Bools) -> Search[Floats]:
     """The extended model fitted to the first part: from a grid of S and J on, term after term, as
     it was found, but from no number that has seen the rest."""
     base = bench.layout(Hypothesis())
-    candidate = search(bench, base, train, base.bounds.clip(_few(bench)), CAREFUL).candidate
-    fitted = Fitted(base, np.vstack((candidate, candidate)), np.empty(0))
+    found = yield from search(bench, base, train, base.bounds.clip(_few(bench)), CAREFUL)
+    fitted = _on_both(base, found.candidate)
     for term in terms:
         rich = fitted.layout.hypothesis.plus(term)
-        S = float(candidate[at.S_PERCENT])
-        begun = beginnings(term, S, S * float(candidate[at.RATIO]))
+        S = float(found.candidate[at.S_PERCENT])
+        begun = beginnings(term, S, S * float(found.candidate[at.RATIO]))
         starts = widened(bench, rich, fitted, term, begun)
-        candidate = search(bench, bench.layout(rich), train, starts, CAREFUL).candidate
-        fitted = Fitted(bench.layout(rich), np.vstack((candidate, candidate)), np.empty(0))
-    start = layout.bounds.clip(candidate[None, :])  # a gain that is no finding is held at 1
-    return search(bench, layout, train, start, CAREFUL).candidate
+        found = yield from search(bench, bench.layout(rich), train, starts, CAREFUL)
+        fitted = _on_both(bench.layout(rich), found.candidate)
+    start = layout.bounds.clip(found.candidate[None, :])  # a gain that is no finding is held at 1
+    found = yield from search(bench, layout, train, start, CAREFUL)
+    return found.candidate
+
+
+def _on_both(layout: Layout, candidate: Floats) -> Fitted:
+    """A fit that takes the place of both folds' fits."""
+    return Fitted(layout, np.vstack((candidate, candidate)), np.empty((2, 0)))
 
 
 def _few(bench: Bench) -> Floats:

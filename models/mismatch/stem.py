@@ -68,7 +68,7 @@ class Tables(NamedTuple):
 
 @dataclass
 class Stem:
-    """Numbers (16,) and tables of one run; ``clear`` makes it the canonical element again.
+    """Numbers (16,) and tables of one run.
 
     ``friction`` and ``force`` (141,) over place, ``breakaway`` (n + 1,) over the samples rested,
     ``wander`` (n + 1,) of the reading over time, all in percent of span. A term that fills a table
@@ -86,18 +86,6 @@ class Stem:
     def neutral(cls, samples: int, interval_s: float) -> Stem:
         """A stem without friction whose tables suit a recording of ``samples``."""
         return Stems.neutral(1, samples, interval_s).each[0]
-
-    def clear(self) -> None:
-        """Everything neutral; the tables only where they were used."""
-        q = self.numbers
-        if q[BY_PLACE] != 0.0:
-            self.friction[:] = 0.0
-            self.force[:] = 0.0
-        if q[BY_REST] != 0.0:
-            self.breakaway[:] = 0.0
-        if q[BY_TIME] != 0.0:
-            self.wander[:] = 0.0
-        q[:] = _NEUTRAL
 
 
 @dataclass(frozen=True)
@@ -117,6 +105,14 @@ class Stems:
         tables = Tables(*by_place, *over_time)
         each = (Stem(*row, interval_s) for row in zip(numbers, *tables, strict=True))
         return cls(numbers, tables, tuple(each))
+
+    def clear(self, count: int) -> None:
+        """The first ``count`` canonical again: the tables only where they were used."""
+        q, tables = self.first(count)
+        for flag, table in zip((BY_PLACE, BY_PLACE, BY_REST, BY_TIME), tables, strict=True):
+            for row in np.flatnonzero(q[:, flag]):
+                table[row] = 0.0
+        q[:] = _NEUTRAL
 
     def first(self, count: int) -> tuple[Floats, Tables]:
         """Numbers and tables of the first ``count``."""

@@ -6,7 +6,7 @@ later), so gradients are useless and a population is not. Seeded: the same resul
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,9 +27,13 @@ class Found:
 
 def best_of(loss: Loss, candidates: Floats, keep: int = 1) -> list[Found]:
     """The ``keep`` best of given candidates."""
-    values = loss(candidates)
-    order = np.argsort(values, kind="stable")[:keep]
-    return [Found(candidates[i].copy(), float(values[i])) for i in order]
+    return ordered(candidates, loss(candidates))[:keep]
+
+
+def ordered(candidates: Floats, losses: Floats) -> list[Found]:
+    """Candidates (m, size) of given losses (m,), the best first."""
+    order = np.argsort(losses, kind="stable")
+    return [Found(candidates[i].copy(), float(losses[i])) for i in order]
 
 
 def refine(
@@ -44,15 +48,40 @@ def refine(
 ) -> Found:
     """Cross-entropy descent from ``start`` (9,); coordinates with zero ``spread`` stay fixed.
 
-    Each round draws a population around the mean of the elite, keeps the best quarter, and
-    narrows. The best candidate ever seen is returned, so the result is never worse than the start.
+    See ``refining``, which is answered with ``loss`` here.
     """
-    mean, width = start.copy(), spread.copy()
-    best = best_of(loss, start[None, :])[0]
+    begun = best_of(loss, start[None, :])[0]
+    search = refining(begun, spread, bounds, rng, rounds=rounds, population=population)
+    try:
+        drawn = next(search)
+        while True:
+            drawn = search.send(loss(drawn))
+    except StopIteration as end:
+        found: Found = end.value
+        return found
+
+
+def refining(
+    begun: Found,
+    spread: Floats,
+    bounds: Bounds,
+    rng: np.random.Generator,
+    *,
+    rounds: int,
+    population: int,
+) -> Generator[Floats, Floats, Found]:
+    """Cross-entropy descent that hands out each population (m, size) and waits for its losses (m,).
+
+    Each round draws a population around the mean of the elite, keeps the best quarter, and
+    narrows. The best candidate ever seen is returned, so the result is never worse than what it
+    ``begun`` with.
+    """
+    best = begun
+    mean, width = best.candidate.copy(), spread.copy()
     for _ in range(rounds):
-        drawn = bounds.clip(mean + width * rng.standard_normal((population, start.size)))
+        drawn = bounds.clip(mean + width * rng.standard_normal((population, mean.size)))
         drawn[0] = best.candidate
-        values = loss(drawn)
+        values = yield drawn
         order = np.argsort(values, kind="stable")
         if values[order[0]] < best.loss:
             best = Found(drawn[order[0]].copy(), float(values[order[0]]))

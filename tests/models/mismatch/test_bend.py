@@ -8,6 +8,7 @@ import pytest
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.bend import bend
 from stemwatch.models.mismatch.crossfit import scored
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.limits import convincing
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played, rescaled
 
@@ -17,7 +18,7 @@ def fitted(recording, **base):
     bench = bench_of(recording)
     layout = bench.layout(hypothesis())
     row = candidate(layout, base={getattr(at, name): value for name, value in base.items()})
-    return bench, scored(bench, layout, np.vstack((row, row)))
+    return bench, conclude(bench, scored(layout, np.vstack((row, row))))
 
 
 @pytest.mark.parametrize("bow", [1.0, -1.5])

@@ -24,6 +24,7 @@ from stemwatch.models.mismatch.crossfit import (
     scored,
     widened,
 )
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
 
@@ -63,9 +64,8 @@ def own_losses(bench, fitted):
 def at_random(bench, layout, seed):
     """Two candidates from anywhere within the limits, scored."""
     rng = np.random.default_rng(seed)
-    return scored(
-        bench, layout, rng.uniform(layout.bounds.low, layout.bounds.high, (2, layout.size))
-    )
+    drawn = rng.uniform(layout.bounds.low, layout.bounds.high, (2, layout.size))
+    return conclude(bench, scored(layout, drawn))
 
 
 @pytest.mark.parametrize("fold", [0, 1])
@@ -73,7 +73,9 @@ def test_the_fit_that_judges_a_block_has_not_seen_it(fold):
     """Spoiling the position in one fold changes its own fit, not the one that judges it."""
     bench, layout = prepared()
     spoiled = elsewhere(bench, folds(bench)[fold])
-    ours, theirs = (crossfit(one, layout, starts(layout), LOOK) for one in (bench, spoiled))
+    ours, theirs = (
+        conclude(one, crossfit(one, layout, starts(layout), LOOK)) for one in (bench, spoiled)
+    )
     np.testing.assert_array_equal(ours.candidates[1 - fold], theirs.candidates[1 - fold])
     assert not np.array_equal(ours.candidates[fold], theirs.candidates[fold])
     # The held-out loss of the spoiled blocks is that of the untouched fit on what is now there.
@@ -95,7 +97,7 @@ def test_the_folds_part_the_record():
 def test_both_folds_find_the_valve():
     """Each half of the record alone tells S, J and the dead time."""
     bench, layout = prepared()
-    found = crossfit(bench, layout, starts(layout), LOOK)
+    found = conclude(bench, crossfit(bench, layout, starts(layout), LOOK))
     np.testing.assert_allclose(found.values("dead_time")[:, 0], 2.6, atol=0.1)
     np.testing.assert_allclose(found.candidates[:, at.S_PERCENT], 4.0, atol=0.3)
     assert ("dead_time",) == found.slugs
@@ -107,7 +109,8 @@ def test_going_on_never_loses_on_a_folds_own_blocks(seed):
     """``again`` from any two candidates is at least as good on the blocks that each may see."""
     bench, layout = prepared()
     begun = at_random(bench, layout, seed)
-    went_on = again(bench, begun, POLISH, at_random(bench, layout, seed + 1).candidates)
+    more = at_random(bench, layout, seed + 1).candidates
+    went_on = conclude(bench, again(bench, begun, POLISH, more))
     assert (own_losses(bench, went_on) <= own_losses(bench, begun)).all()
 
 
@@ -120,7 +123,8 @@ def test_the_better_of_two_is_taken_fold_by_fold(seed):
     taken = better(bench, one, other)
     least = np.minimum(own_losses(bench, one), own_losses(bench, other))
     np.testing.assert_allclose(own_losses(bench, taken), least, rtol=1e-12)
-    np.testing.assert_array_equal(taken.heldout, scored(bench, layout, taken.candidates).heldout)
+    anew = conclude(bench, scored(layout, taken.candidates))
+    np.testing.assert_array_equal(taken.heldout, anew.heldout)
 
 
 def test_no_model_is_better_than_itself():
@@ -137,7 +141,7 @@ def test_no_model_is_better_than_itself():
 def test_a_repeated_search_finds_the_same():
     """Searches are seeded."""
     bench, layout = prepared()
-    one, other = (crossfit(bench, layout, starts(layout), LOOK) for _ in range(2))
+    one, other = (conclude(bench, crossfit(bench, layout, starts(layout), LOOK)) for _ in range(2))
     np.testing.assert_array_equal(one.candidates, other.candidates)
 
 
@@ -166,7 +170,7 @@ def test_a_beginning_takes_from_the_band_what_is_the_terms():
     """Play that was read as part of S is taken from it; a plain one forgets the bent reading."""
     bench, base = prepared()[0], prepared()[0].layout(hypothesis())
     centre = candidate(base, base={at.ZERO: 1.0, at.GAIN: 0.1})
-    simple = scored(bench, base, np.vstack((centre, centre)))
+    simple = conclude(bench, scored(base, np.vstack((centre, centre))))
     term = catalogue()["lost_motion"]
     begun = [Beginning(4.0, 1.0), Beginning(4.0, 1.0, S_less=1.0), Beginning(4.0, 1.0, plain=True)]
     rows = widened(bench, hypothesis("lost_motion"), simple, term, begun)

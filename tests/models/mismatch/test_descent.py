@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.descent import descend
+from stemwatch.models.mismatch.instep import conclude
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
 
 
@@ -42,7 +43,7 @@ def test_it_is_never_worse_than_its_start(seed, rounds):
     rng = np.random.default_rng(seed)
     start = rng.uniform(layout.bounds.low, layout.bounds.high)
     blocks = rng.random(bench.problem.n_blocks) < 0.5
-    found = descend(bench, layout, blocks, start, rounds)
+    found = conclude(bench, descend(bench, layout, blocks, start, rounds))
     loss = bench.loss(layout, blocks)
     assert found.loss <= loss(start[None])[0]
     assert loss(found.candidate[None])[0] == pytest.approx(found.loss, rel=1e-12)
@@ -56,7 +57,7 @@ def test_without_a_round_it_stays_where_it_is():
     """No rounds, no steps."""
     bench, layout = dead_time()
     start = candidate(layout, S=3.0, J=2.0, dead_time=[1.0])
-    found = descend(bench, layout, everything(bench), start, 0)
+    found = conclude(bench, descend(bench, layout, everything(bench), start, 0))
     np.testing.assert_array_equal(found.candidate, start)
 
 
@@ -67,7 +68,7 @@ def test_it_finds_what_made_a_noise_free_recording(S, J, theta):
     """From a fifth and more away it recovers S, J, dead time, zero and gain of the chain."""
     bench, layout = clean()
     start = candidate(layout, S, J, {at.ZERO: 0.2, at.GAIN: -0.02}, dead_time=[theta])
-    found = descend(bench, layout, everything(bench), start, 30).candidate
+    found = conclude(bench, descend(bench, layout, everything(bench), start, 30)).candidate
     assert found[at.S_PERCENT] == pytest.approx(4.0, abs=0.08)
     assert found[at.S_PERCENT] * found[at.RATIO] == pytest.approx(1.2, abs=0.08)
     assert found[layout.places["dead_time"]] == pytest.approx(2.6, abs=0.03)
@@ -79,7 +80,7 @@ def test_what_made_a_noise_free_recording_is_left_alone():
     """At the truth nothing is left to gain."""
     bench, layout = clean()
     truth = candidate(layout, dead_time=[2.6])
-    found = descend(bench, layout, everything(bench), truth, 5)
+    found = conclude(bench, descend(bench, layout, everything(bench), truth, 5))
     np.testing.assert_allclose(found.candidate, truth, atol=0.02)
 
 
@@ -94,7 +95,7 @@ def test_blocks_that_are_not_chosen_do_not_count():
     mv[others] += 3.0
     wrong = replace(bench, problem=replace(bench.problem, mv=mv))
     start = candidate(layout, S=3.0, J=0.6, dead_time=[1.6])
-    ours, theirs = (descend(one, layout, blocks, start, 6) for one in (bench, wrong))
+    ours, theirs = (conclude(one, descend(one, layout, blocks, start, 6)) for one in (bench, wrong))
     np.testing.assert_array_equal(ours.candidate, theirs.candidate)
     assert ours.loss == theirs.loss
 

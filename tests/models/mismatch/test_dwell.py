@@ -10,6 +10,7 @@ import pytest
 from stemwatch.models.mismatch.crossfit import scored
 from stemwatch.models.mismatch.dwell import LEAST_Z, begun, dwelling
 from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.naming import neutral
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.plant.hidden import draw_effect, draw_nulls, simulate_hidden
@@ -23,7 +24,7 @@ def base_of(recording, S=4.0, J=1.2):
     bench = bench_of(recording)
     layout = bench.layout(hypothesis())
     row = candidate(layout, S, J)
-    return bench, scored(bench, layout, np.vstack((row, row)))
+    return bench, conclude(bench, scored(layout, np.vstack((row, row))))
 
 
 @cache
@@ -62,7 +63,7 @@ def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     bench, found = base_of(played(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0)
     seen = dwelling(bench, found)
     assert seen is not None
-    plain = neutral(bench, found, hypothesis().plus(catalogue()[DWELL]))
+    plain = conclude(bench, neutral(bench, found, hypothesis().plus(catalogue()[DWELL])))
     fitted = begun(bench, plain, seen)
     values = fitted.values(DWELL)
     assert np.all(np.abs(values - seen.rise) <= 2.0 * seen.error + 1e-9)

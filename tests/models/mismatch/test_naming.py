@@ -12,6 +12,7 @@ from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.base import fit_base
 from stemwatch.models.mismatch.crossfit import CAREFUL, again, gain, scored
 from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.naming import (
     AS_GOOD,
     MOST_TERMS,
@@ -122,12 +123,18 @@ def test_there_are_no_more_rounds_than_terms_that_may_be_named():
         assert all(stage.accepted for stage in found.stages[:-1])
 
 
+def went_on(bench, simple, rich):
+    """``simple`` searched further in the coordinates of ``rich``."""
+    begun = conclude(bench, neutral(bench, simple, rich))
+    return conclude(bench, again(bench, begun, CAREFUL))
+
+
 def test_a_first_term_that_the_second_makes_needless_is_dropped():
     """A lag that stood in for the dead time goes once the dead time is there."""
     found = named(dead_time=3.0)
     bench, both = found.bench, hypothesis("actuator_lag", "dead_time")
-    of_lag = again(bench, neutral(bench, found.base, hypothesis("actuator_lag")), CAREFUL)
-    fitted = again(bench, neutral(bench, found.fitted, both), CAREFUL)
+    of_lag = went_on(bench, found.base, hypothesis("actuator_lag"))
+    fitted = went_on(bench, found.fitted, both)
     lag, late = (catalogue()[slug] for slug in ("actuator_lag", "dead_time"))
     stages = [
         Stage(found.base, (), (Score(lag, of_lag, gain(bench, found.base, of_lag)),)),
@@ -144,8 +151,8 @@ def test_a_first_term_that_the_second_makes_needless_is_dropped():
 def test_a_richer_hypothesis_contains_the_simpler_one(slug):
     """With its new term neutral it costs the same in every block: it can win by the term alone."""
     bench = named().bench
-    simple = scored(bench, bench.layout(hypothesis()), two(bench, hypothesis()))
-    rich = neutral(bench, simple, hypothesis(slug))
+    simple = conclude(bench, scored(bench.layout(hypothesis()), two(bench, hypothesis())))
+    rich = conclude(bench, neutral(bench, simple, hypothesis(slug)))
     np.testing.assert_allclose(rich.heldout, simple.heldout, rtol=1e-9)
     back = reduced(bench, rich, hypothesis())
     np.testing.assert_array_equal(back, simple.candidates)
@@ -164,7 +171,7 @@ def score_of(slug, found, mean, t, values=None):
     both = two(bench, hypothesis(slug))
     if values is not None:
         both[:, layout.places[slug]] = values
-    return Score(catalogue()[slug], scored(bench, layout, both), Advantage(mean, t))
+    return Score(catalogue()[slug], conclude(bench, scored(layout, both)), Advantage(mean, t))
 
 
 def test_what_is_too_small_to_matter_is_not_named_however_certain():
@@ -191,7 +198,7 @@ def matched(bench, score):
     """The score with the S and J that the recording has."""
     candidates = score.fitted.candidates.copy()
     candidates[:, at.S_PERCENT], candidates[:, at.RATIO], candidates[:, at.ZERO] = 4.0, 0.3, 0.0
-    return replace(score, fitted=scored(bench, score.fitted.layout, candidates))
+    return replace(score, fitted=conclude(bench, scored(score.fitted.layout, candidates)))
 
 
 def test_what_predicts_as_well_is_a_member_of_the_class():
@@ -202,6 +209,6 @@ def test_what_predicts_as_well_is_a_member_of_the_class():
     lag = matched(bench, score_of("actuator_lag", found, 1.4, 9.0, 3.0))
     assert gain(bench, lag.fitted, late.fitted).t > AS_GOOD
     assert [late] == accepted(bench, [late, lag], 0)
-    same = replace(lag, fitted=replace(lag.fitted, heldout=late.fitted.heldout))
+    same = replace(lag, fitted=replace(lag.fitted, losses=late.fitted.losses))
     assert [late, same] == accepted(bench, [late, same], 0)
     assert [] == accepted(bench, [], 0)

@@ -9,6 +9,7 @@ import pytest
 
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.crossfit import LOOK, crossfit
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.reading import COORDINATES, findings, pinned, values_of
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
@@ -23,7 +24,7 @@ def found_in(base=(), slugs=(), values=()):
     # From near the truth: how it is reached is the business of the search.
     start = candidate(layout, 3.8, 1.0, dict(base), **terms)
     plain = candidate(layout, 3.8, 1.0, **terms)
-    fitted = crossfit(bench, layout, np.vstack((start, plain)), LOOK)
+    fitted = conclude(bench, crossfit(bench, layout, np.vstack((start, plain)), LOOK))
     off, after = findings(bench, fitted, catalogue())
     return off, fitted, after
 
@@ -89,7 +90,7 @@ def test_what_the_recording_could_not_show_is_not_looked_for():
     bench = bench_of(played(base={at.ZERO: 1.5}))
     layout = bench.layout(hypothesis())
     start = candidate(layout, 3.8, 1.0, {at.ZERO: 1.4})
-    fitted = crossfit(bench, layout, start[None], LOOK)
+    fitted = conclude(bench, crossfit(bench, layout, start[None], LOOK))
     terms = {slug: term for slug, term in catalogue().items() if slug != "zero_shift"}
     assert [] == findings(bench, fitted, terms)[0]
 

@@ -223,17 +223,19 @@ def test_the_wander_of_the_reading_is_added_only_where_it_is_switched_on():
     np.testing.assert_allclose(awake - plain, stem.wander[: p.size], atol=1e-9)
 
 
-def test_clear_makes_a_used_stem_neutral_again():
-    """After tables and numbers were used, ``clear`` leaves no trace of them."""
+def test_clear_makes_used_stems_neutral_again():
+    """After tables and numbers were used, ``clear`` leaves no trace of them, and others alone."""
     p = made([(300, 4, "ramp"), (-200, 6, "jump"), (90, 5, "ramp")])
-    stem, fresh = Stem.neutral(p.size, 1.0), Stem.neutral(p.size, 1.0)
-    for table in (stem.friction, stem.force, stem.breakaway, stem.wander):
+    used, fresh = Stems.neutral(3, p.size, 1.0), Stem.neutral(p.size, 1.0)
+    for table in used.tables:
         table[:] = 1.0
-    stem.numbers[:] = 1.0
-    stem.clear()
-    np.testing.assert_array_equal(stem.numbers, fresh.numbers)
-    for name in ("friction", "force", "breakaway", "wander"):
-        assert not getattr(stem, name).any(), name
+    used.numbers[:] = 1.0
+    used.clear(2)
+    np.testing.assert_array_equal(used.numbers[:2], [fresh.numbers] * 2)
+    for table in used.tables:
+        assert not table[:2].any()
+    for kept in (used.numbers, *used.tables):
+        assert (kept[2] == 1.0).all()
 
 
 def test_tables_over_place_are_read_between_their_entries_and_held_beyond():

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import stem as at
-from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats
@@ -260,6 +260,7 @@ def test_a_command_term_passes_a_resting_command_and_forgets_what_was_before_a_g
     op = restless(samples=300)
     marks = np.zeros(op.size, dtype=np.uint8)
     marks[[0, 170]] = 1
+    marks[[90, 230]] = 2  # where a resting stem is put is nothing to the command
     out = np.empty(op.size)
     CATALOGUE[slug].shape(op, marks, 1.0, values, out)
     np.testing.assert_array_equal(out[170:], shaped(slug, op[170:], list(values)))
@@ -267,7 +268,8 @@ def test_a_command_term_passes_a_resting_command_and_forgets_what_was_before_a_g
 
 def test_terms_that_share_a_table_add_to_it_and_clear_empties_it():
     """Two laws of friction or force can be found together."""
-    stem = Stem.neutral(100, 1.0)
+    stems = Stems.neutral(1, 100, 1.0)
+    (stem,) = stems.each
     for place in (40.0, 60.0):
         CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, place, 3.0]))
     CATALOGUE["flow_force"].fill(stem, np.array([2.0]))
@@ -277,7 +279,7 @@ def test_terms_that_share_a_table_add_to_it_and_clear_empties_it():
     assert stem.friction[at_60] == pytest.approx(1.5)
     assert stem.force[int(100.0 - at.PLACE_LOW)] == pytest.approx(-2.0)
     assert stem.breakaway[5] == pytest.approx(0.5 * math.log(2.0))
-    stem.clear()
+    stems.clear(1)
     assert not stem.friction.any()
     assert not stem.force.any()
     assert not stem.breakaway.any()

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch import bench as at
 from stemwatch.models.mismatch.crossfit import CAREFUL, search
 from stemwatch.models.mismatch.explain import MODEL_ERROR
+from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.reading import pinned
 from stemwatch.models.mismatch.uncertainty import REPLICATES, draws, estimate
 from stemwatch.models.recording import PERCENT
@@ -27,7 +28,7 @@ def drawn(noise=0.05, samples=1800, seed=1):
     layout = bench.layout(hypothesis("dead_time"))
     everything = np.ones(bench.problem.n_blocks, dtype=bool)
     start = candidate(layout, 3.8, 1.0, dead_time=[2.4])
-    best = search(bench, layout, everything, start[None], CAREFUL).candidate
+    best = conclude(bench, search(bench, layout, everything, start[None], CAREFUL)).candidate
     found = draws(bench, layout, best)
     return bench, layout, best, found
 

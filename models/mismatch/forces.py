@@ -1,0 +1,82 @@
+"""The force on the stem: what delay and actuator make of the command, kept while it is of use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from stemwatch.models.mismatch.delay import delayed
+from stemwatch.models.mismatch.onsets import Samples
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import Marks
+
+_Key = tuple[tuple[str, ...], bytes]  # the terms that shape a command, and their coordinates
+
+
+class Shaping(NamedTuple):
+    """Terms that shape a command, in the order of the chain, each with the place of its coordinates
+    among those of the force; the first of these is the delay, seconds."""
+
+    terms: tuple[tuple[Term, slice], ...]
+    slugs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Forces:
+    """The forces (rows, n), percent, that were made last of the command ``op`` (n,).
+
+    Many candidates that run side by side differ in nothing that the force is made of: one of them
+    is enough. A run begins anew where ``start`` (n,) is marked.
+    """
+
+    op: Floats
+    start: Marks
+    interval_s: float
+    rows: Floats
+    _spare: Floats
+    _made: dict[_Key, int] = field(default_factory=dict)
+
+    @classmethod
+    def none_yet(cls, op: Floats, start: Marks, interval_s: float, rows: int) -> Forces:
+        """Room for ``rows`` forces."""
+        return cls(op, start, interval_s, np.empty((rows, op.size)), np.empty(op.size))
+
+    def of(self, wanted: Iterable[tuple[Shaping, Floats]]) -> Samples:
+        """(m,) the row of each candidate's force: ``wanted`` are candidates that are shaped alike,
+        each kind with its coordinates (candidates, k). No more in all than there are rows."""
+        asked: list[_Key] = []
+        making: dict[_Key, tuple[Shaping, Floats]] = {}
+        for shaping, values in wanted:
+            data, size = values.tobytes(), values.shape[1] * values.itemsize
+            for i, row in enumerate(values):
+                key = shaping.slugs, data[i * size : (i + 1) * size]
+                asked.append(key)
+                if key not in self._made:
+                    making[key] = shaping, row
+        if making:
+            in_use = set(asked)
+            for key, (shaping, row) in making.items():
+                self._made[key] = self._make(self._room(in_use), shaping.terms, row)
+        return np.array([self._made[key] for key in asked])
+
+    def _room(self, in_use: set[_Key]) -> int:
+        """A row that is free, or the oldest that is not in use."""
+        if len(self._made) < self.rows.shape[0]:
+            return len(self._made)
+        return self._made.pop(next(old for old in self._made if old not in in_use))
+
+    def _make(self, row: int, terms: Sequence[tuple[Term, slice]], values: Floats) -> int:
+        """The force of coordinates ``values`` (k,) into ``row``."""
+        # The two take turns, so that the last is written to the row.
+        p, spare = self.rows[row], self._spare
+        if len(terms) % 2:
+            p, spare = spare, p
+        delayed(self.op, self.start, values[0] / self.interval_s, p)
+        for term, place in terms:
+            term.shape(p, self.start, self.interval_s, values[place], spare)
+            p, spare = spare, p
+        return row
