@@ -121,12 +121,17 @@ class Layout:
 
 
 class Runs(NamedTuple):
-    """Runs of m candidates: the readings and how far each breakaway came from ``fs``, (m, n)
-    percent, and the loss in each block (m, n_blocks). Buffers: the next run writes over them."""
+    """Runs of candidates side by side: see ``kernel.follow``. Buffers: the next runs write over
+    them.
+
+    ``simulated`` (n, candidates) sample by sample; of m candidates, the first of which is in column
+    ``first``, ``early_late`` (m, n) and ``losses`` (m, n_blocks).
+    """
 
     simulated: Floats
     early_late: Floats
     losses: Floats
+    first: int = 0
 
 
 class Ask:
@@ -195,13 +200,14 @@ class Bench:
         """(n,) MV by a free run, percent; only gaps in the recording restart it."""
         runs = self._first(1)
         self._follow([(layout, candidate[None])], self.problem.start, 0.0, runs)
-        return np.array(runs.simulated[0])
+        return np.array(runs.simulated[:, 0])
 
     def assimilated(self, layout: Layout, candidate: Floats) -> tuple[Floats, Floats]:
-        """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each came."""
+        """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each of these
+        ``onsets`` (e,) came, percent; 0 where the run did not let go with it."""
         runs = self._first(1)
         self._follow([(layout, candidate[None])], self.marks, self.window, runs)
-        return np.array(runs.simulated[0]), np.array(runs.early_late[0])
+        return np.array(runs.simulated[:, 0]), runs.early_late[0, self.onsets.at]
 
     def block_losses(self, layout: Layout, candidates: Floats) -> Floats:
         """(m, n_blocks) sums of the robust loss of candidates (m, size)."""
@@ -222,12 +228,14 @@ class Bench:
     def _serve(self, parts: list[tuple[Ask, slice]], *, reads: bool) -> None:
         """Run up to LANES candidates, and hand each part of an ask what is its own."""
         ends = np.cumsum([part.stop - part.start for _, part in parts]).tolist()
-        simulated, early_late, losses = self._first(ends[-1])
-        runs = Runs(simulated, early_late, losses) if reads else Runs(_NOTHING, _NOTHING, losses)
+        runs = self._first(ends[-1])
+        if not reads:
+            runs = Runs(_NOTHING, _NOTHING, runs.losses)
         pieces = [(ask.layout, ask.candidates[part]) for ask, part in parts]
         self._follow(pieces, self.marks, self.window, runs)
         for (ask, part), (begin, end) in zip(parts, pairwise([0, *ends]), strict=True):
-            ask.take(part, Runs(*(rows[begin:end] for rows in runs)))
+            early_late, losses = runs.early_late[begin:end], runs.losses[begin:end]
+            ask.take(part, Runs(runs.simulated, early_late, losses, begin))
 
     def loss(self, layout: Layout, blocks: Bools) -> Loss:
         """The mean robust loss over some blocks as a function of candidates."""
@@ -267,7 +275,9 @@ class Bench:
 
     def _first(self, count: int) -> Runs:
         """Buffers for the runs of some candidates."""
-        return Runs(*(rows[:count] for rows in self._runs))
+        runs, n = self._runs, self.problem.op.size
+        simulated = runs.simulated.ravel()[: n * count].reshape(n, count)
+        return Runs(simulated, runs.early_late[:count], runs.losses[:count])
 
     def _follow(self, pieces: Sequence[Piece], marks: Marks, window: float, runs: Runs) -> None:
         """Run up to LANES candidates in all into ``runs``."""
@@ -355,7 +365,7 @@ def make_bench(
         _stems=Stems.neutral(LANES, n, problem.interval_s),
         _forces=Forces.none_yet(problem.op, problem.start, problem.interval_s, LANES),
         _runs=Runs(
-            np.empty((LANES, n)),
+            np.empty((n, LANES)),
             np.empty((LANES, n)),
             np.empty((LANES, problem.n_blocks)),
         ),

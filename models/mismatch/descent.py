@@ -86,6 +86,7 @@ def _steps(layout: Layout, candidate: Floats) -> Floats:
 @njit(cache=True)
 def _residuals(
     simulated: Floats,
+    first: int,
     mv: Floats,
     slack: Floats,
     samples: Samples,
@@ -94,12 +95,16 @@ def _residuals(
     event_scale: float,
     rows: Floats,
 ) -> None:
-    """Residuals at ``samples`` (m,), then at the breakaways ``events`` (e,), of each run (n,)."""
-    for j in range(rows.shape[0]):
-        for i in range(samples.size):
-            k = samples[i]
-            off = mv[k] - simulated[j, k]
+    """Residuals at ``samples`` (m,), then at the breakaways ``events`` (e,), into ``rows``.
+
+    Of the runs in the columns of ``simulated`` (n, lanes) from ``first`` on.
+    """
+    for i in range(samples.size):
+        k = samples[i]
+        for j in range(rows.shape[0]):
+            off = mv[k] - simulated[k, first + j]
             rows[j, i] = off - min(max(off, -slack[k]), slack[k])
+    for j in range(rows.shape[0]):
         for i in range(events.size):
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale
 
@@ -144,6 +149,7 @@ class _Slopes(Ask):
         bench, seen = self.bench, self.seen
         _residuals(
             runs.simulated,
+            runs.first,
             bench.problem.mv,
             bench.slack,
             seen.samples,

@@ -60,8 +60,8 @@ def dwelling(bench: Bench, fitted: Fitted) -> Dwelling | None:
         return None
     candidate = fitted.candidates.mean(axis=0)
     _, early_late = bench.assimilated(fitted.layout, candidate)
-    seen = early_late[bench.onsets.at] != 0.0
-    late = early_late[bench.onsets.at[seen]]
+    seen = early_late != 0.0
+    late = early_late[seen]
     if late.size < FEWEST_EVENTS:
         return None
     rested = bench.onsets.rested[seen] * bench.problem.interval_s

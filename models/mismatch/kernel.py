@@ -218,7 +218,6 @@ def _early_late(s: Floats, i: np.uint64, before: float, up: bool, down: bool) ->
     side, fs = (1.0, fs_up) if size > 0.0 else (-1.0, fs_down)
     size, off = abs(size), 0.0
     if size > 0.0 and (up if side > 0.0 else down):
-        # Neither early nor late if fs lies between the two samples.
         late = min(side * before, size) - fs if side * before > fs else 0.0
         off = size - fs if size < fs else late
     return off
@@ -311,12 +310,12 @@ def _lay_out(force: Floats, rows: NDArray[np.int64], begin: int, lanes: int, to:
 
 
 @njit(cache=True)
-def _gather(laid: Floats, end: int, lanes: int, out: Floats) -> None:
-    """The readings laid out before ``end`` into ``out`` (m, n), candidate by candidate."""
+def _keep(laid: Floats, end: int, lanes: int, out: Floats) -> None:
+    """The readings laid out before ``end`` into ``out`` (n, m)."""
     begin = max(end - 1, 0) // _AHEAD * _AHEAD
-    for lane in range(out.shape[0]):
-        for k in range(begin, end):
-            out[lane, k] = laid[(k - begin) * lanes + lane]
+    for k in range(begin, min(end, out.shape[0])):
+        for lane in range(out.shape[1]):
+            out[k, lane] = laid[(k - begin) * lanes + lane]
 
 
 @njit(cache=True, error_model="numpy")  # one that may raise counts its arrays at each call
@@ -393,9 +392,10 @@ def follow(
     """Run ``m <= LANES`` stems of ``numbers`` (m, 16), each over a row of ``force`` (r, n).
 
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
-    sums of the loss, ``out`` (m, n) the readings, percent of MV, and ``early_late`` (m, n) how far
-    the force was below (negative) or beyond ``fs`` at each assimilated breakaway, percent, else 0.
-    Of the last two, empty ones are left alone.
+    sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and
+    ``early_late`` (m, n), at the samples where the recorded stem lets go, how far the force was
+    below (negative) or beyond ``fs``, percent, or 0 where the run did not let go with it; nothing
+    without a window. Of the last two, empty ones are left alone.
     """
     # Taken apart first: an array that is looked up by name is counted at every sample.
     mv, marks, next_up, next_down, dt, window = record
@@ -407,11 +407,11 @@ def follow(
     s, laid, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
     varied, timed = used(numbers)
-    losses[:], early_late[:] = 0.0, 0.0
+    losses[:] = 0.0
     k, current, full = 0, -1, 0
     while k < n:
         if k % _AHEAD == 0:
-            _gather(laid, k, lanes, out)
+            _keep(laid, k, lanes, out)
             _lay_out(force, rows, k, lanes, laid)
         b, mark, t, o = block[k], marks[k], k - 0.5 * n, k % _AHEAD * lanes
         if b >= 0 and (b != current or full > 0):
@@ -423,6 +423,7 @@ def follow(
             _wander_and_rest(s, numbers, tabled, seen, k, t, laid[o:])
         if mark == _START:
             full += _start(s, m, t, (mv[k], slack[k], charged), laid[o:])
+            early_late[:, k : k + 1] = 0.0
             k += 1
             continue
         if varied:
@@ -444,4 +445,4 @@ def follow(
             costs = scatter, event, scale
             _charge_onsets(s, before, (up, down), costs, at, b, losses, early_late)
     _settle(s, lanes, current, 0.0, scale, losses)
-    _gather(laid, n, lanes, out)
+    _keep(laid, n, lanes, out)

@@ -49,6 +49,7 @@ PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 
 _NEUTRAL = np.zeros(N_NUMBERS)
 _NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH]] = 1.0, -np.inf, np.inf
+_FLAGS = [BY_PLACE, BY_REST, BY_TIME]  # that switch the tables on
 EVENT = 3.0  # samples that a breakaway counts for
 
 
@@ -108,9 +109,10 @@ class Stems:
 
     def clear(self, count: int) -> None:
         """The first ``count`` canonical again: the tables only where they were used."""
-        q, tables = self.first(count)
-        for flag, table in zip((BY_PLACE, BY_PLACE, BY_REST, BY_TIME), tables, strict=True):
-            for row in np.flatnonzero(q[:, flag]):
+        q, tables = self.numbers[:count], self.tables
+        switched = (tables.friction, tables.force), (tables.breakaway,), (tables.wander,)
+        for row, flag in np.argwhere(q[:, _FLAGS]):
+            for table in switched[flag]:
                 table[row] = 0.0
         q[:] = _NEUTRAL
 

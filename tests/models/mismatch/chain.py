@@ -95,7 +95,7 @@ def followed(stem, p, mv, marks, seen, window=0.0, scoring=None, blocks=1):
     record = Record(mv, marks, *seen, stem.interval_s, window)
     unscored = Scoring(np.full(n, -1), np.zeros(n), 1.0, 1.0, 1.0)
     tables = Tables(*(t[None] for t in (stem.friction, stem.force, stem.breakaway, stem.wander)))
-    out, early_late = np.full((1, n), np.nan), np.full((1, n), np.nan)
+    out, early_late = np.full((n, 1), np.nan), np.zeros((1, n))
     losses = np.full((1, blocks), np.nan)
     follow(
         p[None],
@@ -108,4 +108,4 @@ def followed(stem, p, mv, marks, seen, window=0.0, scoring=None, blocks=1):
         out,
         early_late,
     )
-    return out[0], early_late[0], losses[0]
+    return out[:, 0], early_late[0], losses[0]

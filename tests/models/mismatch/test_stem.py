@@ -362,13 +362,13 @@ def test_a_stem_runs_the_same_in_any_company(seed, count):
     n = 333
     p, stems, record, scoring = drawn_runs(rng, count, n)
     rows = rng.integers(0, 3, count)
-    losses, out, late = np.empty((count, 4)), np.empty((count, n)), np.empty((count, n))
+    losses, out, late = np.empty((count, 4)), np.empty((n, count)), np.zeros((count, n))
     follow(p, rows, *stems.first(count), record, scoring, losses, out, late)
     assert np.isfinite(out).all()
     seen = record.next_up, record.next_down
     for i, stem in enumerate(stems.each):
         alone = followed(stem, p[rows[i]], record.mv, record.marks, seen, 0.35, scoring, 4)
-        for together, one in zip((out[i], late[i], losses[i]), alone, strict=True):
+        for together, one in zip((out[:, i], late[i], losses[i]), alone, strict=True):
             np.testing.assert_array_equal(together, one)
     only, nothing = np.empty((count, 4)), np.empty((0, 0))
     follow(p, rows, *stems.first(count), record, scoring, only, nothing, nothing)
@@ -383,7 +383,7 @@ def test_compiled_is_interpreted(seed):
     rows = np.arange(3)
     found = []
     for function in (follow, follow.py_func):
-        losses, out, late = np.empty((3, 4)), np.empty((3, 90)), np.empty((3, 90))
+        losses, out, late = np.empty((3, 4)), np.zeros((90, 3)), np.zeros((3, 90))
         function(p, rows, *stems.first(3), record, scoring, losses, out, late)
         found.append((losses, out, late))
     for compiled, plain in zip(*found, strict=True):
