@@ -43,9 +43,9 @@ def descend(
     for _ in range(rounds):
         slopes = _Slopes(bench, layout, seen, best.candidate, free)
         yield [slopes]
-        normal, slope, here = slopes.linearised()
+        here = float(bench.mean_loss(slopes.losses[:1], blocks)[0])
         best = Found(best.candidate, here)
-        trial = Ask(layout, _trials(layout, best.candidate, normal, slope, free))
+        trial = Ask(layout, _trials(layout, best.candidate, slopes.normal, slopes.slope, free))
         yield [trial]
         values = bench.mean_loss(trial.losses, blocks)
         i = int(np.argmin(values))
@@ -59,10 +59,9 @@ def descend(
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a descent is fitted to: some ``blocks`` of time, their scored ``samples`` (m,), and
-    the breakaways (e,) on them."""
+    """What a descent is fitted to: the scored ``samples`` (m,) of some blocks of time, and the
+    breakaways (e,) on them."""
 
-    blocks: Bools
     samples: Samples
     events: Samples
 
@@ -71,7 +70,7 @@ def _seen(bench: Bench, blocks: Bools) -> _Seen:
     """The samples of some blocks; a run is early or late only where the recorded stem lets go."""
     block = bench.within(blocks)
     at_onsets = bench.onsets.at[block[bench.onsets.at] >= 0]
-    return _Seen(blocks, np.flatnonzero(block >= 0), at_onsets)
+    return _Seen(np.flatnonzero(block >= 0), at_onsets)
 
 
 def _steps(layout: Layout, candidate: Floats) -> Floats:
@@ -128,7 +127,11 @@ def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -
 
 
 class _Slopes(Ask):
-    """The runs of a candidate, and with a step along each free coordinate."""
+    """The runs of a candidate, and with a step along each free coordinate.
+
+    Answered with the ``normal`` matrix (k, k) and the right-hand side ``slope`` (k,) over the free
+    coordinates; residuals are let go as soon as they are used.
+    """
 
     reads = True
 
@@ -138,15 +141,17 @@ class _Slopes(Ask):
         self.bench, self.seen = bench, seen
         index = np.flatnonzero(free)
         self.steps = _steps(layout, candidate)[index]
-        moved = np.tile(candidate, (index.size + 1, 1))
+        moved = candidate[None].repeat(index.size + 1, 0)
         moved[np.arange(1, index.size + 1), index] += self.steps
-        self.residuals = np.empty((index.size + 1, seen.samples.size + seen.events.size))
+        self.normal = self.slope = self._rows = np.empty((0, 0))
         super().__init__(layout, moved)
 
     def take(self, part: slice, runs: Runs) -> None:
-        """Losses and residuals of some of the runs."""
+        """Losses and residuals of some of the runs; the last ones make the normal equations."""
         super().take(part, runs)
-        bench, seen = self.bench, self.seen
+        bench, seen, count = self.bench, self.seen, self.candidates.shape[0]
+        if part.start == 0:
+            self._rows = np.empty((count, seen.samples.size + seen.events.size))
         _residuals(
             runs.simulated,
             runs.first,
@@ -156,16 +161,13 @@ class _Slopes(Ask):
             runs.early_late,
             seen.events,
             bench.delta / bench.scatter,
-            self.residuals[part],
+            self._rows[part],
         )
-
-    def linearised(self) -> tuple[Floats, Floats, float]:
-        """(k, k) normal matrix and (k,) right-hand side over the free coordinates, and the loss."""
-        bench, rows = self.bench, self.residuals
-        _weighted(rows, self.steps, self.seen.samples.size, bench.event, bench.delta)
-        product = rows @ rows.T
-        here = float(bench.mean_loss(self.losses[:1], self.seen.blocks)[0])
-        return product[1:, 1:], product[1:, 0], here
+        if part.stop == count:
+            _weighted(self._rows, self.steps, seen.samples.size, bench.event, bench.delta)
+            product = self._rows @ self._rows.T
+            self.normal, self.slope = product[1:, 1:], product[1:, 0]
+            self._rows = np.empty((0, 0))
 
 
 def _trials(

@@ -95,7 +95,7 @@ def followed(stem, p, mv, marks, seen, window=0.0, scoring=None, blocks=1):
     record = Record(mv, marks, *seen, stem.interval_s, window)
     unscored = Scoring(np.full(n, -1), np.zeros(n), 1.0, 1.0, 1.0)
     tables = Tables(*(t[None] for t in (stem.friction, stem.force, stem.breakaway, stem.wander)))
-    out, early_late = np.full((n, 1), np.nan), np.zeros((1, n))
+    out, early_late = np.full((n, 1), np.nan), np.full((1, n), np.nan)
     losses = np.full((1, blocks), np.nan)
     follow(
         p[None],
@@ -108,4 +108,6 @@ def followed(stem, p, mv, marks, seen, window=0.0, scoring=None, blocks=1):
         out,
         early_late,
     )
+    # Elsewhere than where the stem was seen to let go nothing is said.
+    early_late[0, (seen[0] != np.arange(n)) & (seen[1] != np.arange(n))] = 0.0
     return out[:, 0], early_late[0], losses[0]
