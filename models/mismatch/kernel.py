@@ -394,8 +394,8 @@ def follow(
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
     sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and
     ``early_late`` (m, n), at the samples where the recorded stem lets go, how far the force was
-    below (negative) or beyond ``fs``, percent, or 0 where the run did not let go with it, as without
-    a window. Of the last two, empty ones are left alone.
+    below (negative) or beyond ``fs``, percent, or 0 where the run did not let go with it, as in one
+    without a window. Of the last two, empty ones are left alone.
     """
     # Taken apart first: an array that is looked up by name is counted at every sample.
     mv, marks, next_up, next_down, dt, window = record
@@ -408,8 +408,7 @@ def follow(
     _begin(s, numbers, lanes, force, rows, dt)
     varied, timed = used(numbers)
     losses[:] = 0.0
-    if window <= 0.0:
-        early_late[:] = 0.0
+    early_late[:, : 0 if window > 0.0 else n] = 0.0
     k, current, full = 0, -1, 0
     while k < n:
         if k % _AHEAD == 0:
