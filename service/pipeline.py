@@ -27,14 +27,14 @@ from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.context import PreviousFinding, SourceNotRead, ValveFacts
 from stemwatch.service.report.page import MOST_PLOTTED
 from stemwatch.service.report.shelf import Shelf
+from stemwatch.service.shares import shares
 from stemwatch.service.store.address import masked_command
 from stemwatch.service.store.store import Store
-from stemwatch.service.tasks import StoredBaseline, Task, in_chunks, screen_packed
+from stemwatch.service.tasks import Chunk, StoredBaseline, Task, screen_packed
 
 # Valves that one worker takes at a time. Their networks train together, which is quicker; but every
 # worker should have some, and progress should be seen.
 CHUNK = 16
-CHUNKS_PER_WORKER = 3
 JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
 
 Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
@@ -119,8 +119,8 @@ def screen_all(
 
     ``keep`` gets each chunk's screenings as soon as they are there.
     """
-    share = -(-len(tasks) // (CHUNKS_PER_WORKER * how.executor.workers))
-    chunks = in_chunks(tasks, how.limits, max(1, min(CHUNK, share)))
+    dealt = shares(tasks, how.executor.workers, CHUNK)
+    chunks = [Chunk(tasks=share, limits=how.limits) for share in dealt]
     firsts = list(accumulate((len(chunk.tasks) for chunk in chunks), initial=0))
     shelf, brief = Shelf(MOST_PLOTTED), dict[int, Screening]()
     for number, found in how.executor.map(screen_packed, chunks):

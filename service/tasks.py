@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import lru_cache
@@ -207,11 +206,3 @@ def _unread(task: Task, reason: str) -> Screening:
     if task.stored is not None:
         advice = "Look at the source's state: whether it is reached, and what it last delivered."
     return failed(task.tags.valve, reason, advice, Provenance(source=task.path))
-
-
-def in_chunks(tasks: Sequence[Task], limits: Limits, size: int) -> list[Chunk]:
-    """Tasks of one file stay together, in chunks of at most ``size``."""
-    return [
-        Chunk(tasks=tuple(tasks[first : first + size]), limits=limits)
-        for first in range(0, len(tasks), size)
-    ]

@@ -16,6 +16,7 @@ from stemwatch.service.report.context import PreviousFinding
 from stemwatch.service.scheduler.kept import Worst
 from stemwatch.service.scheduler.work import ValveJob, job_of, screen_jobs
 from stemwatch.service.scheduler.workers import Outcome, WorkerPool
+from stemwatch.service.shares import shares
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.queue import SILENT_AFTER
 from stemwatch.service.store.records import RunState, StoredRun, ValveState
@@ -25,7 +26,6 @@ from stemwatch.service.tasks import StoredBaseline
 log = logging.getLogger(__name__)
 
 BATCH = 8  # valves whose networks train together
-BATCHES_PER_WORKER = 3
 BEAT_S = SILENT_AFTER.total_seconds() / 6
 UNKNOWN = "the plant file does not describe this valve (any more)"
 
@@ -108,10 +108,7 @@ class ValveRun:
             if valve not in self.plant.valves:
                 self.store.queue.mark(self.run.id, valve, ValveState.SET_ASIDE, UNKNOWN)
         jobs = [self.job(valve) for valve in left if valve in self.plant.valves]
-        share = -(-len(jobs) // (BATCHES_PER_WORKER * workers))
-        size = max(1, min(BATCH, share))
-        batches = [jobs[first : first + size] for first in range(0, len(jobs), size)]
-        for outcome in pool.each(screen_jobs, batches, stop):
+        for outcome in pool.each(screen_jobs, shares(jobs, workers, BATCH), stop):
             self._keep(outcome)
 
     def job(self, valve: str) -> ValveJob:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from stemwatch.models.findings import Screening
-from stemwatch.service import pipeline
+from stemwatch.service import pipeline, shares
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.executors.dask_cluster import DaskCluster
 from stemwatch.service.gather import Request
@@ -37,7 +37,7 @@ class LastFirst:
 @pytest.fixture
 def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
-    monkeypatch.setattr(pipeline, "CHUNKS_PER_WORKER", 1)
+    monkeypatch.setattr(shares, "PER_WORKER", 1)
     export = short_plant.parent / "export" / "historian.csv"
 
     def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:

@@ -6,14 +6,12 @@ import pickle
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.address import Address
-from stemwatch.service.tasks import Chunk, InStore, StoredBaseline, Task, in_chunks, screen_chunk
+from stemwatch.service.tasks import Chunk, InStore, StoredBaseline, Task, screen_chunk
 
 
 def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
@@ -89,12 +87,3 @@ def test_a_chunk_and_its_screenings_can_travel(one_valve: Path) -> None:
     assert len(found.recording) == len(again.recording)
     assert found.network is not None
     assert found.network.to_bytes() == again.network.to_bytes()
-
-
-@pytest.mark.parametrize(("count", "sizes"), [(0, []), (3, [3]), (4, [4]), (9, [4, 4, 1])])
-def test_chunks_hold_every_task_once(tmp_path: Path, count: int, sizes: list[int]) -> None:
-    """Tasks are dealt in order, at most ``size`` to a chunk, none lost."""
-    tasks = [task(tmp_path / f"{place}.csv") for place in range(count)]
-    chunks = in_chunks(tasks, Limits(), 4)
-    assert sizes == [len(chunk.tasks) for chunk in chunks]
-    assert tasks == [one for chunk in chunks for one in chunk.tasks]
