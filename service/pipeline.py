@@ -119,7 +119,7 @@ def screen_all(
 
     ``keep`` gets each chunk's screenings as soon as they are there.
     """
-    dealt = shares(tasks, how.executor.workers, CHUNK)
+    dealt = shares(tasks, how.executor.workers, CHUNK, parsed=lambda task: task.text_file)
     chunks = [Chunk(tasks=share, limits=how.limits) for share in dealt]
     firsts = list(accumulate((len(chunk.tasks) for chunk in chunks), initial=0))
     shelf, brief = Shelf(MOST_PLOTTED), dict[int, Screening]()

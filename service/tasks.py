@@ -68,6 +68,11 @@ class Task:
     reason: str = ""  # why there is nothing to screen, and what to do about it
     seen: tuple[str, ...] = ()  # what can be said of a readable file all the same
 
+    @property
+    def text_file(self) -> str | None:
+        """The file that has to be parsed as a whole for it, if any."""
+        return self.path if self.stored is None and self.archive is None else None
+
 
 @dataclass(frozen=True, kw_only=True)
 class Chunk:

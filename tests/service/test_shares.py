@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -33,3 +35,23 @@ def test_a_hundred_valves_on_two_workers() -> None:
     sizes = [len(share) for share in shares(range(100), 2, 16)]
     assert sizes[:8] == [16, 14, 12, 10, 8, 7, 6, 5]
     assert sizes[-8:] == [2, 2, 1, 1, 1, 1, 1, 1]
+
+
+@given(st.lists(st.integers(1, 30), max_size=30), st.integers(1, 8), st.integers(1, 20))
+def test_what_is_parsed_as_a_whole_goes_to_one_worker(
+    files: list[int], workers: int, most: int
+) -> None:
+    """A share begins or ends within a file only where the file is too large for one share."""
+    items = [(f"{file}.csv", valve) for file, valves in enumerate(files) for valve in range(valves)]
+    dealt = shares(items, workers, most, parsed=lambda item: item[0])
+    assert [item for share in dealt for item in share] == items
+    assert all(1 <= len(share) <= most for share in dealt)
+    for share, following in pairwise(dealt):
+        (file, _), (then, _) = share[-1], following[0]
+        assert file != then or {name for name, _ in share} == {file}
+
+
+def test_files_of_eight_valves_are_not_parted() -> None:
+    """Of 100 valves in files of eight, every share is of whole files; single files at the end."""
+    dealt = shares(range(100), 2, 16, parsed=lambda valve: str(valve // 8))
+    assert [len(share) for share in dealt] == [16, 16, 16, 16, 8, 8, 8, 8, 4]
