@@ -18,7 +18,7 @@ from stemwatch.models.mismatch.instep import Search, together
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.fit import Advantage, advantage
-from stemwatch.models.stickslip.search import Found, ordered, refining
+from stemwatch.models.stickslip.search import CrossEntropy, Found, ordered
 
 SEED = 1977
 
@@ -150,23 +150,13 @@ def _around(
     bench: Bench, layout: Layout, blocks: Bools, best: Found, effort: Effort
 ) -> Search[Found]:
     """The best of populations about ``best``."""
-    search = refining(
-        best,
-        bench.spread(layout, effort.width),
-        layout.bounds,
-        np.random.default_rng(SEED),
-        rounds=POPULATION_ROUNDS,
-        population=effort.population,
-    )
-    drawn = next(search)
-    while True:
-        ask = Ask(layout, drawn)
+    spread, rng = bench.spread(layout, effort.width), np.random.default_rng(SEED)
+    around = CrossEntropy(best, spread, layout.bounds, rng)
+    for _ in range(POPULATION_ROUNDS):
+        ask = Ask(layout, around.draw(effort.population))
         yield [ask]
-        try:
-            drawn = search.send(bench.mean_loss(ask.losses, blocks))
-        except StopIteration as end:
-            found: Found = end.value
-            return found
+        around.learn(ask.candidates, bench.mean_loss(ask.losses, blocks))
+    return around.best
 
 
 def crossfit(

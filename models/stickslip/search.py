@@ -6,7 +6,7 @@ later), so gradients are useless and a population is not. Seeded: the same resul
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,47 +48,44 @@ def refine(
 ) -> Found:
     """Cross-entropy descent from ``start`` (9,); coordinates with zero ``spread`` stay fixed.
 
-    See ``refining``, which is answered with ``loss`` here.
+    See ``CrossEntropy``, which learns from ``loss`` here.
     """
-    begun = best_of(loss, start[None, :])[0]
-    search = refining(begun, spread, bounds, rng, rounds=rounds, population=population)
-    try:
-        drawn = next(search)
-        while True:
-            drawn = search.send(loss(drawn))
-    except StopIteration as end:
-        found: Found = end.value
-        return found
+    search = CrossEntropy(best_of(loss, start[None, :])[0], spread, bounds, rng)
+    for _ in range(rounds):
+        drawn = search.draw(population)
+        search.learn(drawn, loss(drawn))
+    return search.best
 
 
-def refining(
-    begun: Found,
-    spread: Floats,
-    bounds: Bounds,
-    rng: np.random.Generator,
-    *,
-    rounds: int,
-    population: int,
-) -> Generator[Floats, Floats, Found]:
-    """Cross-entropy descent that hands out each population (m, size) and waits for its losses (m,).
+class CrossEntropy:
+    """Cross-entropy descent from a candidate that is ``begun`` with, one round at a time.
 
     Each round draws a population around the mean of the elite, keeps the best quarter, and
-    narrows. The best candidate ever seen is returned, so the result is never worse than what it
-    ``begun`` with.
+    narrows. ``best`` is the best candidate ever seen, so that it is never worse than the first.
     """
-    best = begun
-    mean, width = best.candidate.copy(), spread.copy()
-    for _ in range(rounds):
-        drawn = bounds.clip(mean + width * rng.standard_normal((population, mean.size)))
-        drawn[0] = best.candidate
-        values = yield drawn
-        order = np.argsort(values, kind="stable")
-        if values[order[0]] < best.loss:
-            best = Found(drawn[order[0]].copy(), float(values[order[0]]))
-        elite = drawn[order[: population // 4]]
-        mean = 0.5 * best.candidate + 0.5 * elite.mean(axis=0)
+
+    def __init__(
+        self, begun: Found, spread: Floats, bounds: Bounds, rng: np.random.Generator
+    ) -> None:
+        self.best = begun
+        self._spread, self._bounds, self._rng = spread, bounds, rng
+        self._mean, self._width = begun.candidate.copy(), spread.copy()
+
+    def draw(self, population: int) -> Floats:
+        """(population, size) candidates, the best one among them."""
+        about = self._rng.standard_normal((population, self._mean.size))
+        drawn = self._bounds.clip(self._mean + self._width * about)
+        drawn[0] = self.best.candidate
+        return drawn
+
+    def learn(self, drawn: Floats, losses: Floats) -> None:
+        """What the losses (m,) of the candidates ``drawn`` (m, size) say of where to look next."""
+        order = np.argsort(losses, kind="stable")
+        if losses[order[0]] < self.best.loss:
+            self.best = Found(drawn[order[0]].copy(), float(losses[order[0]]))
+        elite = drawn[order[: drawn.shape[0] // 4]]
+        mean = self._mean = 0.5 * self.best.candidate + 0.5 * elite.mean(axis=0)
         # The elite's spread about the best, a little widened, so that the search does not stall
         # on one side of a step.
         scatter = np.sqrt(np.mean((elite - mean) ** 2, axis=0))
-        width = np.where(spread > 0.0, np.minimum(1.2 * scatter, width), 0.0)
-    return best
+        self._width = np.where(self._spread > 0.0, np.minimum(1.2 * scatter, self._width), 0.0)
