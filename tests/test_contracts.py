@@ -15,7 +15,7 @@ import pytest
 REPOSITORY = Path(__file__).parent.parent
 PACKAGES = ("service", "connectors", "models")
 LONGEST_FUNCTION = 70
-LONGEST_FILE = 450
+LONGEST_FILE = 700
 # Ways to reach a file or a terminal that need no import.
 BUILT_IN_DOORS = frozenset({"open", "print", "input", "breakpoint"})
 FILE_METHODS = frozenset(
@@ -90,8 +90,8 @@ def test_no_function_is_longer_than_a_screen() -> None:
     assert long == []
 
 
-def test_no_file_holds_more_than_one_idea_can_fill() -> None:
-    """Files stay below 450 lines."""
+def test_no_file_is_a_heap() -> None:
+    """Files stay below 700 lines: one idea, whole, and nothing beside it."""
     lengths = {path: len(path.read_text("utf-8").splitlines()) for path in _everything()}
     long = [f"{_place(p)}: {n} lines" for p, n in lengths.items() if n > LONGEST_FILE]
     assert long == []
