@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.background import NOTHING_KNOWN, Background
 from stemwatch.service.maintenance.kinds import kinds_of, needs_work

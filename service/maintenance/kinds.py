@@ -6,8 +6,8 @@ position cannot be trusted.
 
 from __future__ import annotations
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Effect, Finding
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
 
 STICTION = {

@@ -8,8 +8,8 @@ from datetime import timedelta, tzinfo
 
 import numpy as np
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.axes import Panel, span
 from stemwatch.service.maintenance.drawing import Area, Drawing, Label, Line, Mark
 from stemwatch.service.report.decimate import telling_samples

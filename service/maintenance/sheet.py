@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from datetime import tzinfo
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Effect
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import advice
 from stemwatch.service.maintenance import kinds as k

@@ -11,9 +11,9 @@ from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session, defer
 
 from stemwatch.connectors.connector import ConnectorError, Window
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.background import LOOK_BACK, Background, Past
 from stemwatch.service.plantfile import Plant

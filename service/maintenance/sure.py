@@ -3,7 +3,7 @@ findings are wrong, and whether it stands among all valves of the run."""
 
 from __future__ import annotations
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.since import Since
 from stemwatch.service.report.discoveries import LEVEL_PERCENT, Discoveries

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.background import NOTHING_KNOWN, Background
 from stemwatch.service.maintenance.book import Book, book_of
 from stemwatch.service.maintenance.orders_files import orders_csv, orders_xlsx

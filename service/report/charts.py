@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Recording, Role
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.decimate import telling_samples
 from stemwatch.service.report.pack import packed
 from stemwatch.service.report.panels import (

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from stemwatch.models.findings import Indicator, Residual, Screening
+from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.service.report.context import software_name
 from stemwatch.service.report.discoveries import discoveries
 from stemwatch.service.report.mismatch_contract import estimate_object, mismatch_object

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stemwatch.models.findings import Residual
+from stemwatch.models.screening_result import Residual
 from stemwatch.service.report.words import finite
 
 MODEL_NAMES = {

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.words import finite
 
 SMALLEST_TOP_PERCENT = 2.0

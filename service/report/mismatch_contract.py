@@ -11,7 +11,7 @@ from typing import Any
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import (
     Effect,
-    HeldOut,
+    HeldOutFit,
     HotPlace,
     Mismatch,
     RecordEffect,
@@ -109,7 +109,7 @@ def _stiction(stiction: Stiction) -> dict[str, Any]:
     return {"S": estimate_object(stiction.S), "J": estimate_object(stiction.J)}
 
 
-def _heldout(heldout: HeldOut) -> dict[str, float | None]:
+def _heldout(heldout: HeldOutFit) -> dict[str, float | None]:
     return {name: finite(getattr(heldout, name)) for name in HELD_OUT}
 
 

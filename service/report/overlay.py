@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.mismatch.findings import Runs
+from stemwatch.models.mismatch.findings import FreeRuns
 from stemwatch.models.recording import Recording
 from stemwatch.service.report.panels import (
     Chart,
@@ -21,7 +21,7 @@ from stemwatch.service.report.panels import (
 NAIVE, EXTENDED = "S and J alone", "extended model"
 
 
-def overlay_of(recording: Recording | None, runs: Runs | None) -> Chart | None:
+def overlay_of(recording: Recording | None, runs: FreeRuns | None) -> Chart | None:
     """The overlay and both residuals; ``None`` where there is no position or nothing simulated.
 
     Raises ``ValueError`` where a run is not as long as the recording.

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.context import ReportContext
 from stemwatch.service.report.contract import to_contract
 from stemwatch.service.report.csv_file import write_csv

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from stemwatch.connectors.connector import Window
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.pipeline import keep_network, previous_finding
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.context import PreviousFinding

@@ -11,7 +11,7 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store import baselines, screenings
 from stemwatch.service.store.access import Access
 from stemwatch.service.store.access_links import AccessLinks

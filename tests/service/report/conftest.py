@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.recording import ClockFacts, Floats, Provenance, Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.report import (
     PreviousFinding,

@@ -10,7 +10,7 @@ from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 from sqlalchemy import Engine, inspect, text
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.address import Address
 from stemwatch.service.store.engine import make_engine
 from stemwatch.service.store.errors import StoreError

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.dialects import sqlite
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.address import Address
 from stemwatch.service.store.columns import UtcDateTime
 from stemwatch.service.store.engine import BUSY_TIMEOUT_MS, make_engine

@@ -15,8 +15,8 @@ import uvicorn
 from stemwatch.connectors.connector import Window
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.recording import Floats, Provenance, Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.plantfile import Plant, load_plant
 from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
