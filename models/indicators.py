@@ -79,20 +79,27 @@ def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
     ]
 
 
-def of_friction(fit: StickSlipFit, S: Estimate, J: Estimate) -> list[Indicator]:
-    """S, J, what they mean for this loop, and what stood before the stem; nothing without them."""
+def of_friction(
+    fit: StickSlipFit, S: Estimate, J: Estimate, op_per_travel: float = 1.0
+) -> list[Indicator]:
+    """S, J, what they mean for this loop, and what stood before the stem; nothing without them.
+
+    ``op_per_travel``: percent of OP for a percent of travel, in which ``fit`` is.
+    """
     if S.value is None:
         return []
     swing_of_op = fit.evaluator.problem.swing
     share = 100.0 * fit.S / swing_of_op if swing_of_op > 0 else None
-    naive_S = float(fit.naive[coordinate.S_PERCENT])
+    naive_S = float(fit.naive[coordinate.S_PERCENT]) * op_per_travel
     naive_J = naive_S * float(fit.naive[coordinate.RATIO])
     zero = float(fit.candidate[coordinate.ZERO])
     found = [
         *_estimated("S_percent", S, "Deadband plus stickband, percent of OP span"),
         *_estimated("J_percent", J, "Slip jump, percent of OP span"),
         *_one("S_of_swing_percent", share, "%", "S in percent of OP's own swing"),
-        *_one("dead_band_percent", max(fit.S - fit.J, 0.0), "%", "Dead band, S - J"),
+        *_one(
+            "dead_band_percent", max(fit.S - fit.J, 0.0) * op_per_travel, "%", "Dead band, S - J"
+        ),
         *_one("naive_S_percent", naive_S, "%", "S of S and J alone", "none"),
         *_one("naive_J_percent", naive_J, "%", "J of S and J alone", "none"),
         *_one("position_zero_percent", zero, "%", "Position minus OP, at rest", "none"),

@@ -6,6 +6,7 @@ its stored points is not a measurement.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -129,4 +130,16 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
         obstacles=tuple(obstacles),
         frozen_share=frozen,
         interpolated_share=drawn,
+    )
+
+
+def with_obstacles(assessment: Assessment, found: Sequence[Obstacle]) -> Assessment:
+    """``assessment`` with obstacles that only a fit could find; grade D where there are any."""
+    if not found:
+        return assessment
+    reasons = (*(one.reason for one in found), *assessment.quality.reasons)
+    return replace(
+        assessment,
+        obstacles=(*assessment.obstacles, *found),
+        quality=replace(assessment.quality, grade="D", reasons=reasons),
     )

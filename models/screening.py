@@ -30,7 +30,7 @@ from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.quality import Assessment, Obstacle, assess
+from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.response_sentences import beside_friction, slowness
@@ -41,6 +41,8 @@ from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
+from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Verdict
 
 
@@ -71,7 +73,8 @@ class _Fitted:
     """A case on its way: assessed, and fitted where nothing stood in the way.
 
     ``recording`` is what was fitted: all of the case's, or its ``stretch``; ``masked`` the same
-    without what record effects spoilt.
+    without what record effects spoilt. ``fit`` and ``sample`` are in percent of travel where there
+    is a ``curve`` from OP to stroke, else in percent of OP, which is then the same.
     """
 
     case: Case
@@ -79,6 +82,7 @@ class _Fitted:
     recording: Recording
     masked: Recording
     stretch: FitWindow | None
+    curve: StrokeCurve | None
     fit: StickSlipFit | None
     sample: StickSlipSample | None
     seconds: float
@@ -134,9 +138,13 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     began = time.perf_counter()
     assessment = assess(case.recording, limits)
     recording, masked, stretch = case.recording, assessment.recording, None
+    curve = fit = None
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(case.recording, assessment, limits)
-    fit = None if assessment.obstacles else fit_stickslip(masked)
+        curve = find_stroke_curve(masked)
+        assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
+    if not assessment.obstacles:
+        fit = fit_stickslip(in_travel(masked, curve))
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
         case=case,
@@ -144,6 +152,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         recording=recording,
         masked=masked,
         stretch=stretch,
+        curve=curve,
         fit=fit,
         sample=sample,
         seconds=time.perf_counter() - began,
@@ -168,7 +177,7 @@ def _to_fit(
 def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[NarxFit | None]:
     """A network for each case that has a fit, all trained together."""
     ready = [
-        (at, one.fit, one.masked)
+        (at, one.fit, one)
         for at, one in enumerate(fitted)
         if isinstance(one, _Fitted) and one.fit is not None
     ]
@@ -176,7 +185,8 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
     if not ready or not options.narx:
         return trained
     examples = [
-        NarxExample.of(recording, fit.first_heldout, start_of(fit)) for _, fit, recording in ready
+        NarxExample.of(one.masked, fit.first_heldout, start_of(fit, one.curve))
+        for _, fit, one in ready
     ]
     for (at, _, _), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
         trained[at] = fit
@@ -196,8 +206,12 @@ def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[Na
         return [NarxFit(valve=examples[0].valve, reason=reason)]
 
 
-def start_of(fit: StickSlipFit) -> StickSlipStart | None:
-    """The element as it was fitted to the training part, for the network to start from."""
+def start_of(fit: StickSlipFit, curve: StrokeCurve | None) -> StickSlipStart | None:
+    """The element as it was fitted to the training part, for the network to start from.
+
+    The network sees OP as it was recorded, so that it can be compared with one of another window;
+    of a ``curve`` it is given the chord, and learns the bend.
+    """
     q = to_kernel(fit.trained, fit.evaluator.restick)[0]
     if q[kernel.GAIN] == 0.0:
         return None
@@ -205,11 +219,14 @@ def start_of(fit: StickSlipFit) -> StickSlipStart | None:
     actuator = {name: float(q[at]) for at, name in enumerate(names, start=kernel.DEAD_TIME_S)}
     actuator["slow_up_s_per_percent"] = float(1.0 / q[kernel.RATE_UP])
     actuator["slow_down_s_per_percent"] = float(1.0 / q[kernel.RATE_DOWN])
+    slope, shift = (1.0, 0.0) if curve is None else (curve.slope, curve.zero)
+    for name in ("slow_up_s_per_percent", "slow_down_s_per_percent"):
+        actuator[name] *= abs(slope)
     return StickSlipStart(
-        S=float(q[kernel.S]),
-        J=float(q[kernel.J]),
-        zero=float(q[kernel.ZERO]),
-        gain=float(q[kernel.GAIN]),
+        S=float(q[kernel.S]) / abs(slope),
+        J=float(q[kernel.J]) / abs(slope),
+        zero=float(q[kernel.ZERO]) + float(q[kernel.GAIN]) * shift,
+        gain=float(q[kernel.GAIN]) * slope,
         actuator=actuator,
         goes_on=bool(np.isfinite(q[kernel.RESTICK])),
     )
@@ -228,7 +245,9 @@ def _conclude(one: _Fitted, network: NarxFit | None, options: Options) -> Screen
         screening = _without_verdict(one)
     else:
         ceiling = network.simulated if network is not None else None
-        left_out = explain(one.recording, ceiling=ceiling) if options.mismatch else None
+        left_out = None
+        if options.mismatch:
+            left_out = explain(one.recording, ceiling=ceiling, curve=one.curve)
         screening = _with_verdict(one, one.fit, one.sample, network, left_out, options.limits)
     seconds = one.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
@@ -242,7 +261,7 @@ def _screening(
     residuals: dict[str, Residual | None],
     found: list[Indicator],
 ) -> Screening:
-    recording = _remembering(one.case.recording, one.stretch)
+    recording = _remembering(one.case.recording, one)
     seen = judgement.verdict is Verdict.UNDETERMINED
     return Screening(
         valve=recording.valve,
@@ -264,11 +283,13 @@ def _screening(
     )
 
 
-def _remembering(recording: Recording, stretch: FitWindow | None) -> Recording:
-    """The recording with the sentence that says what of it was fitted."""
-    if stretch is None:
+def _remembering(recording: Recording, one: _Fitted) -> Recording:
+    """The recording with the sentences that say what of it was fitted, and through which curve."""
+    said = [window_sentence(one.stretch, recording)] if one.stretch is not None else []
+    said += [one.curve.sentence()] if one.curve is not None else []
+    if not said:
         return recording
-    decisions = (*recording.provenance.decisions, window_sentence(stretch, recording))
+    decisions = (*recording.provenance.decisions, *said)
     return replace(recording, provenance=replace(recording.provenance, decisions=decisions))
 
 
@@ -286,11 +307,14 @@ def _estimate(draws: Floats, value: float) -> Estimate:
 
 
 def _stiction(
-    fit: StickSlipFit, sample: StickSlipSample, left_out: Mismatch | None
+    one: _Fitted, fit: StickSlipFit, sample: StickSlipSample, left_out: Mismatch | None
 ) -> tuple[Estimate, Estimate, Floats]:
-    """S, J and draws of S: those restated with the hidden physics where some was named."""
+    """S, J and draws of S, percent of OP: restated with the hidden physics where some was named."""
     if left_out is None or not left_out.effects or left_out.restated.S.value is None:
-        return _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), sample.S
+        S, J, curve = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), one.curve
+        if curve is None:
+            return S, J, sample.S
+        return curve.in_op(S), curve.in_op(J, is_jump=True), sample.S / abs(curve.slope)
     S, J = left_out.restated.S, left_out.restated.J
     return S, J, spread_of(S)
 
@@ -303,7 +327,7 @@ def _with_verdict(
     left_out: Mismatch | None,
     limits: Limits,
 ) -> Screening:
-    S, J, S_draws = _stiction(fit, sample, left_out)
+    S, J, S_draws = _stiction(one, fit, sample, left_out)
     compared = residual.of_baseline(one.case.baseline, one.masked)
     residuals = {
         "stiction": residual.of_stiction(fit, resynced=False),
@@ -334,7 +358,9 @@ def _with_verdict(
     found = [
         *indicators.of_recording(one.assessment.recording),
         *_movement(one, fit, events),
-        *indicators.of_friction(fit, S, J),
+        *indicators.of_friction(
+            fit, S, J, 1.0 if one.curve is None else 1.0 / abs(one.curve.slope)
+        ),
         *indicators.of_residuals(residuals, compared.ratio),
     ]
     screening = _screening(one, judgement, S, J, residuals, found)
@@ -351,7 +377,7 @@ def _movement(one: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[Indic
     """How the stem moved in the whole recording, whatever part of it was fitted."""
     if one.stretch is None:
         return indicators.of_movement(fit.evaluator.problem, events)
-    whole = make_problem(one.assessment.recording)
+    whole = make_problem(in_travel(one.assessment.recording, one.curve))
     evaluator = replace(fit.evaluator, problem=whole)
     return indicators.of_movement(whole, slip_events(replace(fit, evaluator=evaluator)))
 

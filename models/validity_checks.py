@@ -13,12 +13,11 @@ from stemwatch.models.percent import not_percent
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.signal_pairing import correlation, delayed_correlation, is_copy
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
+from stemwatch.models.stickslip.stroke_curve import AGAINST
 from stemwatch.models.words import share, times
 
 # The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
 NOISE_SWING = 6.0
-# A sticking stem may lag by a quarter of a cycle: 256 simulated valves gave 0.1 and above.
-AGAINST = -0.3
 # 140 simulated valves that moved gave 0.37 and above, positions of other valves mostly below 0.3.
 UNRELATED = 0.3
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
@@ -55,27 +54,29 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
                 "Map the tag of the stem position (ZT, POS, positioner feedback).",
             )
         ]
-    return _still_obstacles(recording) or _reversed_obstacles(recording)
+    return _still_obstacles(recording)
 
 
-def _reversed_obstacles(recording: Recording) -> list[Obstacle]:
-    """A position that runs against OP: a fit would read the whole swing as sticking."""
+def reversed_obstacles(recording: Recording) -> list[Obstacle]:
+    """A position that runs against OP, where no curve from OP to stroke explains why."""
     together = correlation(recording)
     if together > AGAINST:
         return []
     return [
         Obstacle(
             "position_reversed",
-            f"the position falls when OP rises (correlation {together:.2f}): it counts the other "
-            "way, so S and J cannot be read from the two as they are",
-            "Give the position's values at 0 % and 100 % of OP (low, high) the other way round.",
+            f"the position falls when OP rises (correlation {together:.2f}), and no curve from OP "
+            "to stroke follows it",
+            "Check which tag is this valve's position; if it counts the other way, give its values "
+            "at 0 % and 100 % of OP (low, high) the other way round.",
         )
     ]
 
 
 def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     """A position that does not go with OP at all: a fit would call it sticking."""
-    together = delayed_correlation(recording)
+    # A position that counts the other way is related all the same.
+    together = max(delayed_correlation(recording), -correlation(recording))
     if together >= UNRELATED or swing(recording.op.values) <= 2.0:
         return []
     return [

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -63,11 +64,13 @@ from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
 
 FEWEST_SAMPLES = 60
 WORSE = 1.15
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 STRAIGHT_LINE = ("zero_shift", "span_error")
+NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
 BEND = "bend"  # is not in the catalogue; its limits are those of a term
 MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
 READING = ("zero_shift", "span_error", "sensor_drift")
@@ -91,28 +94,60 @@ class _Case:
     own_reading: bool
 
 
-def explain(recording: Recording, *, ceiling: Floats | None = None) -> Mismatch:
+def explain(
+    recording: Recording, *, ceiling: Floats | None = None, curve: StrokeCurve | None = None
+) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
     ``ceiling`` (n,) is a network's free run of MV, NaN where it has none: the share of the
-    residual that is systematic at all.
+    residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
+    else it is looked for here.
     """
     began, recording = time.perf_counter(), possible(recording)
+    curve = curve or find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
         found = _through_flow(recording)
+    elif curve is not None:
+        found = _through_curve(recording, ceiling, curve)
     else:
-        found = _explained(recording, ceiling)
+        found = _explained(recording, settle(recording), ceiling)
     return replace(found, seconds=time.perf_counter() - began)
 
 
 def _explained(
-    recording: Recording, ceiling: Floats | None, *, own_reading: bool = True
+    recording: Recording,
+    settled: RecordSettled,
+    ceiling: Floats | None,
+    *,
+    own_reading: bool = True,
+    refused: Mapping[str, str] = NOTHING_REFUSED,
 ) -> Mismatch:
-    settled = settle(recording)
+    """``refused`` are terms that are left out from the start, and why."""
     reason = _cannot(recording, settled)
     if reason is not None:
         return _not_testable(settled, reason)
-    return _told(_fitted(recording, settled, ceiling, own_reading=own_reading))
+    case = _fitted(recording, settled, ceiling, own_reading=own_reading)
+    return _told(replace(case, refused={**case.refused, **refused}))
+
+
+def _through_curve(recording: Recording, ceiling: Floats | None, curve: StrokeCurve) -> Mismatch:
+    """A recording whose command is percent of travel only after a curve; S and J in percent of OP.
+
+    What the archive did to OP is seen in OP as it was recorded.
+    """
+    refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
+    found = _explained(in_travel(recording, curve), settle(recording), ceiling, refused=refused)
+    return replace(
+        found,
+        sentence=f"{curve.sentence()} {found.sentence}",
+        naive=_in_op(found.naive, curve),
+        restated=_in_op(found.restated, curve),
+        stroke_curve=curve,
+    )
+
+
+def _in_op(stiction: Stiction, curve: StrokeCurve) -> Stiction:
+    return Stiction(S=curve.in_op(stiction.S), J=curve.in_op(stiction.J, is_jump=True))
 
 
 def _through_flow(recording: Recording) -> Mismatch:
@@ -128,7 +163,7 @@ def _through_flow(recording: Recording) -> Mismatch:
         )
         return _not_testable(settle(recording), reason)
     position, curve = read
-    found = _explained(position, None, own_reading=False)
+    found = _explained(position, settle(position), None, own_reading=False)
     told = (
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."

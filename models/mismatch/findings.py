@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 
 class Finding(StrEnum):
@@ -166,4 +167,5 @@ class Mismatch:
     runs: FreeRuns | None = None
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None
+    stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     seconds: float = 0.0

@@ -101,7 +101,7 @@ def _reading(problem: FitProblem) -> tuple[float, float]:
     return gain - 1.0, float(np.median(mv) - gain * np.median(op))
 
 
-def _sticking_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
+def sticking_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     """(m, 9) candidates over S, J/S and the reading's zero, around ``base``."""
     # Widths below the swing matter most, and a valve of a wide swing may still have a small S.
     widths = evaluator.bounds.high[coordinate.S_PERCENT] * np.linspace(0.0, 1.0, 23) ** 1.6
@@ -132,7 +132,7 @@ def _actuator_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     return evaluator.bounds.clip(candidates)
 
 
-def _search(
+def search(
     evaluator: StickSlipEvaluator,
     loss: Loss,
     starts: list[SearchResult],
@@ -169,7 +169,7 @@ def _both_starts(
     sticking: SearchResult, actuator: SearchResult, loss: Loss, evaluator: StickSlipEvaluator
 ) -> list[SearchResult]:
     """Starts for the joint search: each part alone, and each with the other laid over it."""
-    over_actuator = _sticking_grid(evaluator, actuator.candidate)[1::4]  # its own zero only
+    over_actuator = sticking_grid(evaluator, actuator.candidate)[1::4]  # its own zero only
     over_sticking = _joint_grid(evaluator, sticking.candidate)
     return [
         sticking,
@@ -182,21 +182,19 @@ def _both_starts(
 def _fit_all(evaluator: StickSlipEvaluator, blocks: Bools, base: Floats) -> dict[str, SearchResult]:
     """The best candidate of each hypothesis on the chosen blocks."""
     loss = evaluator.loss(blocks)
-    starts = best_of(loss, _sticking_grid(evaluator, base), keep=4)
-    sticking = _search(evaluator, loss, starts, coordinate.STICKING, 0.06, 7)
+    starts = best_of(loss, sticking_grid(evaluator, base), keep=4)
+    sticking = search(evaluator, loss, starts, coordinate.STICKING, 0.06, 7)
     starts = best_of(loss, _actuator_grid(evaluator, base), keep=2)
-    actuator = _search(evaluator, loss, starts, coordinate.ACTUATOR, 0.08, 8)
+    actuator = search(evaluator, loss, starts, coordinate.ACTUATOR, 0.08, 8)
     starts = _both_starts(sticking, actuator, loss, evaluator)
-    both = _search(evaluator, loss, starts, BOTH.free, 0.06, 9)
-    both = _search(evaluator, loss, [both], BOTH.free, 0.02, 9)
+    both = search(evaluator, loss, starts, BOTH.free, 0.06, 9)
+    both = search(evaluator, loss, [both], BOTH.free, 0.02, 9)
     # The simpler hypothesis gets every chance: it restarts from the S and J of the richer one.
     again = sticking.candidate.copy()
     again[[coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]] = both.candidate[
         [coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]
     ]
-    restarted = _search(
-        evaluator, loss, [SearchResult(again, np.inf)], coordinate.STICKING, 0.03, 6
-    )
+    restarted = search(evaluator, loss, [SearchResult(again, np.inf)], coordinate.STICKING, 0.03, 6)
     sticking = min(sticking, restarted, key=lambda f: f.loss)
     return {"sticking": sticking, "actuator": actuator, "both": both}
 
@@ -282,14 +280,14 @@ def _scale(problem: FitProblem, simulated: Floats) -> float:
     return max(3.0 * problem.sigma, spread, 0.05)
 
 
-def _first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
+def first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
     """An evaluator scaled by a first look, and the base candidate (neutral but for the reading)."""
     base = np.zeros(coordinate.N_COORDINATES)
     base[coordinate.GAIN], base[coordinate.ZERO] = _reading(problem)
     spread = float(np.std(problem.mv[problem.scored]))
     evaluator = _scaled(problem, base, max(3.0 * problem.sigma, 0.1 * spread, 0.05))
     everything = np.ones(problem.n_blocks, dtype=bool)
-    look = best_of(evaluator.loss(everything), _sticking_grid(evaluator, base))[0]
+    look = best_of(evaluator.loss(everything), sticking_grid(evaluator, base))[0]
     delta = _scale(problem, evaluator.simulate(look.candidate))
     return _scaled(problem, base, min(delta, evaluator.delta * 3.0)), base
 
@@ -306,8 +304,8 @@ def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> S
     found = []
     for reading in readings:
         loss = reading.loss(blocks)
-        starts = best_of(loss, _sticking_grid(reading, base), keep=2)
-        found.append(_search(reading, loss, starts, coordinate.STICKING, 0.06, 5))
+        starts = best_of(loss, sticking_grid(reading, base), keep=2)
+        found.append(search(reading, loss, starts, coordinate.STICKING, 0.06, 5))
     best = int(np.argmin([one.loss for one in found]))
     if found[best].loss >= CLEARLY * found[0].loss:
         best = 0
@@ -324,7 +322,7 @@ def fit_stickslip(recording: Recording) -> StickSlipFit:
     problem = make_problem(recording)
     if not problem.scored.any():
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
-    evaluator, base = _first_look(problem)
+    evaluator, base = first_look(problem)
     train = problem.training_blocks()
     evaluator = _resticking(evaluator, base, train)
     trained = _fit_all(evaluator, train, base)
@@ -360,7 +358,7 @@ def _polish(
     free = BOTH.free if hypothesis == "both" else coordinate.STICKING
     loss = evaluator.loss(blocks)
     searches = [
-        _search(evaluator, loss, [SearchResult(start, np.inf)], free, scale, 7)
+        search(evaluator, loss, [SearchResult(start, np.inf)], free, scale, 7)
         for scale in (0.05, 0.01)
     ]
     return min(searches, key=lambda f: f.loss)

@@ -21,6 +21,7 @@ from stemwatch.service.tasks import Task, open_file
 
 if TYPE_CHECKING:
     from stemwatch.models.stickslip.fit import StickSlipFit
+    from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,24 +84,29 @@ def _mismatch(recording: Recording, job: Job) -> Mismatch:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.quality import assess
     from stemwatch.models.stickslip.fit import fit_stickslip
+    from stemwatch.models.stickslip.stroke_curve import find_stroke_curve, in_travel
 
     if job.narx:
         import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
     began = time.perf_counter()
     assessment = assess(recording, job.limits)
-    fit = None if assessment.obstacles else fit_stickslip(assessment.recording)
-    ceiling = _ceiling(assessment.recording, fit) if fit is not None and job.narx else None
-    found = explain(recording, ceiling=ceiling)  # as it was read: record effects come first
+    masked, ceiling, curve = assessment.recording, None, None
+    if not assessment.obstacles:
+        curve = find_stroke_curve(masked)
+        if job.narx:
+            ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
+    # As it was read: record effects come first.
+    found = explain(recording, ceiling=ceiling, curve=curve)
     return replace(found, seconds=time.perf_counter() - began)
 
 
-def _ceiling(recording: Recording, fit: StickSlipFit) -> Floats | None:
+def _ceiling(recording: Recording, fit: StickSlipFit, curve: StrokeCurve | None) -> Floats | None:
     """(n,) free run of the valve's network, ``None`` where it could not be trained."""
     from stemwatch.models.narx.example import NarxExample
     from stemwatch.models.narx.training import train  # torch takes two seconds to import
     from stemwatch.models.screening import start_of
 
-    example = NarxExample.of(recording, fit.first_heldout, start_of(fit))
+    example = NarxExample.of(recording, fit.first_heldout, start_of(fit, curve))
     try:
         (network,) = train([example])
     except Exception:  # without its ceiling the explanation is as good
