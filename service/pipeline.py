@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from itertools import accumulate
 from pathlib import Path
 
-from stemwatch.models.findings import Residual, Screening
+from stemwatch.models.findings import PreviousFinding, Residual, Screening
 from stemwatch.models.limits import Limits
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
@@ -24,11 +24,11 @@ from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
-from stemwatch.service.report.context import PreviousFinding, SourceNotRead, ValveFacts
+from stemwatch.service.report.context import SourceNotRead, ValveFacts
 from stemwatch.service.report.page import MOST_PLOTTED
 from stemwatch.service.report.shelf import Shelf
 from stemwatch.service.shares import shares
-from stemwatch.service.store.address import masked_command
+from stemwatch.service.store.database_url import masked_command
 from stemwatch.service.store.store import Store
 from stemwatch.service.tasks import Chunk, StoredBaseline, Task, screen_packed
 
@@ -221,7 +221,7 @@ def previous_finding(store: Store, screening: Screening, now: datetime) -> Previ
         S=kept.S.value,
         J=kept.J.value,
         severity=kept.severity,
-        started=kept.at,
+        at=kept.at,
     )
 
 

@@ -107,7 +107,7 @@ def _open_store(address: Address) -> Store:
 
     A worker makes none: where a SQLite file is not, it is on another machine.
     """
-    from stemwatch.service.store.engine import existing_engine
+    from stemwatch.service.store.database.engine import existing_engine
     from stemwatch.service.store.store import open_store
 
     try:
@@ -137,7 +137,7 @@ def _recording(task: Task) -> Recording:
 def _connector(task: Task) -> Connector:
     if task.stored is None:
         return open_file(task.path, task.read_options)
-    from stemwatch.service.store.stored_samples import StoredSamples
+    from stemwatch.service.store.samples.connector import StoredSamples
 
     store = _open_store(task.stored.address)
     return StoredSamples(store.samples, task.stored.source, str(task.stored.address))

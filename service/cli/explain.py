@@ -145,7 +145,7 @@ def _write(found: Sequence[Explained], request: Request, out: Path) -> Path:
 
     from stemwatch.service.explain.write import write_pages
     from stemwatch.service.report import ReportContext
-    from stemwatch.service.store.address import masked_command
+    from stemwatch.service.store.database_url import masked_command
 
     plant = request.plant
     context = ReportContext(

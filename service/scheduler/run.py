@@ -9,17 +9,16 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from stemwatch.connectors.connector import Window
-from stemwatch.models.findings import Screening
+from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.service.pipeline import keep_network, previous_finding
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import PreviousFinding
 from stemwatch.service.scheduler.kept import Worst
 from stemwatch.service.scheduler.work import ValveJob, job_of, screen_jobs
 from stemwatch.service.scheduler.workers import Outcome, WorkerPool
 from stemwatch.service.shares import shares
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.queue import SILENT_AFTER
-from stemwatch.service.store.records import RunState, StoredRun, ValveState
+from stemwatch.service.store.runs.queue import SILENT_AFTER
+from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.store import Store
 from stemwatch.service.tasks import StoredBaseline
 

@@ -10,7 +10,7 @@ from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.store.address import Address
+from stemwatch.service.store.database_url import Address
 from stemwatch.service.tasks import Chunk, InStore, StoredBaseline, Task, screen_chunk
 
 

@@ -17,8 +17,8 @@ from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.gather import Request, gather
 from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.store import Store, open_store
-from stemwatch.service.store.stored_samples import StoredSamples
 from stemwatch.service.tasks import Chunk, screen_chunk
 from stemwatch.service.watch import WatchedFolder
 

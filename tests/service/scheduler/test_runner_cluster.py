@@ -15,8 +15,8 @@ from sqlalchemy import text
 from stemwatch.service import shares
 from stemwatch.service.plantfile import load_plant
 from stemwatch.service.scheduler import Runner
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 from tests.service.clusters import Cluster
 
