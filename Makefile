@@ -27,7 +27,7 @@ LOG := $(VENV)/log.txt
 # Compiling all that is installed takes most of the time, and little of it is ever imported.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 SOURCE := $(if $(filter no,$(EDITABLE)),.,--editable .)
-PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find service models connectors -type f \
+PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find stemwatch service models connectors -type f \
 	-not -path '*/__pycache__/*'))
 INPUTS := pyproject.toml constraints.txt setup.py $(PACKAGE_FILES)
 
@@ -51,7 +51,7 @@ test: check ## All checks and all tests; sets up what they need
 	@echo 'Running the tests ...'
 	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE
 
-check: $(VENV)/can-test .typed/stemwatch ## Style, import rules and types, without the tests
+check: $(VENV)/can-test ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
 	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports --no-cache)
 	$(call step,Checking the types of the packages (mypy),$(BIN)/mypy)
@@ -61,7 +61,7 @@ bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; 
 	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)
 
 clean: ## Remove the environment, caches and build folders
-	rm -rf $(VENV) .typed build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help: ## This list
@@ -87,8 +87,3 @@ $(VENV)/can-test: $(VENV)/made $(INPUTS)
 	$(call step,Installing stemwatch and what checks it (minutes the first time),\
 	$(INSTALL) $(SOURCE) --group dev)
 	@touch $@ $(VENV)/can-run
-
-# Type checkers cannot follow an editable install; these links show them the packages.
-.typed/stemwatch:
-	@mkdir -p $@
-	@for folder in service connectors models; do ln -sfn ../../$$folder $@/$$folder; done
