@@ -1,4 +1,5 @@
-"""What all tests share: the real recordings, and which tests may not be skipped."""
+"""What all tests share: how property tests draw, the real recordings, and which tests may not be
+skipped."""
 
 from __future__ import annotations
 
@@ -10,6 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run: no commit is refused by a draw. ``make explore`` draws anew; what
+# it finds is kept as an ``@example`` of the test.
+settings.register_profile(
+    "repeatable", derandomize=True, deadline=None, database=None, print_blob=True
+)
+settings.register_profile(
+    "explore", derandomize=False, deadline=None, database=None, print_blob=True
+)
+settings.load_profile("repeatable")
 
 STRICT = os.environ.get("STRICT", "") not in ("", "0")
 MUST_RUN = ("browser", "postgres")
