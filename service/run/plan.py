@@ -232,7 +232,7 @@ __all__ = [
     "Request",
     "UnreadableSource",
     "archive_task",
-    "make_plan",
     "live_task",
+    "make_plan",
     "tasks_of_files",
 ]
