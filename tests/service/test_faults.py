@@ -254,6 +254,7 @@ def device() -> Iterator[Device]:
         made.stop()
 
 
+@pytest.mark.long
 @pytest.mark.postgres
 def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path: Path) -> None:
     """Nothing is lost but what no running service could have seen, and nothing is there twice."""

@@ -37,10 +37,10 @@ OPERATIONS = [name for name in PERMITS if name.startswith(("GET /api/v1", "POST 
 OTHERS = ["GET /health", "GET /healthz", "GET /ready", "GET /metrics"]
 FEW = settings(
     max_examples=4,
-    deadline=None,
-    derandomize=True,
     suppress_health_check=list(HealthCheck),
 )
+
+pytestmark = pytest.mark.hypothesis  # drawn anew by ``make explore``
 
 
 class Api:

@@ -17,4 +17,4 @@ signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
 one_thread()  # before numpy is loaded: its libraries look once
 for _module in ("stemwatch.models.screening", "stemwatch.models.narx.training"):
     import_module(_module)
-import_module("stemwatch.service.tasks")
+import_module("stemwatch.service.run.task")

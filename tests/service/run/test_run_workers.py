@@ -12,13 +12,13 @@ from typing import Any
 import pytest
 
 from stemwatch.models.findings import Screening
-from stemwatch.service import pipeline, shares
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.executors.dask_cluster import DaskCluster
-from stemwatch.service.gather import Request
-from stemwatch.service.pipeline import Run, run
 from stemwatch.service.report import to_contract
-from stemwatch.service.report.shelf import Shelf
+from stemwatch.service.run import chunking, engine
+from stemwatch.service.run.engine import Run, run
+from stemwatch.service.run.plan import Request
+from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.store.store import open_store
 from tests.service.clusters import Cluster
 
@@ -37,7 +37,7 @@ class LastFirst:
 @pytest.fixture
 def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
-    monkeypatch.setattr(shares, "PER_WORKER", 1)
+    monkeypatch.setattr(chunking, "PER_WORKER", 1)
     export = short_plant.parent / "export" / "historian.csv"
 
     def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:
@@ -50,7 +50,7 @@ def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             how = Run(store=store, executor=executor, out=tmp_path / name)
             result = run(Request(sources=(str(export),)), how, tell)
         assert [one.valve for one in result.brief] == [one.valve for one in result.screenings]
-        assert isinstance(result.screenings, Shelf)
+        assert isinstance(result.screenings, ResultSpill)
         plots = [result.screenings.evidence(place) for place in range(len(result.screenings))]
         return [(_without_timing(one), plots) for one in result.screenings], told
 
@@ -83,7 +83,7 @@ def test_a_worker_killed_while_it_screens_changes_no_number(
     """A worker of the cluster that dies amid a batch costs time: every number, word, interval and
     plot of every valve is the same bit for bit as without workers, and each valve comes once."""
     alone, _ = found(InProcess(), "alone")
-    monkeypatch.setattr(pipeline, "CHUNK", 1)
+    monkeypatch.setattr(engine, "CHUNK", 1)
     lost, (killed, told) = cluster.kill_worker_amid(
         "screen_chunk", lambda: found(DaskCluster(cluster.host_and_port), "killed")
     )
@@ -95,7 +95,7 @@ def test_a_worker_killed_while_it_screens_changes_no_number(
 
 def test_the_order_of_work_does_not_show(found, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results stand in the sources' order however they come in; progress counts as they come."""
-    monkeypatch.setattr(pipeline, "CHUNK", 1)
+    monkeypatch.setattr(engine, "CHUNK", 1)
     forward, _ = found(InProcess(), "forward")
     backward, told = found(LastFirst(), "backward")
     assert forward == backward

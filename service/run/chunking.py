@@ -10,7 +10,7 @@ PER_WORKER = 3  # shares of what is left for each worker
 T = TypeVar("T")
 
 
-def shares(
+def make_chunks(
     items: Sequence[T],
     workers: int,
     most: int,

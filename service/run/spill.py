@@ -1,4 +1,4 @@
-"""``Shelf``: the results of a run on a disk, so that memory does not grow with the valves."""
+"""``ResultSpill``: the results of a run on a disk, so that memory does not grow with the valves."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class _Worse:
         return self.key > other.key
 
 
-class Shelf(Sequence[Screening]):
+class ResultSpill(Sequence[Screening]):
     """Screenings by their place in the run, read from a temporary file when they are asked for.
 
     ``plotted`` is for how many of the worst the plots are kept: those that a page shows. The file
-    has no name and goes with the shelf; what is in it was written by this process only.
+    has no name and goes with the spill; what is in it was written by this process only.
     """
 
     def __init__(self, plotted: int) -> None:

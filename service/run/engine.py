@@ -1,6 +1,6 @@
 """The main flow of the service on one page.
 
-    request -> gather -> screen (in any executor) -> store -> report
+    request -> plan -> screen (in any executor) -> store -> report
 
 Nothing here knows how a file is read or how a valve is judged.
 """
@@ -19,18 +19,18 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.alerts.held_back import hold_back
 from stemwatch.service.executors import Executor
-from stemwatch.service.gather import Gathered, Request, gather
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.context import SourceNotRead, ValveFacts
 from stemwatch.service.report.page import MOST_PLOTTED
-from stemwatch.service.report.shelf import Shelf
-from stemwatch.service.shares import shares
+from stemwatch.service.run.chunking import make_chunks
+from stemwatch.service.run.plan import Plan, Request, make_plan
+from stemwatch.service.run.spill import ResultSpill
+from stemwatch.service.run.task import Chunk, StoredBaseline, Task, screen_packed
 from stemwatch.service.store.database_url import masked_command
 from stemwatch.service.store.store import Store
-from stemwatch.service.tasks import Chunk, StoredBaseline, Task, screen_packed
 
 # Valves that one worker takes at a time. Their networks train together, which is quicker; but every
 # worker should have some, and progress should be seen.
@@ -75,14 +75,14 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
     not grow with the valves.
     """
     started = datetime.now(UTC)
-    gathered = gather(request)
+    planned = make_plan(request)
     digest = request.plant.settings_digest if request.plant else ""
     number = how.store.begin_run(
         command=how.command, software_version=__version__, settings_digest=digest
     )
     if request.plant is not None:
         how.store.save_valves(request.plant.valves.values())
-    tasks = with_baselines(gathered.tasks, how.store)
+    tasks = with_baselines(planned.tasks, how.store)
     compared = baselines_of(tasks)
     previous: dict[str, PreviousFinding | None] = {}
     not_saved: list[tuple[str, str]] = []
@@ -95,41 +95,41 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
         saved = how.store.save_many(screenings, number, compared)
         not_saved.extend((failure.valve, failure.reason) for failure in saved.failures)
 
-    shelf, brief = screen_all(tasks, how, tell, keep)
-    _keep_networks(shelf, how)
+    spill, brief = screen_all(tasks, how, tell, keep)
+    _keep_networks(spill, how)
     hold_back(how.store, number)
     how.store.finish_run(number)
-    context = _context(request, how, gathered, previous, started, digest)
-    report = write_report(shelf, context, how.out, shelf.evidence)
+    context = _context(request, how, planned, previous, started, digest)
+    report = write_report(spill, context, how.out, spill.evidence)
     background = background_of(how.store, request.plant, number)
-    write_maintenance(shelf, context, how.out, background)
+    write_maintenance(spill, context, how.out, background)
     return RunResult(
-        screenings=shelf,
+        screenings=spill,
         brief=brief,
         report=report,
-        not_read=gathered.not_read,
+        not_read=planned.not_read,
         not_saved=tuple(not_saved),
     )
 
 
 def screen_all(
     tasks: Sequence[Task], how: Run, tell: Told, keep: Callable[[Sequence[Screening]], None]
-) -> tuple[Shelf, tuple[Screening, ...]]:
+) -> tuple[ResultSpill, tuple[Screening, ...]]:
     """A screening for each task, in the tasks' order, whatever order they were done in.
 
     ``keep`` gets each chunk's screenings as soon as they are there.
     """
-    dealt = shares(tasks, how.executor.workers, CHUNK, parsed=lambda task: task.text_file)
+    dealt = make_chunks(tasks, how.executor.workers, CHUNK, parsed=lambda task: task.text_file)
     chunks = [Chunk(tasks=share, limits=how.limits) for share in dealt]
     firsts = list(accumulate((len(chunk.tasks) for chunk in chunks), initial=0))
-    shelf, brief = Shelf(MOST_PLOTTED), dict[int, Screening]()
+    spill, brief = ResultSpill(MOST_PLOTTED), dict[int, Screening]()
     for number, found in how.executor.map(screen_packed, chunks):
         keep([screening for screening, _ in found])
         for place, (screening, evidence) in enumerate(found, start=firsts[number]):
-            shelf.add(place, screening, evidence)
+            spill.add(place, screening, evidence)
             brief[place] = in_brief(screening)
             tell(brief[place], len(brief), len(tasks))
-    return shelf, tuple(brief[place] for place in sorted(brief))
+    return spill, tuple(brief[place] for place in sorted(brief))
 
 
 def in_brief(screening: Screening) -> Screening:
@@ -228,14 +228,14 @@ def previous_finding(store: Store, screening: Screening, now: datetime) -> Previ
 def _context(
     request: Request,
     how: Run,
-    gathered: Gathered,
+    planned: Plan,
     previous: dict[str, PreviousFinding | None],
     started: datetime,
     digest: str,
 ) -> ReportContext:
     plant = request.plant
     facts = {valve: facts_of(plant, valve, before) for valve, before in previous.items()}
-    not_read = [SourceNotRead(source=s, reason=why) for s, why in gathered.not_read]
+    not_read = [SourceNotRead(source=s, reason=why) for s, why in planned.not_read]
     if plant is not None:
         not_read += [
             SourceNotRead(source=str(problem.file), reason=str(problem))

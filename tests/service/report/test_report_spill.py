@@ -1,4 +1,4 @@
-"""The shelf: results on a disk, plots of the worst, and reports of thousands of valves."""
+"""The spill: results on a disk, plots of the worst, and reports of thousands of valves."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import write_report
 from stemwatch.service.report.evidence import EXCERPT_SAMPLES, evidence_of, may_need_work, packed
 from stemwatch.service.report.page import MOST_PLOTTED, MOST_TOLD
-from stemwatch.service.report.shelf import Shelf
+from stemwatch.service.run.spill import ResultSpill
 
 
-def shelf_of(screenings, plotted: int = MOST_PLOTTED) -> Shelf:
-    """A shelf with every screening, packed, put there last first."""
-    shelf = Shelf(plotted)
+def spilled(screenings, plotted: int = MOST_PLOTTED) -> ResultSpill:
+    """A spill with every screening, packed, put there last first."""
+    spill = ResultSpill(plotted)
     for place in reversed(range(len(screenings))):
-        shelf.add(place, *packed(screenings[place]))
-    return shelf
+        spill.add(place, *packed(screenings[place]))
+    return spill
 
 
 def test_what_is_read_is_what_was_put(mixed_plant) -> None:
     """Screenings come back in the order of their places, without samples that no valve needs."""
-    shelf = shelf_of(mixed_plant)
-    assert [one.valve for one in shelf] == [one.valve for one in mixed_plant]
-    for back, whole in zip(shelf, mixed_plant, strict=True):
+    spill = spilled(mixed_plant)
+    assert [one.valve for one in spill] == [one.valve for one in mixed_plant]
+    for back, whole in zip(spill, mixed_plant, strict=True):
         assert (back.verdict, back.S, back.reason) == (whole.verdict, whole.S, whole.reason)
         assert back.indicators.keys() == whole.indicators.keys()
         assert back.window == whole.window
@@ -45,10 +45,10 @@ def test_the_report_is_the_same_from_a_shelf(mixed_plant, make_context, tmp_path
     """Packed results give byte for byte the report of those with all samples."""
     context = make_context(mixed_plant)
     whole = write_report(mixed_plant, context, tmp_path / "whole")
-    shelf = shelf_of(mixed_plant)
-    from_shelf = write_report(shelf, context, tmp_path / "shelf", shelf.evidence)
+    spill = spilled(mixed_plant)
+    from_spill = write_report(spill, context, tmp_path / "spill", spill.evidence)
     for name in ("html", "csv", "json"):
-        assert getattr(whole, name).read_bytes() == getattr(from_shelf, name).read_bytes()
+        assert getattr(whole, name).read_bytes() == getattr(from_spill, name).read_bytes()
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -57,11 +57,11 @@ def test_plots_are_kept_of_the_worst(make_screening, severities, plotted) -> Non
     """However they come in, the plots of the worst are there, and of no other."""
     model = make_screening("FV", Verdict.STICKY, S=2.0, J=0.0, samples=30)
     nothing = evidence_of(model.without_samples())
-    shelf = Shelf(plotted)
+    spill = ResultSpill(plotted)
     for place, severity in enumerate(severities):
         one = replace(model.without_samples(), valve=f"FV-{place:02}", severity=float(severity))
-        shelf.add(place, one, nothing)
-    kept = {place for place in range(len(severities)) if shelf.evidence(place) is not None}
+        spill.add(place, one, nothing)
+    kept = {place for place in range(len(severities)) if spill.evidence(place) is not None}
     order = sorted(range(len(severities)), key=lambda place: (-severities[place], place))
     assert kept == set(order[:plotted])
 
@@ -83,11 +83,11 @@ def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, t
     """Every valve has its row, the worst have sections and plots, and the files hold all."""
     model, evidence = packed(make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=6000))
     model = model.without_samples()
-    shelf = Shelf(MOST_PLOTTED)
+    spill = ResultSpill(MOST_PLOTTED)
     for place in range(1000):
         verdict = Verdict.STICKY if place % 5 == 0 else Verdict.HEALTHY
-        shelf.add(place, replace(model, valve=f"FV-{place:04}", verdict=verdict), evidence)
-    files = write_report(shelf, make_context([model]), tmp_path, shelf.evidence)
+        spill.add(place, replace(model, valve=f"FV-{place:04}", verdict=verdict), evidence)
+    files = write_report(spill, make_context([model]), tmp_path, spill.evidence)
     text = files.html.read_text("utf-8")
     assert text.count('<tr role="row" data-anchor=') == 1000
     assert text.count('<article class="valve') == MOST_TOLD
@@ -98,8 +98,8 @@ def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, t
     assert len(files.csv.read_text("utf-8-sig").splitlines()) == 1001
 
 
-class Watched(Shelf):
-    """A shelf that counts how many of its screenings are in memory at a time."""
+class Watched(ResultSpill):
+    """A spill that counts how many of its screenings are in memory at a time."""
 
     alive = 0
     most = 0
@@ -120,8 +120,8 @@ class Watched(Shelf):
 def test_a_report_holds_few_valves_at_a_time(make_screening, make_context, tmp_path) -> None:
     """While a report of many valves is written, no more than a few are in memory."""
     model, evidence = packed(make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=100))
-    shelf = Watched(MOST_PLOTTED)
+    spill = Watched(MOST_PLOTTED)
     for place in range(80):
-        shelf.add(place, replace(model, valve=f"FV-{place:04}"), evidence)
-    write_report(shelf, make_context([model]), tmp_path, shelf.evidence)
-    assert 1 <= shelf.most <= 5
+        spill.add(place, replace(model, valve=f"FV-{place:04}"), evidence)
+    write_report(spill, make_context([model]), tmp_path, spill.evidence)
+    assert 1 <= spill.most <= 5

@@ -1,7 +1,7 @@
-"""Which tags the heading of a wide export names, without reading the file.
+"""Which tags the header of a wide export names, without reading the file.
 
 An export of a day is parsed once, by the worker that screens it. To know which valves are in it,
-the process that hands out the work needs the heading only, where the plant file says the tags.
+the process that hands out the work needs the header only, where the plant file says the tags.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ HEAD_BYTES = 1_000_000
 LINES = 12
 _SEPARATORS = re.compile(r"[,;\t|]")
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
-# A row of a narrow export names one tag; a heading of a wide one names several.
+# A row of a narrow export names one tag; a header of a wide one names several.
 FEWEST = 2
 
 
-def headed_tags(path: str, wanted: Set[str]) -> set[str] | None:
-    """What the heading of the text file ``path`` names, or ``None`` where only reading all of it
+def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
+    """What the header of the text file ``path`` names, or ``None`` where only reading all of it
     can tell: where none of its first lines names two of the tags that are ``wanted``.
 
     Names are given as they stand and without a unit in brackets behind them.

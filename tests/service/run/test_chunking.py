@@ -7,13 +7,13 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.service.shares import PER_WORKER, shares
+from stemwatch.service.run.chunking import PER_WORKER, make_chunks
 
 
 @given(st.integers(0, 3000), st.integers(1, 64), st.integers(1, 40))
 def test_every_piece_is_dealt_once_and_in_order(count: int, workers: int, most: int) -> None:
     """No share is empty or larger than allowed, and later ones are no larger than earlier ones."""
-    dealt = shares(range(count), workers, most)
+    dealt = make_chunks(range(count), workers, most)
     assert [piece for share in dealt for piece in share] == list(range(count))
     sizes = [len(share) for share in dealt]
     assert all(1 <= size <= most for size in sizes)
@@ -24,15 +24,15 @@ def test_every_piece_is_dealt_once_and_in_order(count: int, workers: int, most: 
 def test_no_share_is_so_large_that_others_wait_for_it(count: int, workers: int) -> None:
     """Each share is at most its part of what was left, rounded up, so that the last are single."""
     left = count
-    for share in shares(range(count), workers, 16):
+    for share in make_chunks(range(count), workers, 16):
         assert len(share) <= -(-left // (PER_WORKER * workers))
         left -= len(share)
-    assert len(shares(range(count), workers, 16)[-1]) == 1
+    assert len(make_chunks(range(count), workers, 16)[-1]) == 1
 
 
 def test_a_hundred_valves_on_two_workers() -> None:
     """Large shares first: networks that train together train quicker."""
-    sizes = [len(share) for share in shares(range(100), 2, 16)]
+    sizes = [len(share) for share in make_chunks(range(100), 2, 16)]
     assert sizes[:8] == [16, 14, 12, 10, 8, 7, 6, 5]
     assert sizes[-8:] == [2, 2, 1, 1, 1, 1, 1, 1]
 
@@ -43,7 +43,7 @@ def test_what_is_parsed_as_a_whole_goes_to_one_worker(
 ) -> None:
     """A share begins or ends within a file only where the file is too large for one share."""
     items = [(f"{file}.csv", valve) for file, valves in enumerate(files) for valve in range(valves)]
-    dealt = shares(items, workers, most, parsed=lambda item: item[0])
+    dealt = make_chunks(items, workers, most, parsed=lambda item: item[0])
     assert [item for share in dealt for item in share] == items
     assert all(1 <= len(share) <= most for share in dealt)
     for share, following in pairwise(dealt):
@@ -53,5 +53,5 @@ def test_what_is_parsed_as_a_whole_goes_to_one_worker(
 
 def test_files_of_eight_valves_are_not_parted() -> None:
     """Of 100 valves in files of eight, every share is of whole files; single files at the end."""
-    dealt = shares(range(100), 2, 16, parsed=lambda valve: str(valve // 8))
+    dealt = make_chunks(range(100), 2, 16, parsed=lambda valve: str(valve // 8))
     assert [len(share) for share in dealt] == [16, 16, 16, 16, 8, 8, 8, 8, 4]

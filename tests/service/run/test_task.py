@@ -10,8 +10,8 @@ from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.run.task import Chunk, InStore, StoredBaseline, Task, screen_chunk
 from stemwatch.service.store.database_url import Address
-from stemwatch.service.tasks import Chunk, InStore, StoredBaseline, Task, screen_chunk
 
 
 def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:

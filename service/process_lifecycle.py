@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
 _ORPHANED = 3
-PRELOADED = "stemwatch.service.preloaded"
+PRELOADED = "stemwatch.service.executors.worker_preload"
 
 
 def worker_context() -> SpawnContext | ForkServerContext:

@@ -1,4 +1,4 @@
-"""The heading of an export tells its tags without the file being read."""
+"""The header of an export tells its tags without the file being read."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from stemwatch.connectors.historian import HistorianFile
-from stemwatch.service.heading import headed_tags
+from stemwatch.service.run.header import header_tags
 
 WANTED = {"FIC-1.OP", "FIC-1.ZT", "FIC-2.OP", "FIC-2.ZT"}
 
 
 def test_a_wide_heading_is_enough(export: Path) -> None:
-    """Of a wide export the heading names what reading all of it would find."""
+    """Of a wide export the header names what reading all of it would find."""
     tags = {info.tag for info in HistorianFile(export).tags()}
-    named = headed_tags(str(export), tags)
+    named = header_tags(str(export), tags)
     assert named is not None
     assert tags <= named
 
@@ -32,8 +32,8 @@ def test_units_quotes_and_titles_do_not_matter(text: str, tmp_path: Path) -> Non
     """The tags are found under a title, in quotes, and with a unit behind them."""
     file = tmp_path / "export.csv"
     file.write_text(text, encoding="utf-8")
-    assert {"FIC-1.OP", "FIC-1.ZT"} <= (headed_tags(str(file), WANTED) or set())
-    assert "FIC-2.OP" not in (headed_tags(str(file), WANTED) or set())
+    assert {"FIC-1.OP", "FIC-1.ZT"} <= (header_tags(str(file), WANTED) or set())
+    assert "FIC-2.OP" not in (header_tags(str(file), WANTED) or set())
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,6 @@ def test_where_the_heading_does_not_tell_the_file_is_read(text: str, tmp_path: P
     """A narrow export has other tags further down, so its first lines prove nothing."""
     file = tmp_path / "export.csv"
     file.write_text(text, encoding="utf-8")
-    assert headed_tags(str(file), WANTED) is None
-    assert headed_tags(str(tmp_path / "absent.csv"), WANTED) is None
-    assert headed_tags(str(tmp_path / "export.csv.gz"), WANTED) is None
+    assert header_tags(str(file), WANTED) is None
+    assert header_tags(str(tmp_path / "absent.csv"), WANTED) is None
+    assert header_tags(str(tmp_path / "export.csv.gz"), WANTED) is None

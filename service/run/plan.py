@@ -17,9 +17,9 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
-from stemwatch.service.heading import headed_tags
 from stemwatch.service.plantfile import Plant, Valve
-from stemwatch.service.tasks import InStore, Task, open_archive, open_file
+from stemwatch.service.run.header import header_tags
+from stemwatch.service.run.task import InStore, Task, open_archive, open_file
 
 MOST_NAMED = 12  # tags of a file that are listed
 NO_VALVE = (
@@ -41,14 +41,14 @@ class Request:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gathered:
+class Plan:
     """Tasks in order, and (source, reason) for what is no recording at all."""
 
     tasks: tuple[Task, ...]
     not_read: tuple[tuple[str, str], ...] = ()
 
 
-def gather(request: Request) -> Gathered:
+def make_plan(request: Request) -> Plan:
     """The tasks of a request. Raises ``UnreadableSource`` where a source names nothing."""
     if request.plant is not None and not request.sources:
         return _of_plant(request, request.plant)
@@ -58,10 +58,10 @@ def gather(request: Request) -> Gathered:
     for path in found.paths:
         tasks += _of_file(request, str(path))
     skipped = tuple((str(path), reason) for path, reason in found.skipped)
-    return Gathered(tasks=tuple(tasks), not_read=skipped)
+    return Plan(tasks=tuple(tasks), not_read=skipped)
 
 
-def _of_plant(request: Request, plant: Plant) -> Gathered:
+def _of_plant(request: Request, plant: Plant) -> Plan:
     """Every valve in every file of its source that has its OP tag."""
     tasks: list[Task] = []
     not_read: list[tuple[str, str]] = []
@@ -78,7 +78,7 @@ def _of_plant(request: Request, plant: Plant) -> Gathered:
         valves = [v for v in plant.valves.values() if v.source == source.name]
         tagged = [plant.valve_tags(valve) for valve in valves]
         tasks += tasks_of_files(tagged, [str(path) for path in files], options, request.window)
-    return Gathered(tasks=tuple(tasks), not_read=tuple(not_read))
+    return Plan(tasks=tuple(tasks), not_read=tuple(not_read))
 
 
 def live_task(plant: Plant, valve: str, window: Window) -> Task:
@@ -108,7 +108,7 @@ def tasks_of_files(
     wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
     for path in files:
         try:
-            there = headed_tags(path, wanted) or {
+            there = header_tags(path, wanted) or {
                 info.tag for info in open_file(path, options).tags()
             }
         except ConnectorError as error:
@@ -228,11 +228,11 @@ def _hopeless(path: str, valve: str, reason: str) -> Task:
 
 
 __all__ = [
-    "Gathered",
+    "Plan",
     "Request",
     "UnreadableSource",
     "archive_task",
-    "gather",
     "live_task",
+    "make_plan",
     "tasks_of_files",
 ]
