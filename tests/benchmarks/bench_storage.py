@@ -27,8 +27,8 @@ from sqlalchemy import Connection, text
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.store.administration.backup import backup
 from stemwatch.service.store.database_url import Address
-from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
 from stemwatch.service.store.samples import samples as samples_module
+from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
 from stemwatch.service.store.store import Store, open_store
 
 VALVES = 500
