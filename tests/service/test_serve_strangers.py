@@ -13,8 +13,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.screenings.records import RunState
 from tests.service.running_service import SERVICE, Site, get, site_in, until
 
 PATIENCE_S = 20.0
