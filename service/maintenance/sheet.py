@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 from datetime import tzinfo
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Screening
+from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.mismatch.findings import Effect
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import advice
 from stemwatch.service.maintenance import kinds as k
 from stemwatch.service.maintenance import since as s
 from stemwatch.service.maintenance.advice import Advice, Level, Step
-from stemwatch.service.maintenance.background import Background, Past
+from stemwatch.service.maintenance.background import Background
 from stemwatch.service.maintenance.drawing import Drawing
 from stemwatch.service.maintenance.picture import picture_of
 from stemwatch.service.maintenance.priority import Priority, priority
@@ -63,7 +63,7 @@ class Sheet:
     isolation: tuple[tuple[Level, str], ...]
     since: s.Since
     since_said: tuple[str, ...]
-    past: tuple[Past, ...]
+    past: tuple[PreviousFinding, ...]
     sure: tuple[str, ...]
     priority: Priority
     picture: Drawing | None

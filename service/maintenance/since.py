@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, tzinfo
 
+from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import kinds as k
-from stemwatch.service.maintenance.background import LOOK_BACK, Past
+from stemwatch.service.maintenance.background import LOOK_BACK
 from stemwatch.service.report.words import instant
 from stemwatch.service.store.screenings.records import Remark
 
@@ -23,16 +24,16 @@ class Since:
     """
 
     count: int
-    first: Past | None = None
-    before: Past | None = None
+    first: PreviousFinding | None = None
+    before: PreviousFinding | None = None
     at_least: bool = False
 
 
-def since(kind: str, earlier: Sequence[Past]) -> Since:
+def since(kind: str, earlier: Sequence[PreviousFinding]) -> Since:
     """How far back ``kind`` goes without a break. Screenings that allowed no verdict neither
     show nor deny anything of friction, and are passed over."""
     judged = earlier if _of_signal(kind) else [one for one in earlier if _is_judged(one)]
-    run: list[Past] = []
+    run: list[PreviousFinding] = []
     for one in judged:
         if not shows(kind, one):
             return Since(count=1 + len(run), first=run[-1] if run else None, before=one)
@@ -41,7 +42,7 @@ def since(kind: str, earlier: Sequence[Past]) -> Since:
     return Since(count=1 + len(run), first=first, at_least=len(earlier) >= LOOK_BACK)
 
 
-def shows(kind: str, past: Past) -> bool:
+def shows(kind: str, past: PreviousFinding) -> bool:
     """Whether an earlier screening shows the same kind of finding."""
     if kind in k.STICTION.values():
         return past.verdict is Verdict.STICKY
@@ -86,7 +87,7 @@ def work_sentence(work: Sequence[Remark], began: datetime | None, zone: tzinfo) 
     return f"{text} It came {days} {'day' if days == 1 else 'days'} after that work."
 
 
-def _said(past: Past, zone: tzinfo) -> str:
+def _said(past: PreviousFinding, zone: tzinfo) -> str:
     return f"of {instant(past.at, zone)}, said {past.verdict.value} and did not show it"
 
 
@@ -94,5 +95,5 @@ def _of_signal(kind: str) -> bool:
     return kind in k.SIGNAL or kind in (k.UNEXPLAINED, k.RECORDING)
 
 
-def _is_judged(past: Past) -> bool:
+def _is_judged(past: PreviousFinding) -> bool:
     return past.verdict is not Verdict.UNDETERMINED

@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import kinds as k
-from stemwatch.service.maintenance.background import LOOK_BACK, Past
+from stemwatch.service.maintenance.background import LOOK_BACK
 from stemwatch.service.maintenance.priority import (
     CLASSES,
     DAYS,
@@ -113,10 +114,12 @@ def test_the_false_alarms_are_those_of_the_readme():
         assert re.search(rf"{row} \| {count} of {of}, .*\({shown}\)", readme)
 
 
-def past(*verdicts: Verdict, **of_each) -> list[Past]:
+def past(*verdicts: Verdict, **of_each) -> list[PreviousFinding]:
     """Weekly screenings, newest first."""
     return [
-        Past(at=DAY - timedelta(days=7 * week), run=50 - week, verdict=verdict, **of_each)
+        PreviousFinding(
+            at=DAY - timedelta(days=7 * week), run=50 - week, verdict=verdict, **of_each
+        )
         for week, verdict in enumerate(verdicts, start=1)
     ]
 

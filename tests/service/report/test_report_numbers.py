@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report import PreviousFinding, words
+from stemwatch.service.report import words
 from stemwatch.service.report.decimate import Grid, lowest_and_highest, telling_samples
 from stemwatch.service.report.gauge import gauge, gauge_top
 from stemwatch.service.report.trend import trend
@@ -74,8 +75,11 @@ def test_a_trace_of_another_length_is_refused():
         lowest_and_highest(np.zeros(9), Grid.of(10))
 
 
+EARLIER = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
+
+
 def before(verdict: Verdict, S: float | None = None, severity: float = 0.0) -> PreviousFinding:
-    return PreviousFinding(verdict=verdict, S=S, severity=severity)
+    return PreviousFinding(at=EARLIER, run=1, verdict=verdict, S=S, severity=severity)
 
 
 @pytest.mark.parametrize(
