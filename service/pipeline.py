@@ -24,8 +24,8 @@ from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
-from stemwatch.service.report.context import PreviousFinding, SourceNotRead, ValveFacts
-from stemwatch.service.report.page import MOST_PLOTTED
+from stemwatch.service.report.html_page import MOST_PLOTTED
+from stemwatch.service.report.report_context import PreviousFinding, SourceNotRead, ValveFacts
 from stemwatch.service.report.shelf import Shelf
 from stemwatch.service.shares import shares
 from stemwatch.service.store.address import masked_command

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from stemwatch.models.findings import Indicator, Screening
-from stemwatch.service.report.context import PreviousFinding
+from stemwatch.service.report.report_context import PreviousFinding
 from stemwatch.service.store.records import StoredScreening
 
 

@@ -12,7 +12,7 @@ from stemwatch.connectors.connector import Window
 from stemwatch.models.findings import Screening
 from stemwatch.service.pipeline import keep_network, previous_finding
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import PreviousFinding
+from stemwatch.service.report.report_context import PreviousFinding
 from stemwatch.service.scheduler.kept import Worst
 from stemwatch.service.scheduler.work import ValveJob, job_of, screen_jobs
 from stemwatch.service.scheduler.workers import Outcome, WorkerPool

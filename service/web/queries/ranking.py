@@ -13,8 +13,8 @@ from sqlalchemy.orm import Session, aliased
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.context import PreviousFinding
-from stemwatch.service.report.words import WORST_FIRST
+from stemwatch.service.report.report_context import PreviousFinding
+from stemwatch.service.report.wording import WORST_FIRST
 from stemwatch.service.store.held_back import remark_column
 from stemwatch.service.store.screenings import latest_screening_id
 from stemwatch.service.store.tables import ScreeningRow, ValveRow
