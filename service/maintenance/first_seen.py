@@ -11,7 +11,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening
 from stemwatch.service.report.wording import instant
-from stemwatch.service.store.records import Remark
+from stemwatch.service.store.screenings.records import Remark
 
 
 @dataclass(frozen=True, kw_only=True)

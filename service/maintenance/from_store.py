@@ -17,8 +17,8 @@ from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, wr
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.false_discoveries import tested
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead
-from stemwatch.service.restored import Restored
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.store import Store
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.report_context import PreviousFinding
 from stemwatch.service.report.wording import finite
 
 ARROWS = {"worse": "↗", "better": "↘", "same": "→", "new": "•", "unknown": "·"}

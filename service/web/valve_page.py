@@ -18,9 +18,9 @@ from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
-from stemwatch.service.restored import finding_of, screening_of
-from stemwatch.service.store.records import StoredScreening, StoredValve
-from stemwatch.service.store.screenings import read_last
+from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
+from stemwatch.service.store.screenings.restored import finding_of, screening_of
+from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.history import read_marks

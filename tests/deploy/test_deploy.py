@@ -113,7 +113,7 @@ def test_what_the_image_is_built_from_is_let_through() -> None:
     """``.dockerignore`` lets through every file that setup and installation read."""
     listed = (DEPLOY.parent / ".dockerignore").read_text("utf-8").splitlines()
     needed = {"pyproject.toml", "setup.py", "constraints.txt", "README.md", "LICENSE"}
-    needed |= {"service", "connectors", "models", "deploy/install.sh"}
+    needed |= {"stemwatch", "service", "connectors", "models", "deploy/install.sh"}
     assert {f"!{name}" for name in needed} <= set(listed)
     assert "*" in listed
 

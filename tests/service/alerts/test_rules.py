@@ -20,8 +20,8 @@ from stemwatch.service.alerts.rules import (
     has_grown,
 )
 from stemwatch.service.plantfile.live import AlertRules
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity
-from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
+from stemwatch.service.store.screenings.records import StoredValve
 
 NOW = datetime(2026, 3, 2, tzinfo=UTC)
 RULES = AlertRules()

@@ -31,7 +31,7 @@ from stemwatch.service.maintenance.work_sheet import (
     FALSE_STICKY,
 )
 from stemwatch.service.report.change_since_last_run import Change
-from stemwatch.service.store.records import Remark
+from stemwatch.service.store.screenings.records import Remark
 from tests.service.report.conftest import screening
 
 REPOSITORY = Path(__file__).parents[3]

@@ -19,9 +19,9 @@ from stemwatch.models.findings import DataQuality, Indicator, Residual, Screenin
 from stemwatch.models.recording import Floats, Provenance, Recording, Role, Signal
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.plantfile import Plant, load_plant
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.records import StoredValve
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.site import Site
