@@ -15,9 +15,9 @@ from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.background import LOOK_BACK, Background
-from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import ValveFacts
+from stemwatch.service.config import Plant
+from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
+from stemwatch.service.report.report_context import ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.screenings.records import StoredValve
@@ -45,7 +45,7 @@ def latest_screenings(store: Store) -> list[Restored]:
         return _restored(session, ScreeningRow.id.in_(newest))
 
 
-def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> Background:
+def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> ValveHistory:
     """What the store knows beside the screenings; pictures of valves whose samples it keeps."""
 
     def earlier(screening: Screening) -> Sequence[PreviousFinding]:
@@ -56,7 +56,7 @@ def background_of(store: Store, plant: Plant | None = None, run: int | None = No
             return screening.recording
         return read_samples(store, plant, screening)
 
-    return Background(earlier=earlier, work=store.maintenance, samples=samples, run=run)
+    return ValveHistory(earlier=earlier, work=store.maintenance, samples=samples, run=run)
 
 
 def facts_of(

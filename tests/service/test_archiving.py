@@ -14,8 +14,8 @@ import pytest
 from stemwatch.models.plant import simulate_loop
 from stemwatch.models.recording import Role
 from stemwatch.service.archiving import PIECE, ArchivePlan, Format, write_archive
+from stemwatch.service.config import load_plant
 from stemwatch.service.executors import InProcess, LocalProcesses
-from stemwatch.service.plantfile import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import _recording
 

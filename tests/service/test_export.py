@@ -15,8 +15,8 @@ from stemwatch.connectors.historian import HistorianFile
 from stemwatch.models.plant import PlantLoop, SimulatedLoop, Valve, simulate_loop
 from stemwatch.models.plant.loop import Archive, ManualSpan, PvRange, Span, Transmitters
 from stemwatch.models.recording import Role
+from stemwatch.service.config import load_plant
 from stemwatch.service.export import ExportedPlant, write_export
-from stemwatch.service.plantfile import load_plant
 
 _START = datetime(2026, 3, 2, 7, 0, tzinfo=UTC)
 _ZONE = "Europe/Berlin"

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import Background
+from stemwatch.service.maintenance import ValveHistory
 from stemwatch.service.maintenance.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
 from stemwatch.service.store.screenings.records import Remark
@@ -62,10 +62,10 @@ def work(valve: str) -> list[Remark]:
     return [Remark(valve=valve, at=at, note="packing renewed", who="M. Weiß")]
 
 
-BACKGROUND = Background(earlier=earlier, work=work, run=41)
+BACKGROUND = ValveHistory(earlier=earlier, work=work, run=41)
 
 
-def longest() -> tuple[list[Screening], ReportContext, Background]:
+def longest() -> tuple[list[Screening], ReportContext, ValveHistory]:
     """Pages that ask for more room than there is: every kind, every text far too long."""
     kinds = list(catalogue())
     found = []
