@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.store.records import Remark, StoredScreening
+from stemwatch.service.store.screenings.records import Remark, StoredScreening
 from stemwatch.service.store.store import Store
 
 WRITER = "stemwatch"

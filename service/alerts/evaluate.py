@@ -10,7 +10,7 @@ from stemwatch.service.alerts.aftermath import note_aftermath
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
 from stemwatch.service.alerts.rules import look
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
 from stemwatch.service.store.store import Store
 
 _NAMED = 12  # valves of a common alert that are listed

@@ -17,13 +17,12 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.aftermath import WRITER
 from stemwatch.service.alerts.rules import RATIO, Judged, Seen
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.baselines import BASELINE
-from stemwatch.service.store.held_back import remark_column
-from stemwatch.service.store.packed import mismatch_of
-from stemwatch.service.store.records import StoredValve
-from stemwatch.service.store.screenings import latest_screening_id
-from stemwatch.service.store.store import Store
-from stemwatch.service.store.tables import (
+from stemwatch.service.store.screenings.baselines import BASELINE
+from stemwatch.service.store.screenings.held_back import remark_column
+from stemwatch.service.store.screenings.mismatch_json import mismatch_of
+from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import (
     IndicatorRow,
     MaintenanceRow,
     NetworkRow,
@@ -31,6 +30,7 @@ from stemwatch.service.store.tables import (
     ScreeningRow,
     ValveRow,
 )
+from stemwatch.service.store.store import Store
 
 AT_ONCE = 250  # valves of one round of queries; times the depth, what one statement may name
 _NAMED = Finding.NAMED.value

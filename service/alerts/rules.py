@@ -16,8 +16,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.plantfile.live import AlertRules
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.screenings.records import StoredValve
 
 RATIO = "baseline_ratio"
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from stemwatch.models.recording import Recording
     from stemwatch.models.studies.literature.scores import FitScore
     from stemwatch.service.comparison.rows import Comparison, Row
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
 TAGS = "Which tag is what"
 PAGE = "compare.html"
@@ -55,7 +55,7 @@ def compare(
     """
     from stemwatch.connectors.connector import Window
     from stemwatch.service.cli.reading import read_options
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
     o.need_file(file, "FILE")
     request = Request(
@@ -84,10 +84,10 @@ def _tags(op: str, mv: str):  # type: ignore[no-untyped-def]  # Role is imported
 
 def _the_recording(request: Request, file: Path) -> Recording:
     """The one valve of the file; a sentence where there is none, or more than one."""
-    from stemwatch.service.gather import gather
-    from stemwatch.service.tasks import open_file
+    from stemwatch.service.run.plan import make_plan
+    from stemwatch.service.run.task import open_file
 
-    tasks = gather(request).tasks
+    tasks = make_plan(request).tasks
     if len(tasks) != 1:
         names = ", ".join(task.tags.valve for task in tasks)
         raise typer.BadParameter(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from stemwatch.models.limits import Limits
     from stemwatch.service.explain.asked import Asked
     from stemwatch.service.explain.explained import Explained
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
 TAGS = "Which tag is what (one valve per file)"
 MOST_REASONS = 5  # of a run in which nothing could be read
@@ -63,7 +63,7 @@ def explain(
     model fitted, and S and J restated with it. What the recording could not have shown is said.
     """
     from stemwatch.service.cli.reading import loaded_plant, read_options, tags_of, window_of
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
     loaded = loaded_plant(plant, recording)
     chosen = read_options(
@@ -145,7 +145,7 @@ def _write(found: Sequence[Explained], request: Request, out: Path) -> Path:
 
     from stemwatch.service.explain.write import write_pages
     from stemwatch.service.report import ReportContext
-    from stemwatch.service.store.address import masked_command
+    from stemwatch.service.store.database_url import masked_command
 
     plant = request.plant
     context = ReportContext(

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.recording import Role
-from stemwatch.service.gather import Gathered, Request, gather
-from stemwatch.service.tasks import Task
+from stemwatch.service.run.plan import Plan, Request, make_plan
+from stemwatch.service.run.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,26 +34,26 @@ def asked(request: Request) -> Everything:
     """Everything that ``request`` names; a file that is named twice stands once."""
     found: dict[tuple[Path, str, str], Asked] = {}
     left_out: dict[str, str] = {}
-    for source, gathered in _gathered(request):
-        if isinstance(gathered, str):
-            named = [Asked(source=source, valve=Path(source).stem, reason=gathered)]
+    for source, planned in _planned(request):
+        if isinstance(planned, str):
+            named = [Asked(source=source, valve=Path(source).stem, reason=planned)]
         else:
-            named = [_named(task, source) for task in gathered.tasks]
-            left_out.update(gathered.not_read)
+            named = [_named(task, source) for task in planned.tasks]
+            left_out.update(planned.not_read)
         for one in named:
             op = one.task.tags.tags[Role.OP].tag if one.task is not None else ""
             found.setdefault((Path(one.source), one.valve, op), one)
     return Everything(valves=tuple(found.values()), left_out=tuple(left_out.items()))
 
 
-def _gathered(request: Request) -> Iterator[tuple[str, Gathered | str]]:
+def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:
     """Each source with its tasks, or with the reason why it gives none."""
     if not request.sources:
-        yield "", gather(request)
+        yield "", make_plan(request)
         return
     for source in request.sources:
         try:
-            yield source, gather(replace(request, sources=(source,)))
+            yield source, make_plan(replace(request, sources=(source,)))
         except (ConnectorError, OSError, ValueError) as error:
             yield source, str(error)
 

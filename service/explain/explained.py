@@ -17,7 +17,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.service.explain.asked import Asked
-from stemwatch.service.tasks import Task, open_file
+from stemwatch.service.run.task import Task, open_file
 
 if TYPE_CHECKING:
     from stemwatch.models.stickslip.fit import StickSlipFit

@@ -9,7 +9,7 @@ from datetime import datetime
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.store.records import Remark
+from stemwatch.service.store.screenings.records import Remark
 
 # A year of daily runs: "since when" goes back no further, and says so.
 LOOK_BACK = 400

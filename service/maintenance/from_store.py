@@ -17,8 +17,8 @@ from stemwatch.service.maintenance.write import MaintenanceFiles, write_maintena
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.context import ReportContext, SourceNotRead
 from stemwatch.service.report.discoveries import tested
-from stemwatch.service.restored import Restored
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.store import Store
 
 

@@ -11,7 +11,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import kinds as k
 from stemwatch.service.maintenance.background import LOOK_BACK, Past
 from stemwatch.service.report.words import instant
-from stemwatch.service.store.records import Remark
+from stemwatch.service.store.screenings.records import Remark
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,19 +13,19 @@ from sqlalchemy.orm import Session, defer
 from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
-from stemwatch.models.screening_result import Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.background import LOOK_BACK, Background, Past
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import PreviousFinding, ValveFacts
-from stemwatch.service.restored import Restored, screening_of
+from stemwatch.service.report.context import ValveFacts
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import StoredValve
-from stemwatch.service.store.rows import stored_screening
-from stemwatch.service.store.screenings import latest_screening_id
+from stemwatch.service.store.samples.connector import StoredSamples
+from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.restored import Restored, screening_of
+from stemwatch.service.store.screenings.rows import stored_screening
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 from stemwatch.service.store.store import Store
-from stemwatch.service.store.stored_samples import StoredSamples
-from stemwatch.service.store.tables import ScreeningRow, ValveRow
 
 # Enough for a typical stretch of the picture; a day of three tags at 1 s is a quarter of a million.
 LONGEST_READ = timedelta(hours=4)
@@ -119,7 +119,7 @@ def _previous(session: Session, screening: Screening) -> PreviousFinding | None:
         return None
     last = earlier[0]
     return PreviousFinding(
-        verdict=last.verdict, S=last.S, J=last.J, severity=last.severity, started=last.at
+        verdict=last.verdict, S=last.S, J=last.J, severity=last.severity, at=last.at
     )
 
 

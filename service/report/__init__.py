@@ -1,11 +1,7 @@
 """The report of one run: a page that stands alone, and the same findings as CSV, XLSX and JSON."""
 
-from stemwatch.service.report.context import (
-    PreviousFinding,
-    ReportContext,
-    SourceNotRead,
-    ValveFacts,
-)
+from stemwatch.models.screening_result import PreviousFinding
+from stemwatch.service.report.context import ReportContext, SourceNotRead, ValveFacts
 from stemwatch.service.report.contract import to_contract, to_contracts
 from stemwatch.service.report.write import ReportFiles, ReportNotWritten, write_report
 

@@ -8,24 +8,13 @@ from datetime import datetime, tzinfo
 from types import MappingProxyType
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
 
 
 def software_name() -> str:
     """Name and version of the software that is running."""
     return f"stemwatch {__version__}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class PreviousFinding:
-    """What the run before this one found, for the trend. ``S`` and ``J`` in percent of OP span."""
-
-    verdict: Verdict
-    S: float | None = None
-    J: float | None = None
-    severity: float = 0.0
-    started: datetime | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.context import PreviousFinding
 from stemwatch.service.report.words import finite
 
 ARROWS = {"worse": "↗", "better": "↘", "same": "→", "new": "•", "unknown": "·"}

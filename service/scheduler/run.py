@@ -9,19 +9,18 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from stemwatch.connectors.connector import Window
-from stemwatch.models.screening_result import Screening
-from stemwatch.service.pipeline import keep_network, previous_finding
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import PreviousFinding
+from stemwatch.service.run.chunking import make_chunks
+from stemwatch.service.run.engine import keep_network, previous_finding
+from stemwatch.service.run.task import StoredBaseline
 from stemwatch.service.scheduler.kept import Worst
 from stemwatch.service.scheduler.work import ValveJob, job_of, screen_jobs
 from stemwatch.service.scheduler.workers import Outcome, WorkerPool
-from stemwatch.service.shares import shares
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.queue import SILENT_AFTER
-from stemwatch.service.store.records import RunState, StoredRun, ValveState
+from stemwatch.service.store.runs.queue import SILENT_AFTER
+from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.store import Store
-from stemwatch.service.tasks import StoredBaseline
 
 log = logging.getLogger(__name__)
 
@@ -108,7 +107,7 @@ class ValveRun:
             if valve not in self.plant.valves:
                 self.store.queue.mark(self.run.id, valve, ValveState.SET_ASIDE, UNKNOWN)
         jobs = [self.job(valve) for valve in left if valve in self.plant.valves]
-        for outcome in pool.each(screen_jobs, shares(jobs, workers, BATCH), stop):
+        for outcome in pool.each(screen_jobs, make_chunks(jobs, workers, BATCH), stop):
             self._keep(outcome)
 
     def job(self, valve: str) -> ValveJob:

@@ -18,9 +18,9 @@ from stemwatch.service.maintenance.page import page_anchor
 from stemwatch.service.report.fits import MODEL_NAMES
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.report.trend import Trend, trend
-from stemwatch.service.restored import finding_of, screening_of
-from stemwatch.service.store.records import StoredScreening, StoredValve
-from stemwatch.service.store.screenings import read_last
+from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
+from stemwatch.service.store.screenings.restored import finding_of, screening_of
+from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.history import read_marks

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from stemwatch.service.cli.explain import explain as command
 from stemwatch.service.explain.asked import asked
-from stemwatch.service.gather import Request
 from stemwatch.service.plantfile import load_plant
+from stemwatch.service.run.plan import Request
 
 SCHEMA = json.loads(
     files("stemwatch.service.explain").joinpath("explain.schema.json").read_text("utf-8")

@@ -15,11 +15,11 @@ from stemwatch.connectors.connector import Window
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.gather import Request, gather
 from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.run.plan import Request, make_plan
+from stemwatch.service.run.task import Chunk, screen_chunk
+from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.store import Store, open_store
-from stemwatch.service.store.stored_samples import StoredSamples
-from stemwatch.service.tasks import Chunk, screen_chunk
 from stemwatch.service.watch import WatchedFolder
 
 STICKY = "FIC-104"
@@ -97,7 +97,7 @@ def test_a_valve_is_screened_from_the_store(
     """A run over the plant reads such a valve from the store and comes to the same verdict."""
     drop(folder, "monday.csv", export.read_bytes())
     twice(folder)
-    tasks = [one for one in gather(Request(plant=watched)).tasks if one.tags.valve == STICKY]
+    tasks = [one for one in make_plan(Request(plant=watched)).tasks if one.tags.valve == STICKY]
     (found,) = screen_chunk(Chunk(tasks=tuple(tasks), limits=watched.limits))
     assert found.verdict is Verdict.STICKY
     assert found.provenance.layout == "samples in the store"

@@ -13,8 +13,8 @@ from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.rules import Judged, Seen, Standing, has_grown, look, standing
 from stemwatch.service.plantfile.live import AlertRules
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity
-from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
+from stemwatch.service.store.screenings.records import StoredValve
 
 NOW = datetime(2026, 3, 2, tzinfo=UTC)
 RULES = AlertRules()

@@ -10,7 +10,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import Background, Past
 from stemwatch.service.maintenance.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
-from stemwatch.service.store.records import Remark
+from stemwatch.service.store.screenings.records import Remark
 from tests.service.made_mismatch import named
 from tests.service.report.conftest import context_of, plant, screening
 

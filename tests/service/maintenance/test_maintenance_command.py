@@ -17,7 +17,7 @@ from stemwatch.service.plantfile import load_plant
 from stemwatch.service.plantfile.problem import PlantFileError
 from stemwatch.service.plantfile.stroke import Stroke, parse_stroke
 from stemwatch.service.scheduler.runner import Runner
-from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import BLIND, STICKY
 from tests.service.maintenance.made_book import BACKGROUND, context, longest, mixed

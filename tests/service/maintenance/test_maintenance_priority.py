@@ -27,7 +27,7 @@ from stemwatch.service.maintenance.priority import (
 from stemwatch.service.maintenance.since import sentence, since, work_sentence
 from stemwatch.service.maintenance.sure import FALSE_EFFECT, FALSE_EFFECT_SCATTERED, FALSE_STICKY
 from stemwatch.service.report.trend import Trend
-from stemwatch.service.store.records import Remark
+from stemwatch.service.store.screenings.records import Remark
 from tests.service.report.conftest import screening
 
 REPOSITORY = Path(__file__).parents[3]

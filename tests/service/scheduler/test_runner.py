@@ -19,8 +19,8 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.scheduler import Runner
 from stemwatch.service.scheduler.run import UNKNOWN
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
 
 HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"
