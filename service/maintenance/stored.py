@@ -15,9 +15,9 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.background import LOOK_BACK, Background, Past
+from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening, ValveHistory
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import ValveFacts
+from stemwatch.service.report.report_context import ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.screenings.records import StoredValve
@@ -45,10 +45,10 @@ def latest_screenings(store: Store) -> list[Restored]:
         return _restored(session, ScreeningRow.id.in_(newest))
 
 
-def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> Background:
+def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> ValveHistory:
     """What the store knows beside the screenings; pictures of valves whose samples it keeps."""
 
-    def earlier(screening: Screening) -> Sequence[Past]:
+    def earlier(screening: Screening) -> Sequence[EarlierScreening]:
         with store.access.reading("reading earlier screenings") as session:
             return read_earlier(session, screening)
 
@@ -57,10 +57,12 @@ def background_of(store: Store, plant: Plant | None = None, run: int | None = No
             return screening.recording
         return read_samples(store, plant, screening)
 
-    return Background(earlier=earlier, work=store.maintenance, samples=samples, run=run)
+    return ValveHistory(earlier=earlier, work=store.maintenance, samples=samples, run=run)
 
 
-def read_earlier(session: Session, screening: Screening, limit: int = LOOK_BACK) -> list[Past]:
+def read_earlier(
+    session: Session, screening: Screening, limit: int = LOOK_BACK
+) -> list[EarlierScreening]:
     """The screenings before this one, newest first. One without dates is taken to be the last."""
     one = ScreeningRow
     columns = (one.at, one.run_id, one.verdict, one.severity, one.s_percent, one.j_percent)
@@ -71,7 +73,7 @@ def read_earlier(session: Session, screening: Screening, limit: int = LOOK_BACK)
     # Its own row stands first where nothing tells when it was.
     statement = statement.offset(1) if end is None else statement.where(one.at < end)
     return [
-        Past(
+        EarlierScreening(
             at=row.at,
             run=row.run_id,
             verdict=Verdict(row.verdict),

@@ -23,8 +23,8 @@ from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
-from stemwatch.service.report.context import SourceNotRead, ValveFacts
-from stemwatch.service.report.page import MOST_PLOTTED
+from stemwatch.service.report.html_page import MOST_PLOTTED
+from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.chunking import make_chunks
 from stemwatch.service.run.plan import Plan, Request, make_plan
 from stemwatch.service.run.spill import ResultSpill

@@ -12,7 +12,7 @@ import pytest
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Quality
-from stemwatch.service.alerts.silence import BACK, JOINED, watch_sources
+from stemwatch.service.alerts.silent_sources import BACK, JOINED, watch_sources
 from stemwatch.service.plantfile import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
 from stemwatch.service.store.samples.samples import microseconds

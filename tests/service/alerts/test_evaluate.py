@@ -16,7 +16,7 @@ from stemwatch.models.screening_result import DataQuality, Indicator, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.silence import watch_sources
+from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.plantfile import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import Wanted
