@@ -15,8 +15,8 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening, ValveHistory
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.report_context import ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples

@@ -18,10 +18,10 @@ from stemwatch.models.screening_result import PreviousFinding, Residual, Screeni
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.alerts.held_back import hold_back
+from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.html_page import MOST_PLOTTED
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts

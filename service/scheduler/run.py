@@ -10,7 +10,7 @@ from datetime import timedelta
 
 from stemwatch.connectors.connector import Window
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.run.chunking import make_chunks
 from stemwatch.service.run.engine import keep_network, previous_finding
 from stemwatch.service.run.task import StoredBaseline

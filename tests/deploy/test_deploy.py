@@ -17,7 +17,7 @@ import yaml
 from typer.testing import CliRunner
 
 from stemwatch.service.cli import app
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 SERVICES = {"stemwatch", "plant", "postgres", "reader", "grafana"}

@@ -178,7 +178,7 @@ def test_listening_to_other_machines_is_said(caplog) -> None:
 
 def test_the_simulated_plants_file_is_read(tmp_path: Path) -> None:
     """What the simulator writes is a plant file that the service understands whole."""
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
 
     file = tmp_path / "plant.toml"
     text = plant_toml(demo_plant(1)[:2], host="127.0.0.1", port=5020)

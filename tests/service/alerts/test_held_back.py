@@ -17,7 +17,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
 from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.screenings.records import ValveState

@@ -19,7 +19,7 @@ from stemwatch.service.alerts.rules import (
     apply_rules,
     has_grown,
 )
-from stemwatch.service.plantfile.live import AlertRules
+from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.screenings.records import StoredValve
 

@@ -13,8 +13,8 @@ import pytest
 
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import simulate_loop
+from stemwatch.service.config import load_plant
 from stemwatch.service.executors import InProcess, LocalProcesses
-from stemwatch.service.plantfile import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import _recording
 from stemwatch.service.studies.simulated_archive import PIECE, ArchivePlan, Format, write_archive

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from stemwatch.service.collector import Collector, Spool, collect
-from tests.service.modbus_collecting import (
+from tests.service.collector.collecting import (
     EVERY_S,
     RealTable,
     collecting,
@@ -181,11 +181,11 @@ def test_a_killed_collector_loses_at_most_the_poll_it_was_in(tmp_path: Path) -> 
                 process = await asyncio.create_subprocess_exec(
                     sys.executable,
                     "-m",
-                    "tests.service.modbus_collecting",
+                    "tests.service.collector.collecting",
                     str(tmp_path / "spool"),
                     str(database),
                     str(port),
-                    cwd=Path(__file__).parents[2],
+                    cwd=Path(__file__).parents[3],
                 )
                 enough = len(served) + 12
                 await until(partial(reached, served, enough))

@@ -19,13 +19,13 @@ from stemwatch.connectors.modbus import read_devices
 from stemwatch.connectors.modbus.commission import try_map
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import PlantLoop, demo_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.live_demo.loops import live_loops
 from stemwatch.service.modbus_plant import PlantServer, Wear, plant_toml, serve_plant
 from stemwatch.service.modbus_plant.layout import signals, tag, words
 from stemwatch.service.modbus_plant.live import REPAIR_S, LivePlant
 from stemwatch.service.modbus_plant.tape import ALIKE, Stretch, Tape, _going_on, simulate_stretch
 from stemwatch.service.modbus_plant.wear import worn
-from stemwatch.service.plantfile import load_plant
 
 HEALTHY, BLIND = 0, 12  # places in the demo plant: a flow loop, and a valve without a transmitter
 

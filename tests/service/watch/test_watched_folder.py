@@ -15,7 +15,7 @@ from stemwatch.connectors.connector import Window
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import Chunk, screen_chunk
 from stemwatch.service.store.samples.connector import StoredSamples

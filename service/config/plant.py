@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 from stemwatch.connectors.archive.address import ArchiveAddress
 from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
-from stemwatch.service.plantfile.archives import ArchiveSource
-from stemwatch.service.plantfile.live import AlertRules, NotifierTable, ServiceSection
-from stemwatch.service.plantfile.problem import Problem
-from stemwatch.service.plantfile.schema import Source, Tag, Valve
+from stemwatch.service.config.archives import ArchiveSource
+from stemwatch.service.config.problems import Problem
+from stemwatch.service.config.schema import Source, Tag, Valve
+from stemwatch.service.config.service_schema import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.store.database_url import Address
 from stemwatch.service.store.runs.schedule import Schedule
 

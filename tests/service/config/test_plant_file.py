@@ -11,7 +11,7 @@ from stemwatch.connectors.connector import TagMapping
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
-from stemwatch.service.plantfile import Plant, Source, load_plant
+from stemwatch.service.config import Plant, Source, load_plant
 
 WHOLE = """\
 valve_list = "valves.csv"
@@ -233,5 +233,5 @@ def test_thousands_of_valves_load(tmp_path: Path) -> None:
 
 def test_the_example_in_deploy_loads() -> None:
     """What a plant copies to begin with is right as it stands."""
-    plant = load_plant(Path(__file__).parents[2] / "deploy" / "plant.example.toml")
+    plant = load_plant(Path(__file__).parents[3] / "deploy" / "plant.example.toml")
     assert (("FIC-101",), ()) == (tuple(plant.valves), plant.problems)

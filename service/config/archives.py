@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from stemwatch.connectors.archive.address import ArchiveAddress
 from stemwatch.connectors.archive.secret import Secret
-from stemwatch.service.plantfile.contradiction import contradiction
-from stemwatch.service.plantfile.schema import Name, Positive, Table, Text, Zone
+from stemwatch.service.config.problems import contradiction
+from stemwatch.service.config.schema import Name, Positive, Table, Text, Zone
 
 if TYPE_CHECKING:
     from stemwatch.connectors.historian import ReadOptions

@@ -6,9 +6,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from stemwatch.service.plantfile.contradiction import contradiction
-from stemwatch.service.plantfile.cron import CronTimes
-from stemwatch.service.plantfile.schema import Name, Positive, Table
+from stemwatch.service.config.cron import CronTimes
+from stemwatch.service.config.problems import contradiction
+from stemwatch.service.config.schema import Name, Positive, Table
 from stemwatch.service.store.runs.schedule import Schedule
 
 Severity = Literal["high", "medium", "low"]

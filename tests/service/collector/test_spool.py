@@ -215,7 +215,7 @@ def test_batches_of_two_sources_are_not_joined() -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from tests.service.test_modbus_spool import batch
+from tests.service.collector.test_spool import batch
 from stemwatch.service.collector import Spool
 spool = Spool(Path(sys.argv[1]), segment_bytes=4000, limit_bytes=100_000_000)
 number = 0
@@ -235,7 +235,7 @@ def test_what_was_appended_survives_a_kill(tmp_path: Path) -> None:
             [sys.executable, "-c", WRITER, str(tmp_path)],
             stdout=subprocess.PIPE,
             encoding="ascii",
-            cwd=Path(__file__).parents[2],
+            cwd=Path(__file__).parents[3],
         )
         lines = []
         for line in process.stdout:

@@ -1,21 +1,70 @@
-"""What pydantic says of a table, turned into ``Problem``s with file, line, key and expectation."""
+"""``Problem``: one mistake in a plant file, said so that it can be mended without asking.
+
+``problems_of`` makes them of what pydantic says of a table: file, line, key, expectation.
+"""
 
 from __future__ import annotations
 
+import difflib
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
-from stemwatch.service.plantfile.contradiction import KIND
-from stemwatch.service.plantfile.lines import Path
-from stemwatch.service.plantfile.nearest import either_of, nearest
-from stemwatch.service.plantfile.problem import Problem
 from stemwatch.service.store.database_url import masked
+
+KeyPath = tuple[str | int, ...]  # from the top of a file, or of a table, to a key
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One mistake: where it stands, what was found there and what was expected."""
+
+    file: str
+    line: int | None  # None where no line can be named: the file itself is not there
+    key: str  # valves[FIC-101].tags.op.low, or the column of a valve list
+    found: str
+    expected: str
+
+    def __str__(self) -> str:
+        line = "" if self.line is None else f", line {self.line}"
+        return f"{self.file}{line}: {self.key}: found {self.found}; expected {self.expected}"
+
+
+class PlantFileError(Exception):
+    """The plant file cannot be used as a whole. ``problems`` holds every mistake found."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+    def __reduce__(self) -> tuple[type[PlantFileError], tuple[tuple[Problem, ...]]]:
+        return PlantFileError, (self.problems,)
+
+
+KIND = "contradiction"
+
+
+def contradiction(key: tuple[str, ...], found: str, expected: str) -> PydanticCustomError:
+    """To be raised by a validator; ``key`` is where to look, from the table that is checked."""
+    context = {"key": key, "found": found, "expected": expected}
+    return PydanticCustomError(KIND, "found {found}; expected {expected}", context)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """``" (did you mean 'zone'?)"``, or nothing where no known word comes close."""
+    by_lower = {name.lower(): name for name in sorted(known)}
+    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
+
+
+def either_of(known: Iterable[str]) -> str:
+    """``"one of area, id, source"``."""
+    return "one of " + ", ".join(sorted(known))
 
 
 @dataclass(frozen=True)
@@ -24,10 +73,10 @@ class Place:
 
     file: str
     name: str  # "valves[FIC-101]", or empty for the top
-    line_of: Callable[[Path], int | None]  # of a path inside the table
-    key_of: Callable[[Path], str] | None = None  # for what is not TOML: a column instead of a key
+    line_of: Callable[[KeyPath], int | None]  # of a path inside the table
+    key_of: Callable[[KeyPath], str] | None = None  # of a CSV file: a column instead of a key
 
-    def problem(self, path: Path, found: str, expected: str) -> Problem:
+    def problem(self, path: KeyPath, found: str, expected: str) -> Problem:
         """The problem at ``path`` inside this table."""
         return Problem(
             file=self.file,
@@ -37,7 +86,7 @@ class Place:
             expected=expected,
         )
 
-    def _key(self, path: Path) -> str:
+    def _key(self, path: KeyPath) -> str:
         if self.key_of is not None:
             return self.key_of(path)
         text = self.name
@@ -71,7 +120,7 @@ def _short(text: str) -> str:
 
 
 def _problem(details: ErrorDetails, model: type[BaseModel], place: Place) -> Problem:
-    path: Path = tuple(details["loc"])
+    path: KeyPath = tuple(details["loc"])
     if details["type"] == "extra_forbidden":
         known = _model_at(model, path[:-1]).model_fields
         hint = nearest(str(path[-1]), known)
@@ -94,7 +143,7 @@ def _expected(details: ErrorDetails, field: FieldInfo | None) -> str:
     return details["msg"]
 
 
-def _field_at(model: type[BaseModel], path: Path) -> FieldInfo | None:
+def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
     names = [part for part in path if isinstance(part, str)]
     field: FieldInfo | None = None
     for name in names:
@@ -105,7 +154,7 @@ def _field_at(model: type[BaseModel], path: Path) -> FieldInfo | None:
     return field
 
 
-def _model_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
+def _model_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel]:
     field = _field_at(model, path)
     return model if field is None else _model_in(field.annotation) or model
 

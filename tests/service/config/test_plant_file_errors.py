@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stemwatch.service.plantfile import PlantFileError, load_plant
-from stemwatch.service.plantfile.lines import TomlLines
+from stemwatch.service.config import PlantFileError, load_plant
+from stemwatch.service.config.toml import TomlLines
 
 SOURCE = '[[sources]]\nname = "s"\npath = "a.csv"\n'  # three lines
 GOOD = '[[valves]]\nid = "GOOD"\nsource = "s"\n[valves.tags.op]\ntag = "GOOD.OP"\n'  # five lines

@@ -8,10 +8,14 @@ from typing import Any
 
 from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 from stemwatch.models.recording import Role
-from stemwatch.service.plantfile.explain import Place
-from stemwatch.service.plantfile.lines import Path as KeyPath
-from stemwatch.service.plantfile.nearest import either_of, nearest
-from stemwatch.service.plantfile.problem import PlantFileError, Problem
+from stemwatch.service.config.problems import (
+    KeyPath,
+    Place,
+    PlantFileError,
+    Problem,
+    either_of,
+    nearest,
+)
 
 _FACTS = ("id", "description", "area", "criticality", "source", "stroke")
 _NUMBERS = ("low", "high")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.plantfile import PlantFileError, load_plant
+from stemwatch.service.config import PlantFileError, load_plant
 
 SOURCE = '[[sources]]\nname = "s"\npath = "a.csv"\n'  # three lines
 GOOD = '[[valves]]\nid = "GOOD"\nsource = "s"\n[valves.tags.op]\ntag = "GOOD.OP"\n'  # five lines

@@ -107,7 +107,7 @@ async def collecting(table: RealTable, folder: Path, *devices: Device) -> AsyncI
 
 
 def main() -> None:
-    """Collect for ever: ``python -m tests.service.modbus_collecting FOLDER DATABASE PORT``."""
+    """Collect for ever: ``python -m tests.service.collector.collecting FOLDER DATABASE PORT``."""
     folder, database, port = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
     collector = Collector([counter(port)], RealTable(database), Spool(folder), gather_s=0.05)
     print("collecting", flush=True)
