@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, tzinfo
 
-from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.valve_history import LOOK_BACK

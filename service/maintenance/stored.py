@@ -11,9 +11,9 @@ from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session, defer
 
 from stemwatch.connectors.connector import ConnectorError, Window
-from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory

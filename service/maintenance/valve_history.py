@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.store.screenings.records import Remark
 
 # A year of daily runs: "since when" goes back no further, and says so.

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from datetime import tzinfo
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.mismatch.findings import Effect
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import advice

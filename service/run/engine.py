@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 from itertools import accumulate
 from pathlib import Path
 
-from stemwatch.models.findings import PreviousFinding, Residual, Screening
 from stemwatch.models.limits import Limits
+from stemwatch.models.screening_result import PreviousFinding, Residual, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.alerts.held_back import hold_back

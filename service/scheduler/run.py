@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from stemwatch.connectors.connector import Window
-from stemwatch.models.findings import PreviousFinding, Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.run.chunking import make_chunks
 from stemwatch.service.run.engine import keep_network

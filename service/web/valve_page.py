@@ -11,8 +11,8 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Role
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.report.bars import MODEL_NAMES

@@ -14,7 +14,7 @@ from typing import Any
 from sqlalchemy import and_, select
 from sqlalchemy.orm import Session, aliased
 
-from stemwatch.models.findings import PreviousFinding, Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.screenings.rows import window_key
 from stemwatch.service.store.screenings.tables import ScreeningRow

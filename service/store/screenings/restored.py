@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
-from stemwatch.models.findings import Indicator, Screening
+from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.service.store.screenings.records import StoredScreening
 
 

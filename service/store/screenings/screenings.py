@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from sqlalchemy import ScalarSelect, delete, func, insert, select
 from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, defer
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import (

@@ -11,8 +11,8 @@ from sqlalchemy import ColumnElement, Select, and_, case, func, or_, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.recording import PERCENT
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.wording import WORST_FIRST
 from stemwatch.service.store.screenings.held_back import remark_column

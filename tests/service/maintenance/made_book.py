@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
-from stemwatch.models.findings import PreviousFinding, Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import ValveHistory
 from stemwatch.service.maintenance.advice import catalogue

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.models.findings import PreviousFinding
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import (
+from stemwatch.models.recording import ClockFacts, Floats, Provenance, Recording, Role, Signal
+from stemwatch.models.screening_result import (
     DataQuality,
     Indicator,
     PreviousFinding,
@@ -20,7 +21,6 @@ from stemwatch.models.findings import (
     Screening,
     Traces,
 )
-from stemwatch.models.recording import ClockFacts, Floats, Provenance, Recording, Role, Signal
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.report import (
     ReportContext,
