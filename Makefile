@@ -7,6 +7,9 @@ BENCH ?= bench
 LIVE ?= demo-live
 # An editable install sees every change of the sources; EDITABLE=no installs as a plant would.
 EDITABLE ?= yes
+# How long make explore draws, and SEED=... for one round with the draws of an earlier one.
+SECONDS ?= 600
+SEED ?=
 # STRICT=1 turns skipped browser and database tests into failures.
 STRICT ?=
 WORKERS ?= 2
@@ -19,15 +22,16 @@ export STRICT
 unexport PYTHONDONTWRITEBYTECODE
 # Tests run side by side, neighbours in one process, so that what a module's tests share is made once; each process
 # stays on its own core, and all share one cache of compiled kernels.
-test: export OMP_NUM_THREADS ?= 1
-test: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
+test test-all explore: export OMP_NUM_THREADS ?= 1
+test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
+PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
 BIN := $(VENV)/bin
 LOG := $(VENV)/log.txt
 # Compiling all that is installed takes most of the time, and little of it is ever imported.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 SOURCE := $(if $(filter no,$(EDITABLE)),.,--editable .)
-PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find service models connectors -type f \
+PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find stemwatch service models connectors -type f \
 	-not -path '*/__pycache__/*'))
 INPUTS := pyproject.toml constraints.txt setup.py $(PACKAGE_FILES)
 
@@ -38,7 +42,7 @@ define step
 	else echo 'failed:'; cat $(LOG); exit 1; fi
 endef
 
-.PHONY: demo test check live bench clean help
+.PHONY: demo test test-all explore check live bench clean help
 .DEFAULT_GOAL := help
 
 demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write its report into demo/
@@ -47,11 +51,18 @@ demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write 
 live: $(VENV)/can-run ## The live demo: a plant whose valve wears, the service, and its mails; Ctrl-C ends it
 	@$(BIN)/stemwatch demo --live --out $(LIVE)
 
-test: check ## All checks and all tests; sets up what they need
+test: check ## All checks and the tests that a change needs; sets up what they need
 	@echo 'Running the tests ...'
-	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE
+	@$(PYTEST) -m 'not long'
 
-check: $(VENV)/can-test .typed/stemwatch ## Style, import rules and types, without the tests
+test-all: test ## The same, and then the long tests: stories, hours of faults, statistical studies
+	@echo 'Running the long tests ...'
+	@$(PYTEST) -m long
+
+explore: $(VENV)/can-test ## Property tests with new random draws for SECONDS=600, or again with SEED=...
+	@$(BIN)/python tests/explore.py --seconds $(SECONDS) $(if $(SEED),--seed $(SEED)) -n $(WORKERS)
+
+check: $(VENV)/can-test ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
 	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports --no-cache)
 	$(call step,Checking the types of the packages (mypy),$(BIN)/mypy)
@@ -61,11 +72,11 @@ bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; 
 	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)
 
 clean: ## Remove the environment, caches and build folders
-	rm -rf $(VENV) .typed build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 help: ## This list
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST)
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST)
 
 $(VENV)/made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \
@@ -87,8 +98,3 @@ $(VENV)/can-test: $(VENV)/made $(INPUTS)
 	$(call step,Installing stemwatch and what checks it (minutes the first time),\
 	$(INSTALL) $(SOURCE) --group dev)
 	@touch $@ $(VENV)/can-run
-
-# Type checkers cannot follow an editable install; these links show them the packages.
-.typed/stemwatch:
-	@mkdir -p $@
-	@for folder in service connectors models; do ln -sfn ../../$$folder $@/$$folder; done

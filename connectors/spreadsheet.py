@@ -5,6 +5,10 @@ from __future__ import annotations
 import csv
 import io
 
+# What Python takes for blank beside spaces, and no spreadsheet writes: the separators of files,
+# groups, records and units. A row that holds one is damaged, not empty.
+_SEPARATOR_CODES = "\x1c\x1d\x1e\x1f"
+
 
 class ListFault(Exception):
     """What spoils a list as a whole: the ``line``, and the two halves of a sentence."""
@@ -53,6 +57,11 @@ def records_of(text: str, separator: str) -> list[tuple[int, list[str]]]:
             raise ListFault(line, found, "quotation marks in pairs") from None
         if cells is None:
             return records
-        if any(cell.strip() for cell in cells):
+        if not all(map(is_blank, cells)):
             records.append((line, cells))
         line = reader.line_num + 1
+
+
+def is_blank(cell: str) -> bool:
+    """Whether a cell holds nothing but spaces, tabs and the like; a control code is not blank."""
+    return not cell.strip() and not any(code in cell for code in _SEPARATOR_CODES)

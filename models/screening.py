@@ -4,7 +4,7 @@
 
 Each valve stands alone: one that fails is a result with a reason and the rest goes on. The
 networks of all valves in a call train together. A long recording is fitted on its most telling
-stretch (``models.telling``); what needs no fit is taken from all of it.
+stretch (``models.fit_window``); what needs no fit is taken from all of it.
 """
 
 from __future__ import annotations

@@ -183,6 +183,25 @@ class Screening:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class PreviousFinding:
+    """What was said of a valve before, by the screening of an earlier window.
+
+    ``at`` is the instant that screening speaks for, ``run`` the number of its run. ``S`` and ``J``
+    in percent of OP span, ``None`` where they were not known. ``finding`` is the word for what was
+    found beside S and J (of ``mismatch.findings.Finding``), ``effects`` the slugs that were named.
+    """
+
+    at: datetime
+    run: int
+    verdict: Verdict
+    severity: float = 0.0  # 0 to 100
+    S: float | None = None
+    J: float | None = None
+    finding: str | None = None
+    effects: tuple[str, ...] = ()
+
+
 def _copy(trace: Floats, first: int, last: int) -> Floats:
     """A part that does not hold on to the whole."""
     return trace[first:last].copy()

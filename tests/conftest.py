@@ -1,19 +1,38 @@
-"""What all tests share: the real recordings, and which tests may not be skipped."""
+"""What all tests share: how property tests draw, the real recordings, and which tests may not be
+skipped."""
 
 from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run: no commit is refused by a draw. ``make explore`` draws anew; what
+# it finds is kept as an ``@example`` of the test.
+settings.register_profile(
+    "repeatable", derandomize=True, deadline=None, database=None, print_blob=True
+)
+settings.register_profile(
+    "explore", derandomize=False, deadline=None, database=None, print_blob=True
+)
+settings.load_profile("repeatable")
 
 STRICT = os.environ.get("STRICT", "") not in ("", "0")
 MUST_RUN = ("browser", "postgres")
 RECORDINGS = "STEMWATCH_RECORDINGS"
-BESIDE_THE_CHECKOUT = Path(__file__).parent.parent.parent / "shared" / "recordings"
+REPOSITORY = Path(__file__).parent.parent
+BESIDE_THE_CHECKOUT = REPOSITORY.parent / "shared" / "recordings"
+
+# Worker processes import the functions that a test hands them from here. Last, so that a normal
+# installation of the package, and not the checkout, is what the tests run.
+sys.path[:] = [place for place in sys.path if Path(place or ".").resolve() != REPOSITORY.resolve()]
+sys.path.append(str(REPOSITORY))
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

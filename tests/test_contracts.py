@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).parent.parent
-PACKAGES = ("service", "connectors", "models")
+PACKAGES = ("stemwatch", "service", "connectors", "models")
 LONGEST_FUNCTION = 70
 LONGEST_FILE = 700
 # Ways to reach a file or a terminal that need no import.

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 import os
 import re
 import shutil
 import subprocess
 import sys
 import zipfile
-from importlib.metadata import EntryPoint, entry_points, version
+from concurrent.futures import ProcessPoolExecutor
+from importlib.metadata import EntryPoint, distribution, entry_points, version
 from pathlib import Path
 
 import pytest
 
 REPOSITORY = Path(__file__).parent.parent
 FOLDERS = ("service", "connectors", "models")
-HEAVY = ("pandas", "torch", "scipy", "numba", "sqlalchemy", "xlsxwriter")
+FRONT = [
+    f"stemwatch/{path.name}"
+    for path in (REPOSITORY / "stemwatch").iterdir()
+    if path.suffix in (".py", ".typed")
+]
+HEAVY = ("numpy", "pandas", "torch", "scipy", "numba", "matplotlib", "sqlalchemy", "xlsxwriter")
 # Written in pieces, so that this file does not hold what it looks for.
 REGISTRIES = (
     "py" + "pi.org",
@@ -28,27 +36,81 @@ CONNECTORS = tuple(entry_points(group="stemwatch.connectors"))
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clean copy of what the package is built from, with its links as links."""
+    return _copied(tmp_path_factory.mktemp("sources"))
+
+
+@pytest.fixture(scope="module")
+def wheel(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     """The wheel that pip builds from a clean copy of the sources."""
-    folder = tmp_path_factory.mktemp("wheel")
-    source = folder / "source"
-    for name in FOLDERS:
-        ignored = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(REPOSITORY / name, source / name, ignore=ignored)
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
-        shutil.copy(REPOSITORY / name, source / name)
-    build = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
-    done = _python(*build, "--wheel-dir", str(folder), str(source), cwd=folder)
-    assert done.returncode == 0, done.stderr
-    (built,) = folder.glob("*.whl")
-    return zipfile.ZipFile(built)
+    return _wheel(sources, tmp_path_factory.mktemp("wheel"))
 
 
 def test_the_wheel_holds_every_file_of_the_three_folders(wheel: zipfile.ZipFile) -> None:
-    """Pages, styles, schemas, migrations and type marks travel with the code, and nothing else."""
-    expected = {f"stemwatch/{path.as_posix()}" for path in _package_files()}
-    found = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    """Pages, styles, schemas, migrations and type marks travel with the code, once each, and
+    nothing else."""
+    expected = sorted(FRONT + [f"stemwatch/{path.as_posix()}" for path in _package_files()])
+    found = sorted(name for name in wheel.namelist() if ".dist-info/" not in name)
     assert expected == found
+
+
+def test_a_source_archive_makes_the_same_wheel(
+    sources: Path, wheel: zipfile.ZipFile, tmp_path: Path
+) -> None:
+    """Whoever builds from the source archive installs what we install."""
+    code = f"import setuptools.build_meta as b; b.build_sdist({str(tmp_path)!r})"
+    done = _python("-c", code, cwd=_copied(tmp_path / "for-the-archive"))
+    assert done.returncode == 0, done.stderr
+    (archive,) = tmp_path.glob("*.tar.gz")
+    shutil.unpack_archive(archive, tmp_path / "unpacked", filter="data")
+    (unpacked,) = (tmp_path / "unpacked").iterdir()
+    assert _contents(wheel) == _contents(_wheel(unpacked, tmp_path / "again"))
+
+
+def test_a_checkout_without_links_makes_the_same_wheel(
+    wheel: zipfile.ZipFile, tmp_path: Path
+) -> None:
+    """Where links may not be made, as on many Windows computers, git writes small text files in
+    their places; the package is the same."""
+    source = _copied(tmp_path / "source")
+    for folder in FOLDERS:
+        link = source / "stemwatch" / folder
+        target = link.readlink()
+        link.unlink()
+        link.write_text(target.as_posix(), "utf-8")
+    assert _contents(wheel) == _contents(_wheel(source, tmp_path / "wheel"))
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_a_plain_checkout_shows_editors_the_packages(folder: str) -> None:
+    """``stemwatch/models`` and its neighbours are links that hold wherever the checkout lies."""
+    assert (REPOSITORY / "stemwatch" / folder).readlink().as_posix() == f"../{folder}"
+
+
+def test_the_tests_run_the_package_that_is_installed() -> None:
+    """A normal installation is what the tests see, here and in the processes that they start; only
+    an editable one leads into the checkout."""
+    told = json.loads(distribution("stemwatch").read_text("direct_url.json") or "{}")
+    editable = told.get("dir_info", {}).get("editable", False)
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as workers:
+        found = [_place_of_the_package(), workers.submit(_place_of_the_package).result()]
+    checkout = (REPOSITORY / "stemwatch").resolve()
+    assert [editable] * 2 == [place == checkout for place in found]
+
+
+def _place_of_the_package() -> Path:
+    import stemwatch
+
+    return Path(stemwatch.__file__).resolve().parent
+
+
+def test_importing_the_package_loads_no_heavy_library(tmp_path: Path) -> None:
+    """``import stemwatch`` answers at once: what it needs is loaded when it is used."""
+    code = f"import sys, stemwatch; print([n for n in {HEAVY} if n in sys.modules])"
+    done = _python("-c", code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
 
 
 def test_every_kind_of_file_the_product_needs_is_among_them(wheel: zipfile.ZipFile) -> None:
@@ -61,7 +123,7 @@ def test_the_wheel_carries_the_licences(wheel: zipfile.ZipFile) -> None:
     """Our licence and that of the chart library go wherever the wheel goes."""
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
-    assert "stemwatch/service/report/vendor/uPlot-LICENSE.txt" in names
+    assert "stemwatch/service/report/scripts/vendor/uPlot-LICENSE.txt" in names
     assert "stemwatch/service/maintenance/fonts/DejaVu-LICENSE.txt" in names
 
 
@@ -150,13 +212,36 @@ def _package_files() -> list[Path]:
     ]
 
 
+def _copied(source: Path) -> Path:
+    ignored = shutil.ignore_patterns("__pycache__")
+    for name in ("stemwatch", *FOLDERS):
+        shutil.copytree(REPOSITORY / name, source / name, ignore=ignored, symlinks=True)
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(REPOSITORY / name, source / name)
+    return source
+
+
+def _wheel(source: Path, folder: Path) -> zipfile.ZipFile:
+    build = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    done = _python(*build, "--wheel-dir", str(folder), str(source), cwd=source)
+    assert done.returncode == 0, done.stderr
+    (built,) = folder.glob("*.whl")
+    return zipfile.ZipFile(built)
+
+
+def _contents(wheel: zipfile.ZipFile) -> dict[str, int]:
+    """Every file with the checksum of its bytes; what describes the build itself apart."""
+    entries = (entry for entry in wheel.infolist() if not entry.filename.endswith("/RECORD"))
+    return {entry.filename: entry.CRC for entry in entries}
+
+
 def _repository_files() -> list[Path]:
     """What git has or would add; without git, what lies in the folders of the project."""
     listed = _run(["git", "ls-files", "-co", "--exclude-standard"], REPOSITORY)
     if listed.returncode == 0:
         found = [REPOSITORY / name for name in listed.stdout.splitlines()]
     else:
-        folders = (*FOLDERS, "tests", "docs", "deploy", ".ci")
+        folders = ("stemwatch", *FOLDERS, "tests", "docs", "deploy", ".ci")
         found = [path for folder in folders for path in (REPOSITORY / folder).rglob("*")]
         found += REPOSITORY.glob("*.*")
     return [path for path in found if path.is_file() and "__pycache__" not in path.parts]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stemwatch.connectors.modbus.faulty import Mistake
-from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
+from stemwatch.connectors.spreadsheet import ListFault, decoded, is_blank, records_of, separator_of
 
 COLUMNS = (
     "tag", "register", "address", "unit_id", "type", "byte_order", "scale", "offset", "raw_low",
@@ -78,7 +78,7 @@ def read_register_list(path: Path) -> RegisterList:
     rows: list[ListedRow] = []
     faulty: list[tuple[int, str, str]] = []
     for line, cells in records[1:]:
-        if len(cells) < len(heading) or any(cell.strip() for cell in cells[len(heading) :]):
+        if len(cells) < len(heading) or not all(map(is_blank, cells[len(heading) :])):
             faulty.append((line, f"{len(cells)} cells", f"{len(heading)}, as in the heading"))
             continue
         given = {

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 from urllib.parse import urlencode
 
-from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.alerts import AlertSeverity, StoredAlert
+from stemwatch.service.config import Plant
+from stemwatch.service.store.alerts.alerts import AlertSeverity, StoredAlert
 from stemwatch.service.store.store import Store
 
 _ORDER = list(AlertSeverity)

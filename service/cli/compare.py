@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from stemwatch.models.recording import Recording
     from stemwatch.models.studies.literature.scores import FitScore
-    from stemwatch.service.comparison.rows import Comparison, Row
-    from stemwatch.service.gather import Request
+    from stemwatch.service.comparison.compare_models import Comparison, ModelRow
+    from stemwatch.service.run.plan import Request
 
 TAGS = "Which tag is what"
 PAGE = "compare.html"
@@ -55,7 +55,7 @@ def compare(
     """
     from stemwatch.connectors.connector import Window
     from stemwatch.service.cli.reading import read_options
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
     o.need_file(file, "FILE")
     request = Request(
@@ -84,10 +84,10 @@ def _tags(op: str, mv: str):  # type: ignore[no-untyped-def]  # Role is imported
 
 def _the_recording(request: Request, file: Path) -> Recording:
     """The one valve of the file; a sentence where there is none, or more than one."""
-    from stemwatch.service.gather import gather
-    from stemwatch.service.tasks import open_file
+    from stemwatch.service.run.plan import make_plan
+    from stemwatch.service.run.task import open_file
 
-    tasks = gather(request).tasks
+    tasks = make_plan(request).tasks
     if len(tasks) != 1:
         names = ", ".join(task.tags.valve for task in tasks)
         raise typer.BadParameter(
@@ -103,7 +103,7 @@ def _compared(recording: Recording, train_share: float, network: bool) -> Compar
     from rich.progress import Progress
 
     from stemwatch.service.cli import views
-    from stemwatch.service.comparison.rows import compare as compare_models
+    from stemwatch.service.comparison.compare_models import compare as compare_models
 
     train_until = max(round(train_share * len(recording)), 1)
     with Progress(console=views.err, transient=True) as progress:
@@ -129,7 +129,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
         text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")
     if out is not None:
-        from stemwatch.service.comparison.page import html_bytes
+        from stemwatch.service.comparison.comparison_html import html_bytes
 
         out.mkdir(parents=True, exist_ok=True)
         (out / PAGE).write_bytes(html_bytes(comparison))
@@ -168,7 +168,7 @@ def _table(comparison: Comparison) -> Table:
     return table
 
 
-def _parameters(row: Row) -> str:
+def _parameters(row: ModelRow) -> str:
     named = row.parameters.items()
     return ", ".join(f"{name} {one}" for name, one in named if one.value is not None)
 

@@ -13,7 +13,7 @@ from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
 MOST_REASONS = 5  # of a run in which nothing could be read
 TAGS = "Which tag is what (one valve per file)"
@@ -65,7 +65,7 @@ def screen(
     the same window twice updates what is stored.
     """
     from stemwatch.service.cli.reading import loaded_plant, read_options, tags_of, window_of
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
     loaded = loaded_plant(plant, source)
     chosen = read_options(
@@ -88,7 +88,7 @@ def screen(
 def screen_plant(plant: Path, out: Path, workers: int | None) -> tuple[Screening, ...]:
     """Screen a plant file's own sources into its own database."""
     from stemwatch.service.cli.reading import loaded_plant
-    from stemwatch.service.gather import Request
+    from stemwatch.service.run.plan import Request
 
     request = Request(plant=loaded_plant(plant, None))
     return _run(request, out, "", (workers, "local"), False, None)
@@ -105,7 +105,7 @@ def _run(
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.pipeline import Run, RunResult, run
+    from stemwatch.service.run.engine import Run, RunResult, run
     from stemwatch.service.store.store import open_store
 
     executor = choose_executor(*workers)

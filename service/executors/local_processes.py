@@ -8,15 +8,15 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 
-from stemwatch.service.children import (
+from stemwatch.service.executors.executor import Item, Result, one_thread
+from stemwatch.service.executors.in_process import InProcess
+from stemwatch.service.process_lifecycle import (
     begin_child,
     environment,
     quiet_start,
     take_environment,
     worker_context,
 )
-from stemwatch.service.executors.executor import Item, Result, one_thread
-from stemwatch.service.executors.in_process import InProcess
 
 log = logging.getLogger(__name__)
 

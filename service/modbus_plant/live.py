@@ -13,10 +13,10 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator import PlantLoop
-from stemwatch.service.children import begin_child, quiet_start
 from stemwatch.service.modbus_plant.layout import MOST_LOOPS
 from stemwatch.service.modbus_plant.tape import ROLES, Stretch, Tape, simulate_stretch
 from stemwatch.service.modbus_plant.wear import Wear
+from stemwatch.service.process_lifecycle import begin_child, quiet_start
 
 log = logging.getLogger(__name__)
 

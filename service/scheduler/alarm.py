@@ -18,7 +18,7 @@ from apscheduler.schedulers.background import BackgroundScheduler
 from stemwatch.service.scheduler.planner import Planner
 from stemwatch.service.scheduler.triggers import ScheduleTrigger
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.store.runs.schedule import Schedule
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)

@@ -7,8 +7,8 @@ from datetime import UTC, datetime, timedelta
 
 from stemwatch.service import __version__
 from stemwatch.service.scheduler.triggers import Missed, due_between, jitter, next_due
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.schedules import StoredSchedule
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.schedules import StoredSchedule
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)

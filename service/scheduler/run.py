@@ -9,19 +9,18 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from stemwatch.connectors.connector import Window
-from stemwatch.models.screening_result import Screening
-from stemwatch.service.pipeline import keep_network, previous_finding
-from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import PreviousFinding
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.config import Plant
+from stemwatch.service.run.chunking import make_chunks
+from stemwatch.service.run.engine import keep_network
+from stemwatch.service.run.task import StoredBaseline
 from stemwatch.service.scheduler.kept import Worst
 from stemwatch.service.scheduler.work import ValveJob, job_of, screen_jobs
 from stemwatch.service.scheduler.workers import Outcome, WorkerPool
-from stemwatch.service.shares import shares
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.queue import SILENT_AFTER
-from stemwatch.service.store.records import RunState, StoredRun, ValveState
+from stemwatch.service.store.runs.queue import SILENT_AFTER
+from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.store import Store
-from stemwatch.service.tasks import StoredBaseline
 
 log = logging.getLogger(__name__)
 
@@ -108,7 +107,7 @@ class ValveRun:
             if valve not in self.plant.valves:
                 self.store.queue.mark(self.run.id, valve, ValveState.SET_ASIDE, UNKNOWN)
         jobs = [self.job(valve) for valve in left if valve in self.plant.valves]
-        for outcome in pool.each(screen_jobs, shares(jobs, workers, BATCH), stop):
+        for outcome in pool.each(screen_jobs, make_chunks(jobs, workers, BATCH), stop):
             self._keep(outcome)
 
     def job(self, valve: str) -> ValveJob:
@@ -144,7 +143,7 @@ class ValveRun:
             self.store.queue.mark(self.run.id, valve, ValveState.SET_ASIDE, outcome.reason)
             return
         for screening in outcome.result:
-            self.previous[valve] = previous_finding(self.store, screening, self.run.started)
+            self.previous[valve] = self.store.previous_finding(screening, self.run.started)
             self.store.save(screening, self.run.id, self._compared.get(valve))
             keep_network(screening, self.store)
         self.worst.add(outcome.result)
@@ -160,7 +159,7 @@ def missing_pictures(
     for outcome in pool.each(screen_jobs, [[job] for job in jobs], stop):
         if outcome.result:
             for screening in outcome.result:
-                found = previous_finding(run.store, screening, run.run.started)
+                found = run.store.previous_finding(screening, run.run.started)
                 run.previous[screening.valve] = found
             run.worst.add(outcome.result)
 

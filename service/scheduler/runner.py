@@ -9,14 +9,14 @@ import threading
 import uuid
 from datetime import timedelta
 
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.scheduler.cluster_pool import ClusterPool
 from stemwatch.service.scheduler.finish import finish
 from stemwatch.service.scheduler.run import BEAT_S, Heart, ValveRun, ended
 from stemwatch.service.scheduler.workers import WorkerPool
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.queue import SILENT_AFTER
-from stemwatch.service.store.records import RunState, StoredRun
+from stemwatch.service.store.runs.queue import SILENT_AFTER
+from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)

@@ -9,9 +9,9 @@ from stemwatch.connectors.connector import ValveTags, Window
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.gather import archive_task, live_task, tasks_of_files
-from stemwatch.service.plantfile import Plant
-from stemwatch.service.tasks import Chunk, StoredBaseline, Task, screen_chunk
+from stemwatch.service.config import Plant
+from stemwatch.service.run.plan import archive_task, live_task, tasks_of_files
+from stemwatch.service.run.task import Chunk, StoredBaseline, Task, screen_chunk
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,15 +19,15 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
-from stemwatch.service.children import (
+from stemwatch.service.executors.executor import one_thread
+from stemwatch.service.logs import logs_as_parent
+from stemwatch.service.process_lifecycle import (
     begin_child,
     environment,
     quiet_start,
     take_environment,
     worker_context,
 )
-from stemwatch.service.executors.executor import one_thread
-from stemwatch.service.logs import logs_as_parent
 
 log = logging.getLogger(__name__)
 

@@ -11,22 +11,27 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
-from stemwatch.models.screening_result import Screening
-from stemwatch.service.store import baselines, screenings
-from stemwatch.service.store.access import Access
-from stemwatch.service.store.access_links import AccessLinks
-from stemwatch.service.store.accounts import Accounts
-from stemwatch.service.store.address import Address, masked_command
-from stemwatch.service.store.alerts import Alerts
-from stemwatch.service.store.api_tokens import ApiTokens
-from stemwatch.service.store.attempts import Attempts
-from stemwatch.service.store.audit import AuditLog
-from stemwatch.service.store.deliveries import Deliveries
-from stemwatch.service.store.engine import make_engine, plainly
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.store.accounts.api_tokens import ApiTokens
+from stemwatch.service.store.accounts.audit import AuditLog
+from stemwatch.service.store.accounts.browser_sessions import WebSessions
+from stemwatch.service.store.accounts.login_attempts import Attempts
+from stemwatch.service.store.accounts.one_time_links import AccessLinks
+from stemwatch.service.store.accounts.users import Accounts
+from stemwatch.service.store.alerts.alerts import Alerts
+from stemwatch.service.store.alerts.deliveries import Deliveries
+from stemwatch.service.store.database.engine import make_engine, plainly
+from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database_url import Address, masked_command
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.leases import Leases, Settings
-from stemwatch.service.store.queue import RunQueue
-from stemwatch.service.store.records import (
+from stemwatch.service.store.runs.leases import Leases, Settings
+from stemwatch.service.store.runs.queue import RunQueue
+from stemwatch.service.store.runs.schedules import Schedules
+from stemwatch.service.store.samples.samples import Samples
+from stemwatch.service.store.samples.sources import Sources
+from stemwatch.service.store.screenings import baselines, screenings
+from stemwatch.service.store.screenings.previous import read_previous
+from stemwatch.service.store.screenings.records import (
     Baseline,
     Ranked,
     Remark,
@@ -39,12 +44,8 @@ from stemwatch.service.store.records import (
     TrendPoint,
     ValveFacts,
 )
-from stemwatch.service.store.run_rows import stored_run
-from stemwatch.service.store.samples import Samples
-from stemwatch.service.store.schedules import Schedules
-from stemwatch.service.store.sources import Sources
-from stemwatch.service.store.tables import MaintenanceRow, NoteRow, RunRow
-from stemwatch.service.store.web_sessions import WebSessions
+from stemwatch.service.store.screenings.rows import stored_run
+from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
 _Window = tuple[datetime | None, datetime | None]
 _GIVE_UP_AFTER = 3  # saves in a row for which the database did not answer
@@ -56,7 +57,7 @@ def open_store(url: str | Address) -> Store:
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
     version of the program.
     """
-    from stemwatch.service.store.migrate import upgrade
+    from stemwatch.service.store.administration.migrate import upgrade
 
     address = url if isinstance(url, Address) else Address(url)
     engine = make_engine(address)
@@ -217,10 +218,24 @@ class Store:
         with self.access.reading() as session:
             return screenings.read_worst(session, run_id, limit)
 
-    def previous(self, valve: str, before: datetime) -> StoredScreening | None:
-        """The valve's last screening that speaks for an instant before ``before``."""
+    def previous_finding(
+        self, screening: Screening, now: datetime | None = None
+    ) -> PreviousFinding | None:
+        """What was said of the valve before this screening, for the trend; see
+        ``previous_findings``."""
+        found = self.previous_findings(screening, limit=1, now=now)
+        return found[0] if found else None
+
+    def previous_findings(
+        self, screening: Screening, *, limit: int, now: datetime | None = None
+    ) -> list[PreviousFinding]:
+        """What was said of the valve in earlier windows, newest first.
+
+        A screening without dates comes after all that was saved before ``now``, or where that is
+        not given before it was saved itself.
+        """
         with self.access.reading() as session:
-            return screenings.read_previous(session, valve, before)
+            return read_previous(session, screening, limit, now)
 
     def history(
         self, valve: str, indicator: str, since: datetime | None = None

@@ -38,7 +38,7 @@ LOOK_S = 0.5
 HEAD = f"{'seconds':>9}{'core s':>9}{'memory MB':>11}{'program':>9}{'a worker':>10}{'page MB':>9}"
 # Where each stage begins and ends: a function of the program, by module and name.
 PLACES = {
-    "read": ("stemwatch.service.tasks", "_recording"),
+    "read": ("stemwatch.service.run.task", "_recording"),
     "quality": ("stemwatch.models.screening", "assess"),
     "choose": ("stemwatch.models.screening", "most_telling"),
     "fit S, J": ("stemwatch.models.screening", "fit_stickslip"),
@@ -46,11 +46,11 @@ PLACES = {
     "NARX": ("stemwatch.models.screening", "_train"),
     "explain": ("stemwatch.models.screening", "explain"),
     "verdict": ("stemwatch.models.screening", "_with_verdict"),
-    "plots": ("stemwatch.service.report.evidence", "packed"),
+    "plots": ("stemwatch.service.report.charts.valve_plots", "packed"),
     "store": ("stemwatch.service.store.store", "Store.save_many"),
-    "networks": ("stemwatch.service.pipeline", "_keep_networks"),
-    "report": ("stemwatch.service.pipeline", "write_report"),
-    "work list": ("stemwatch.service.pipeline", "write_maintenance"),
+    "networks": ("stemwatch.service.run.engine", "_keep_networks"),
+    "report": ("stemwatch.service.run.engine", "write_report"),
+    "work list": ("stemwatch.service.run.engine", "write_maintenance"),
 }
 
 
@@ -225,10 +225,10 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
 
 def stages_of(archive: Path, valves: int) -> dict[str, float]:
     """Seconds of one core for each valve in each stage, for the first ``valves``."""
+    from stemwatch.service.config import load_plant
     from stemwatch.service.executors import InProcess
-    from stemwatch.service.gather import Request
-    from stemwatch.service.pipeline import Run, run
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.run.engine import Run, run
+    from stemwatch.service.run.plan import Request
     from stemwatch.service.store.store import open_store
 
     def screen(out: Path, count: int) -> None:

@@ -17,7 +17,7 @@ import yaml
 from typer.testing import CliRunner
 
 from stemwatch.service.cli import app
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 SERVICES = {"stemwatch", "plant", "postgres", "reader", "grafana"}
@@ -113,7 +113,7 @@ def test_what_the_image_is_built_from_is_let_through() -> None:
     """``.dockerignore`` lets through every file that setup and installation read."""
     listed = (DEPLOY.parent / ".dockerignore").read_text("utf-8").splitlines()
     needed = {"pyproject.toml", "setup.py", "constraints.txt", "README.md", "LICENSE"}
-    needed |= {"service", "connectors", "models", "deploy/install.sh"}
+    needed |= {"stemwatch", "service", "connectors", "models", "deploy/install.sh"}
     assert {f"!{name}" for name in needed} <= set(listed)
     assert "*" in listed
 
@@ -140,3 +140,12 @@ def test_the_unit_is_one_that_systemd_accepts(tmp_path: Path) -> None:
         [analyze, "verify", str(unit)], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr.strip()) == (0, "")
+
+
+def test_descriptors_and_memory_are_bounded_wherever_it_runs(compose: dict) -> None:
+    """The unit and the container say how many files and how much memory the service may have."""
+    unit = (DEPLOY / "systemd" / "stemwatch.service").read_text("utf-8").splitlines()
+    assert "LimitNOFILE=8192" in unit
+    assert "MemoryMax=80%" in unit
+    assert compose["services"]["stemwatch"]["ulimits"] == {"nofile": 8192}
+    assert compose["services"]["stemwatch"]["mem_limit"]

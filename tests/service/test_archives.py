@@ -17,8 +17,8 @@ import pytest
 from sqlalchemy import create_engine, text
 
 from stemwatch.connectors.connector import Window
-from stemwatch.service.gather import Request, gather
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
+from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.scheduler.work import job_of, screen_jobs
 from stemwatch.service.serve.reading import reader
 from stemwatch.service.store.store import open_store
@@ -149,7 +149,7 @@ def plant_file(rows: list[Row], tmp_path: Path) -> Path:
 
 def test_a_task_carries_the_address_not_the_samples(plant_file: Path) -> None:
     """What goes to a worker is small; the worker opens the archive itself."""
-    (task,) = gather(Request(plant=load_plant(plant_file))).tasks
+    (task,) = make_plan(Request(plant=load_plant(plant_file))).tasks
     assert len(pickle.dumps(task)) < 2_000
     assert task.archive is not None
     assert task.path == str(plant_file.parent / "archive")

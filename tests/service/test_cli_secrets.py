@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.executors import InProcess
-from stemwatch.service.gather import Request
-from stemwatch.service.pipeline import Run, run
+from stemwatch.service.run.engine import Run, run
+from stemwatch.service.run.plan import Request
 from stemwatch.service.store.store import open_store
 
 SECRET = "s3cr3t-pa55"

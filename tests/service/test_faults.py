@@ -32,8 +32,8 @@ from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml
 from stemwatch.service.modbus_plant.serve import PlantServer
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import RunState
-from stemwatch.service.store.samples import Stretch as Samples
+from stemwatch.service.store.samples.samples import Stretch as Samples
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 
 ROUNDS = int(os.environ.get("STEMWATCH_FAULT_ROUNDS", "1"))
@@ -254,6 +254,7 @@ def device() -> Iterator[Device]:
         made.stop()
 
 
+@pytest.mark.long
 @pytest.mark.postgres
 def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path: Path) -> None:
     """Nothing is lost but what no running service could have seen, and nothing is there twice."""

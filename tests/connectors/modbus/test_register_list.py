@@ -6,14 +6,14 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stemwatch.connectors.modbus import DeviceMap, read_devices
 from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.register_list import COLUMNS, ListUnusable, read_register_list
-from stemwatch.service.plantfile.lines import TomlLines
+from stemwatch.service.config.toml import TomlLines
 
 PLANT = """
 [[devices]]
@@ -21,6 +21,10 @@ name = "plc-1"
 host = "192.168.1.20"
 registers = "registers.csv"
 """
+# What may stand in a row that is passed over as empty: spaces of any kind, commas and quotes.
+BLANK = '," \t\n\x0b\x0c\r\x85\u00a0\u1680\u2028\u2029\u202f\u205f\u3000' + "".join(
+    map(chr, range(0x2000, 0x200B))
+)
 HEADING = ",".join(name for name in COLUMNS if name not in ("scale", "offset"))
 GOOD = (
     HEADING
@@ -170,6 +174,10 @@ def test_a_list_that_is_not_there_is_said_where_it_is_named(tmp_path: Path) -> N
 
 
 @given(st.binary(max_size=300))
+@example(b"\x1c")  # blank to str.strip, not to bytes.strip: a damaged row, and said to be one
+@example(b"\x1c,\x1d,\x1e\x1f")
+@example("\u00a0,\u2003,\n".encode())  # blank, as spreadsheets write it
+@example(b'"",\n')
 def test_whatever_the_bytes_are_something_is_said_or_read(tmp_path_factory, content: bytes) -> None:
     """No file ends the program."""
     path = tmp_path_factory.mktemp("list") / "registers.csv"
@@ -181,13 +189,22 @@ def test_whatever_the_bytes_are_something_is_said_or_read(tmp_path_factory, cont
     except ListUnusable as mistake:
         said = mistake.expected
     assert keys <= {"tag", "address", "type"}
-    assert said or content.strip() == b"" or found.rows or found.faulty
+    seen = "".join(set(content.decode(errors="replace")) - set(BLANK))
+    assert said or not seen or found.rows or found.faulty
+
+
+def test_a_row_of_control_codes_is_said_to_be_damaged(tmp_path: Path) -> None:
+    """It is not passed over as an empty row: something was there."""
+    found = read(tmp_path, GOOD.encode() + b"\x1c\n")
+    assert len(found.devices[0].registers) == 3
+    (problem,) = found.problems
+    assert str(problem).startswith("registers.csv, line 5: row: found 1 cells; expected ")
 
 
 def test_the_plant_file_and_the_command_read_the_list(tmp_path: Path) -> None:
     """Relative to the plant file, and its mistakes are the plant's problems."""
     from stemwatch.service.cli.modbus import _devices
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
 
     (tmp_path / "registers.csv").write_text(GOOD + "X,holding,1,INT99\n", encoding="utf-8")
     valve = '[[valves]]\nid = "FIC-101"\nsource = "plc-1"\n[valves.tags.op]\ntag = "FIC-101.OP"\n'

@@ -1,6 +1,6 @@
 """From a recording of a force-balance valve to a name, numbers and a better fit; and never a crash.
 
-The valves are those of ``models.plant``, which shares no code with what is fitted here.
+The valves are those of ``models.studies.simulator``, which shares no code with what is fitted here.
 """
 
 from __future__ import annotations

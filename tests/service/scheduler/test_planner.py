@@ -10,8 +10,8 @@ import pytest
 import time_machine
 
 from stemwatch.service.scheduler import Alarm, Planner
-from stemwatch.service.store.records import RunState
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 
 START = datetime(2026, 3, 2, 12, 0, 30, tzinfo=UTC)

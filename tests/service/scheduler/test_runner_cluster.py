@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from stemwatch.service import shares
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
+from stemwatch.service.run import chunking
 from stemwatch.service.scheduler import Runner
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 from tests.service.clusters import Cluster
 
@@ -37,7 +37,7 @@ class Kept:
 @pytest.fixture
 def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Kept]:
     """Runs a schedule with one line in ``[service]``, in a folder of its own."""
-    monkeypatch.setattr(shares, "PER_WORKER", 1)
+    monkeypatch.setattr(chunking, "PER_WORKER", 1)
 
     def work(service: str) -> Kept:
         folder = tmp_path / str(len(list(tmp_path.iterdir())))

@@ -26,7 +26,7 @@ from stemwatch.models.studies.simulator.loop import (
     Span,
     Transmitters,
 )
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.studies.simulated_export import ExportedPlant, write_export
 
 _START = datetime(2026, 3, 2, 7, 0, tzinfo=UTC)

@@ -17,7 +17,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from stemwatch.service.access.rights import Operation, Visitor
-from stemwatch.service.store.access_records import Role
+from stemwatch.service.store.accounts.records import Role
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.permits import PERMITS
@@ -37,10 +37,10 @@ OPERATIONS = [name for name in PERMITS if name.startswith(("GET /api/v1", "POST 
 OTHERS = ["GET /health", "GET /healthz", "GET /ready", "GET /metrics"]
 FEW = settings(
     max_examples=4,
-    deadline=None,
-    derandomize=True,
     suppress_health_check=list(HealthCheck),
 )
+
+pytestmark = pytest.mark.hypothesis  # drawn anew by ``make explore``
 
 
 class Api:

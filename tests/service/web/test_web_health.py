@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.scheduler import Alarm, Planner
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.waiting import REASON, WaitingRoom
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.site import Check, Site
 

@@ -10,7 +10,7 @@ import pytest
 from stemwatch.models.studies.literature.catalogue import EVERY
 from stemwatch.models.studies.literature.physical.published import PUBLISHED
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = Path(__file__).parents[4] / "docs"
 PAGE = (DOCS / "models.md").read_text("utf-8")
 FLAT = re.sub(r"\s+", " ", PAGE)
 every = pytest.mark.parametrize("model", EVERY, ids=lambda m: m.name)

@@ -18,9 +18,9 @@ from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_P
 from stemwatch.models.studies.reproduction.layers import NARX, NARX_INPUTS, ThreeLayers
 from stemwatch.models.studies.reproduction.step import LIMIT
 from stemwatch.models.verdict import Shape
-from stemwatch.service.comparison.rows import NETWORKS
+from stemwatch.service.comparison.compare_models import NETWORKS
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = Path(__file__).parents[4] / "docs"
 PAGE = re.sub(r"\s+", " ", (DOCS / "models.md").read_text("utf-8"))
 TRAIN_UNTIL = 700
 every = pytest.mark.parametrize("network", NETWORKS, ids=lambda n: n.name)

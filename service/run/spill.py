@@ -1,0 +1,92 @@
+"""``ResultSpill``: the results of a run on a disk, so that memory does not grow with the valves."""
+
+from __future__ import annotations
+
+import heapq
+import pickle
+import tempfile
+import weakref
+from collections.abc import Sequence
+from typing import Any, overload
+
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.report.charts.valve_plots import ValvePlots
+from stemwatch.service.report.ranking import worst_first
+
+_Key = tuple[int, float, str]
+
+
+class _Worse:
+    """A rank that compares the other way round, so that a heap has the least bad on top."""
+
+    __slots__ = ("key",)
+
+    def __init__(self, key: _Key) -> None:
+        self.key = key
+
+    def __lt__(self, other: _Worse) -> bool:
+        return self.key > other.key
+
+
+class ResultSpill(Sequence[Screening]):
+    """Screenings by their place in the run, read from a temporary file when they are asked for.
+
+    ``plotted`` is for how many of the worst the plots are kept: those that a page shows. The file
+    has no name and goes with the spill; what is in it was written by this process only.
+    """
+
+    def __init__(self, plotted: int) -> None:
+        self._file = tempfile.TemporaryFile(prefix="stemwatch-")  # noqa: SIM115  # see below
+        weakref.finalize(self, self._file.close)  # the space comes back with the last reader
+        self._plotted = plotted
+        self._where: dict[int, int] = {}  # place -> offset of the screening
+        self._plots: dict[int, int] = {}  # place -> offset of its plots
+        self._worst: list[tuple[_Worse, int]] = []
+        self._order: list[int] | None = None
+
+    def add(self, place: int, screening: Screening, evidence: ValvePlots) -> None:
+        """Keep the screening at ``place``; its plots while it is among the worst."""
+        self._where[place] = self._write(screening)
+        self._order = None
+        heapq.heappush(self._worst, (_Worse(worst_first(screening)), place))
+        gone = heapq.heappop(self._worst)[1] if len(self._worst) > self._plotted else None
+        if gone != place:
+            self._plots[place] = self._write(evidence)
+        if gone is not None:
+            self._plots.pop(gone, None)
+
+    def evidence(self, at: int) -> ValvePlots | None:
+        """The plots of the screening at ``at`` of this sequence, where they are kept."""
+        offset = self._plots.get(self._places()[at])
+        return None if offset is None else self._read(offset)
+
+    def __len__(self) -> int:
+        return len(self._where)
+
+    @overload
+    def __getitem__(self, at: int) -> Screening: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> list[Screening]: ...
+
+    def __getitem__(self, at: int | slice) -> Screening | list[Screening]:
+        """The screening at ``at`` in the order of places, or those of a slice."""
+        places = self._places()
+        if isinstance(at, slice):
+            return [self._read(self._where[place]) for place in places[at]]
+        screening: Screening = self._read(self._where[places[at]])
+        return screening
+
+    def _places(self) -> list[int]:
+        if self._order is None:
+            self._order = sorted(self._where)
+        return self._order
+
+    def _write(self, value: Any) -> int:
+        offset = self._file.seek(0, 2)
+        pickle.dump(value, self._file, protocol=pickle.HIGHEST_PROTOCOL)
+        return offset
+
+    def _read(self, offset: int) -> Any:
+        self._file.seek(offset)
+        return pickle.load(self._file)

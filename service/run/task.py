@@ -1,0 +1,213 @@
+"""``Task``: one valve in one file, small enough to travel to another process, and how to do it."""
+
+from __future__ import annotations
+
+import os
+import platform
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stemwatch.connectors.archive.address import Archive, ArchiveAddress
+from stemwatch.connectors.connector import (
+    WHOLE,
+    Connector,
+    ConnectorError,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.models.limits import Limits
+from stemwatch.models.recording import Provenance, Recording
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.store import Address, StoreError
+
+if TYPE_CHECKING:
+    from stemwatch.service.report.charts.valve_plots import ValvePlots
+    from stemwatch.service.store.store import Store
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredBaseline:
+    """A valve's baseline network as bytes, with the sentence that says which one it is.
+
+    ``id`` is its number in the store.
+    """
+
+    network: bytes
+    note: str
+    window: tuple[datetime | None, datetime | None] = (None, None)
+    id: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class InStore:
+    """A source whose samples are in a store, as a worker process opens it."""
+
+    address: Address
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """Screen ``tags`` as read from ``path``; ``reason`` is set where that is already hopeless.
+
+    Where ``stored`` or ``archive`` is given the samples come from there, and ``path`` only names
+    the source.
+    """
+
+    path: str  # as the user gave it
+    tags: ValveTags
+    stored: InStore | None = None
+    archive: ArchiveAddress | None = None
+    read_options: ReadOptions = field(default_factory=ReadOptions)
+    window: Window = WHOLE
+    baseline: StoredBaseline | None = None
+    reason: str = ""  # why there is nothing to screen, and what to do about it
+    seen: tuple[str, ...] = ()  # what can be said of a readable file all the same
+
+    @property
+    def text_file(self) -> str | None:
+        """The file that has to be parsed as a whole for it, if any."""
+        return self.path if self.stored is None and self.archive is None else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chunk:
+    """Tasks that are done together: their files are opened once, their networks train together.
+
+    ``folder`` is where relative paths begin, for a worker that was started elsewhere.
+    """
+
+    tasks: tuple[Task, ...]
+    limits: Limits
+    folder: str = field(default_factory=os.getcwd)
+
+
+@lru_cache(maxsize=2)
+def _open(path: str, options: ReadOptions, written: tuple[int, int]) -> HistorianFile:
+    """A wide export holds many valves: it is parsed once, not once a valve."""
+    return HistorianFile(path, options)
+
+
+def open_file(path: str, options: ReadOptions) -> HistorianFile:
+    """The file, parsed at most once while its valves are screened, and anew when it was changed."""
+    try:
+        state = Path(path).stat()
+    except OSError:
+        return HistorianFile(path, options)  # reading it will say what is wrong
+    return _open(path, options, (state.st_mtime_ns, state.st_size))
+
+
+@lru_cache(maxsize=2)
+def _open_store(address: Address) -> Store:
+    """The store, opened once in each process.
+
+    A worker makes none: where a SQLite file is not, it is on another machine.
+    """
+    from stemwatch.service.store.database.engine import existing_engine
+    from stemwatch.service.store.store import open_store
+
+    try:
+        existing_engine(address).dispose()
+    except StoreError as error:
+        raise StoreError(
+            f"{error} on {platform.node()}, where this work was done. Samples in a SQLite file are "
+            "read on their own machine only: keep them in PostgreSQL, or take the executor `local`"
+        ) from None
+    return open_store(address)
+
+
+@lru_cache(maxsize=4)
+def open_archive(address: ArchiveAddress) -> Archive:
+    """The archive, opened once in each process: its footers are read once."""
+    return address.open()
+
+
+def _recording(task: Task) -> Recording:
+    """What the task's source has of its valve, read in this process, next to the data."""
+    if task.archive is None:
+        return _connector(task).read(task.tags, task.window)
+    archive = open_archive(task.archive)
+    return archive.read(archive.present(task.tags), task.window)
+
+
+def _connector(task: Task) -> Connector:
+    if task.stored is None:
+        return open_file(task.path, task.read_options)
+    from stemwatch.service.store.samples.connector import StoredSamples
+
+    store = _open_store(task.stored.address)
+    return StoredSamples(store.samples, task.stored.source, str(task.stored.address))
+
+
+def screen_packed(chunk: Chunk) -> list[tuple[Screening, ValvePlots]]:
+    """What ``screen_chunk`` finds, as it travels: plots instead of samples."""
+    from stemwatch.service.report.charts.valve_plots import plots_instead_of_samples
+
+    _stand_in(chunk.folder)
+    screenings = screen_chunk(chunk)
+    found = []
+    while screenings:  # the samples of one are let go before the next is drawn
+        found.append(plots_instead_of_samples(screenings.pop(0)))
+    return found
+
+
+def _stand_in(folder: str) -> None:
+    """Relative paths mean to a worker what they mean to who asked: the worker of a cluster was
+    started anywhere. A folder that is not on its machine changes nothing."""
+    if os.getcwd() != folder and os.path.isdir(folder):
+        os.chdir(folder)
+
+
+def screen_chunk(chunk: Chunk) -> list[Screening]:
+    """A screening for each task, in order; what cannot be read is a screening with the reason."""
+    from stemwatch.models.screening import Case, Options, screen
+
+    results: list[Screening | None] = []
+    cases: list[Case] = []
+    for task in chunk.tasks:
+        case = _read(task)
+        results.append(case if isinstance(case, Screening) else None)
+        if not isinstance(case, Screening):
+            cases.append(case)
+    screened = iter(screen(cases, Options(limits=chunk.limits)))
+    return [result if result is not None else next(screened) for result in results]
+
+
+def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+    from stemwatch.models.screening import Case
+
+    if task.reason:
+        return replace(_unread(task, task.reason), still_seen=task.seen)
+    try:
+        recording = _recording(task)
+    except (ConnectorError, StoreError) as error:
+        return _unread(task, str(error))
+    except (OSError, ValueError, MemoryError) as error:
+        return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
+    if task.baseline is None:
+        return Case(recording=recording)
+    if recording.start is not None and task.baseline.window == (recording.start, recording.end):
+        return Case(recording=recording, baseline_note="This window is the baseline.")
+    from stemwatch.models.narx.network import NarxNetwork
+
+    try:
+        network = NarxNetwork.from_bytes(task.baseline.network)
+    except ValueError as error:
+        note = f"{task.baseline.note} It cannot be read ({error}); set a new one."
+        return Case(recording=recording, baseline_note=note)
+    return Case(recording=recording, baseline=network, baseline_note=task.baseline.note)
+
+
+def _unread(task: Task, reason: str) -> Screening:
+    from stemwatch.models.screening import failed
+
+    advice = "Run `stemwatch inspect` on the file: it shows what was understood of it."
+    if task.archive is not None:
+        advice = "Look at the source in the plant file: whether it has the tags and the window."
+    if task.stored is not None:
+        advice = "Look at the source's state: whether it is reached, and what it last delivered."
+    return failed(task.tags.valve, reason, advice, Provenance(source=task.path))

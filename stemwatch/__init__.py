@@ -1,0 +1,1 @@
+"""Finds sticking control valves in plant-historian data."""

@@ -1,0 +1,53 @@
+"""The header of an export tells its tags without the file being read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stemwatch.connectors.historian import HistorianFile
+from stemwatch.service.run.header import header_tags
+
+WANTED = {"FIC-1.OP", "FIC-1.ZT", "FIC-2.OP", "FIC-2.ZT"}
+
+
+def test_a_wide_heading_is_enough(export: Path) -> None:
+    """Of a wide export the header names what reading all of it would find."""
+    tags = {info.tag for info in HistorianFile(export).tags()}
+    named = header_tags(str(export), tags)
+    assert named is not None
+    assert tags <= named
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Time;FIC-1.OP (%);FIC-1.ZT [%]\n2026-03-02 06:00:00;1;2\n",
+        'Report of March\n\n"Time","FIC-1.OP","FIC-1.ZT"\n"2026-03-02 06:00:00","1","2"\n',
+        "\ufeffTime\tFIC-1.OP\tFIC-1.ZT\n2026-03-02 06:00:00\t1\t2\n",
+    ],
+)
+def test_units_quotes_and_titles_do_not_matter(text: str, tmp_path: Path) -> None:
+    """The tags are found under a title, in quotes, and with a unit behind them."""
+    file = tmp_path / "export.csv"
+    file.write_text(text, encoding="utf-8")
+    assert {"FIC-1.OP", "FIC-1.ZT"} <= (header_tags(str(file), WANTED) or set())
+    assert "FIC-2.OP" not in (header_tags(str(file), WANTED) or set())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Tag,Time,Value\nFIC-1.OP,2026-03-02 06:00:00,1\nFIC-1.ZT,2026-03-02 06:00:00,2\n",
+        "Time,A,B\n2026-03-02 06:00:00,1,2\n",
+        "",
+    ],
+)
+def test_where_the_heading_does_not_tell_the_file_is_read(text: str, tmp_path: Path) -> None:
+    """A narrow export has other tags further down, so its first lines prove nothing."""
+    file = tmp_path / "export.csv"
+    file.write_text(text, encoding="utf-8")
+    assert header_tags(str(file), WANTED) is None
+    assert header_tags(str(tmp_path / "absent.csv"), WANTED) is None
+    assert header_tags(str(tmp_path / "export.csv.gz"), WANTED) is None

@@ -1,0 +1,122 @@
+"""From sources and tags to tasks: which file, which valve, which tags, or why none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian import ReadOptions
+from stemwatch.models.recording import Role
+from stemwatch.service.config import load_plant
+from stemwatch.service.run.plan import Request, make_plan
+
+LOOPS = "Time,{0}.OP,{0}.ZT\n2026-03-02T06:00:00Z,50,50\n2026-03-02T06:00:01Z,51,50\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Exports of two loops, one in a folder below, and notes."""
+    (tmp_path / "below").mkdir()
+    (tmp_path / "a.csv").write_text(LOOPS.format("FIC-1"), encoding="utf-8")
+    (tmp_path / "below" / "b.csv").write_text(LOOPS.format("FIC-2"), encoding="utf-8")
+    (tmp_path / "notes.txt").write_text("renewed the packing\n", encoding="utf-8")
+    return tmp_path
+
+
+def test_a_folder_gives_a_task_for_each_valve_in_it(folder: Path) -> None:
+    """Folders are searched wholly; what is no recording is left out with the reason."""
+    planned = make_plan(Request(sources=(str(folder),)))
+    assert [("a.csv", "FIC-1"), ("b.csv", "FIC-2")] == [
+        (Path(task.path).name, task.tags.valve) for task in planned.tasks
+    ]
+    ((name, reason),) = planned.not_read
+    assert name.endswith("notes.txt")
+    assert "no row of numbers" in reason
+
+
+def test_a_file_named_twice_is_one_task(folder: Path) -> None:
+    """A file that two sources name is screened once."""
+    planned = make_plan(Request(sources=(str(folder / "a.csv"), str(folder / "*.csv"))))
+    assert ["FIC-1"] == [task.tags.valve for task in planned.tasks]
+
+
+def test_tags_given_are_asked_of_every_file(folder: Path) -> None:
+    """With --op and --mv each file is one valve named after it, whether it has the tags or not."""
+    tags = {Role.OP: "FIC-1.OP", Role.MV: "FIC-1.ZT"}
+    planned = make_plan(Request(sources=(str(folder),), tags=tags))
+    assert ["a", "b"] == [task.tags.valve for task in planned.tasks]
+    assert {"FIC-1.OP"} == {task.tags.tags[Role.OP].tag for task in planned.tasks}
+
+
+def test_a_source_that_names_nothing(tmp_path: Path) -> None:
+    """The error repeats the source and shows what would be right."""
+    with pytest.raises(UnreadableSource, match=r"gone.*no such file.*exports/\*\.csv"):
+        make_plan(Request(sources=(str(tmp_path / "gone.csv"),)))
+
+
+PLANT = """\
+[plant]
+zone = "Europe/Berlin"
+[[sources]]
+name = "wide"
+path = "*.csv"
+{source}
+[[valves]]
+id = "FIC-1"
+source = "wide"
+[valves.tags.op]
+tag = "FIC-1.OP"
+[valves.tags.mv]
+tag = "FIC-1.ZT"
+[valves.tags.pv]
+tag = "FIC-1.PV"
+[[valves]]
+id = "FIC-9"
+source = "wide"
+[valves.tags.op]
+tag = "FIC-9.OP"
+"""
+
+
+def plant_in(folder: Path, source: str = ""):
+    (folder / "plant.toml").write_text(PLANT.format(source=source), encoding="utf-8")
+    return load_plant(folder / "plant.toml")
+
+
+def test_a_plants_valve_asks_only_for_tags_that_are_there(folder: Path) -> None:
+    """A PV that the export lacks is not asked for; a valve in no file has a task that says so."""
+    first, second = make_plan(Request(plant=plant_in(folder))).tasks
+    assert ("FIC-1", "") == (first.tags.valve, first.reason)
+    assert {Role.OP, Role.MV} == set(first.tags.tags)
+    assert second.tags.valve == "FIC-9"
+    assert "the OP tag FIC-9.OP is in none of the source's files" in second.reason
+
+
+def test_a_plants_options_hold_for_a_file_named_by_hand(folder: Path) -> None:
+    """What the plant says of its source is used, and the command line's word goes before it."""
+    plant = plant_in(folder, 'separator = ","\nzone = "Asia/Tokyo"')
+    file = str(folder / "a.csv")
+    (said,) = make_plan(Request(sources=(file,), plant=plant)).tasks
+    assert (",", "Asia/Tokyo") == (said.read_options.separator, said.read_options.zone)
+    given = ReadOptions(zone="UTC")
+    (overruled,) = make_plan(Request(sources=(file,), plant=plant, read_options=given)).tasks
+    assert (",", "UTC") == (overruled.read_options.separator, overruled.read_options.zone)
+
+
+def test_a_file_with_none_of_the_plants_tags(folder: Path) -> None:
+    """The file is named, and that none of the plant's tags is in it."""
+    file = folder / "below" / "b.csv"
+    (task,) = make_plan(Request(sources=(str(file),), plant=plant_in(folder))).tasks
+    assert f"{file}: none of the plant's OP tags is in it" == task.reason
+
+
+def test_a_source_without_files_is_left_out_with_the_pattern(folder: Path) -> None:
+    """A pattern of the plant file that matches nothing is named, with where it was looked for."""
+    (folder / "a.csv").unlink()
+    planned = make_plan(Request(plant=plant_in(folder)))
+    ((name, reason),) = planned.not_read
+    assert name == "wide"
+    assert "no file matches *.csv" in reason
+    assert {"FIC-1", "FIC-9"} == {task.tags.valve for task in planned.tasks if task.reason}

@@ -1,0 +1,102 @@
+"""How many processes work, and in which order they end, changes no number."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.executors import Executor, InProcess, LocalProcesses
+from stemwatch.service.executors.dask_cluster import DaskCluster
+from stemwatch.service.report import to_contract
+from stemwatch.service.run import chunking, engine
+from stemwatch.service.run.engine import Run, run
+from stemwatch.service.run.plan import Request
+from stemwatch.service.run.spill import ResultSpill
+from stemwatch.service.store.store import open_store
+from tests.service.clusters import Cluster
+
+
+@dataclass(frozen=True)
+class LastFirst:
+    """Does the last item first, as a busy machine may."""
+
+    workers: int = 1
+
+    def map(self, work: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
+        for place, item in reversed(list(enumerate(items))):
+            yield place, work(item)
+
+
+@pytest.fixture
+def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
+    monkeypatch.setattr(chunking, "PER_WORKER", 1)
+    export = short_plant.parent / "export" / "historian.csv"
+
+    def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:
+        told: list[tuple[str, int, int]] = []
+
+        def tell(screening: Screening, done: int, of: int) -> None:
+            told.append((screening.valve, done, of))
+
+        with open_store(f"sqlite:///{tmp_path / name}.db") as store:
+            how = Run(store=store, executor=executor, out=tmp_path / name)
+            result = run(Request(sources=(str(export),)), how, tell)
+        assert [one.valve for one in result.brief] == [one.valve for one in result.screenings]
+        assert isinstance(result.screenings, ResultSpill)
+        plots = [result.screenings.evidence(place) for place in range(len(result.screenings))]
+        return [(_without_timing(one), plots) for one in result.screenings], told
+
+    return screen
+
+
+def _without_timing(screening: Screening) -> dict[str, Any]:
+    """The result as JSON, without how long it took."""
+    found = {k: v for k, v in to_contract(screening).items() if k != "seconds"}
+    if found["mismatch"] is not None:
+        found["mismatch"] = {k: v for k, v in found["mismatch"].items() if k != "seconds"}
+    return found
+
+
+def test_every_executor_finds_the_same(found, cluster: Cluster) -> None:
+    """Every number, word, interval and plot is the same bit for bit, in this process, in two
+    others and in a Dask cluster, though other networks train together."""
+    alone, _ = found(InProcess(), "alone")
+    together, told = found(LocalProcesses(2), "together")
+    far, _ = found(DaskCluster(cluster.host_and_port), "far")
+    assert alone == together
+    assert alone == far
+    assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in told)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
+def test_a_worker_killed_while_it_screens_changes_no_number(
+    found, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker of the cluster that dies amid a batch costs time: every number, word, interval and
+    plot of every valve is the same bit for bit as without workers, and each valve comes once."""
+    alone, _ = found(InProcess(), "alone")
+    monkeypatch.setattr(engine, "CHUNK", 1)
+    lost, (killed, told) = cluster.kill_worker_amid(
+        "screen_chunk", lambda: found(DaskCluster(cluster.host_and_port), "killed")
+    )
+    assert lost
+    assert [worker.poll() for worker in cluster.workers].count(-signal.SIGKILL) == 1
+    assert killed == alone
+    assert sorted(valve for valve, _, _ in told) == ["FIC-104", "FIC-107", "FIC-113"]
+
+
+def test_the_order_of_work_does_not_show(found, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results stand in the sources' order however they come in; progress counts as they come."""
+    monkeypatch.setattr(engine, "CHUNK", 1)
+    forward, _ = found(InProcess(), "forward")
+    backward, told = found(LastFirst(), "backward")
+    assert forward == backward
+    assert [("FIC-113", 1, 3), ("FIC-107", 2, 3), ("FIC-104", 3, 3)] == told

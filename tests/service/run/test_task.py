@@ -1,0 +1,89 @@
+"""A task is done or says why not, and travels to another process."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+from stemwatch.connectors.connector import TagMapping, ValveTags
+from stemwatch.models.limits import Limits
+from stemwatch.models.recording import Role
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.run.task import Chunk, InStore, StoredBaseline, Task, screen_chunk
+from stemwatch.service.store.database_url import Address
+
+
+def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
+    """The sticking valve of the small plant, or a misspelt tag of it."""
+    tags = {Role.OP: TagMapping(tag=op), Role.MV: TagMapping(tag="FIC-104.ZT")}
+    return Task(path=str(path), tags=ValveTags(valve="FIC-104", tags=tags), **more)
+
+
+def test_a_worker_makes_no_database(tmp_path: Path) -> None:
+    """A worker on another machine sees no SQLite file: it says so and makes none."""
+    address = Address(f"sqlite:///{tmp_path / 'stemwatch.db'}")
+    stored = InStore(address=address, source="plc-1")
+    (found,) = screen_chunk(
+        Chunk(tasks=(task(tmp_path / "plc-1", stored=stored),), limits=Limits())
+    )
+    assert found.verdict is Verdict.UNDETERMINED
+    assert f"no database at {tmp_path / 'stemwatch.db'}" in found.reason
+    assert "PostgreSQL" in found.reason
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_chunk_gives_a_screening_for_each_task_in_order(one_valve: Path, tmp_path: Path) -> None:
+    """Tasks that cannot be read stand between those that can, each with its own reason."""
+    header = one_valve.read_bytes().partition(b"\n")[0]
+    (tmp_path / "cut.csv").write_bytes(header)
+    tasks = (
+        task(tmp_path / "gone.csv"),
+        task(one_valve),
+        task(one_valve, op="FIC-104.OUT"),
+        task(one_valve, reason="the archive was away"),
+        task(tmp_path / "cut.csv"),
+        task(tmp_path),
+    )
+    found = screen_chunk(Chunk(tasks=tasks, limits=Limits()))
+    assert [one.verdict for one in found] == [
+        Verdict.UNDETERMINED, Verdict.STICKY, *[Verdict.UNDETERMINED] * 4,
+    ]  # fmt: skip
+    reasons = [one.reason for one in found]
+    assert "gone.csv" in reasons[0]
+    assert "there is no tag 'FIC-104.OUT'" in reasons[2]
+    assert reasons[3] == "Cannot tell: the archive was away"
+    assert "cut.csv" in reasons[4]
+    assert str(tmp_path) in reasons[5]
+    assert [one.recording is None for one in found] == [True, False, True, True, True, True]
+
+
+def test_an_unread_task_knows_its_source_and_what_to_do(tmp_path: Path) -> None:
+    """The screening of a file that is not there still names it and gives a next step."""
+    (found,) = screen_chunk(Chunk(tasks=(task(tmp_path / "gone.csv"),), limits=Limits()))
+    assert str(tmp_path / "gone.csv") == found.provenance.source
+    assert "stemwatch inspect" in found.advice
+    assert found.S.value is None
+    assert found.S.reason
+
+
+def test_a_damaged_baseline_is_a_note(one_valve: Path) -> None:
+    """Bytes that are no network cost the comparison only, and the note says to set a new one."""
+    kept = StoredBaseline(network=b"no network", note="Baseline: of last year.")
+    (found,) = screen_chunk(Chunk(tasks=(task(one_valve, baseline=kept),), limits=Limits()))
+    assert found.verdict is Verdict.STICKY
+    assert found.baseline_note.startswith("Baseline: of last year. It cannot be read (")
+    assert found.baseline_note.endswith("set a new one.")
+
+
+def test_a_chunk_and_its_screenings_can_travel(one_valve: Path) -> None:
+    """Chunk and result survive the way to another process and back, recording and network too."""
+    chunk = Chunk(tasks=(task(one_valve),), limits=Limits())
+    assert chunk == pickle.loads(pickle.dumps(chunk))
+    (found,) = screen_chunk(chunk)
+    again = pickle.loads(pickle.dumps(found))
+    assert (found.S, found.J, found.reason) == (again.S, again.J, again.reason)
+    assert found.recording is not None
+    assert len(found.recording) == len(again.recording)
+    assert found.network is not None
+    assert found.network.to_bytes() == again.network.to_bytes()
