@@ -10,7 +10,7 @@ import pytest
 
 from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
-from stemwatch.models.quality import Assessment, assess
+from stemwatch.models.quality import Assessment, assess, with_obstacles
 from stemwatch.models.recording import ClockFacts, Quality, Recording, Role, Signal
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import (
@@ -21,6 +21,7 @@ from stemwatch.models.studies.simulator.loop import (
     SimulatedArchive,
     Span,
 )
+from stemwatch.models.validity_checks import reversed_obstacles
 
 LIMITS = Limits()
 rng = np.random.default_rng(8)
@@ -121,10 +122,22 @@ def test_missing_position_is_said_before_the_unit():
 
 
 def test_reverse_acting_position():
-    """A position that counts the other way is not read as a stem that sticks all the time."""
-    first = the_obstacle(recorded(mv=100.0 - MV), "position_reversed")
+    """A position that counts the other way is no obstacle: a curve from OP to stroke reads it."""
+    assert () == seen(recorded(mv=100.0 - MV)).obstacles
+
+
+def test_a_position_against_op_without_a_curve():
+    """Where no curve explains why it falls when OP rises, it costs the grade and says the mend."""
+    recording = recorded(mv=100.0 - MV)
+    before = seen(recording)
+    after = with_obstacles(before, reversed_obstacles(recording))
+    (first,) = after.obstacles
+    assert "position_reversed" == first.slug
     assert "the position falls when OP rises (correlation -0." in first.reason
     assert "the other way round" in first.remedy
+    assert "D" == after.quality.grade
+    assert first.reason == after.quality.reasons[0]
+    assert with_obstacles(before, reversed_obstacles(recorded())) is before
 
 
 @pytest.mark.parametrize("shape", [(10.0, 3.0), (8.0, 8.0), (0.3, 0.0)])

@@ -143,11 +143,16 @@ def test_no_position_still_says_something():
     assert len(one.still_seen) >= 2
 
 
-def test_no_false_accusation_of_a_reversed_position():
-    """A position that counts the other way is not a sticking valve."""
-    base = plant()
+@pytest.mark.parametrize(
+    ("S", "J", "verdict"), [(5.0, 2.0, Verdict.STICKY), (0.3, 0.0, Verdict.HEALTHY)]
+)
+def test_a_reversed_position_is_read_the_right_way_round(S, J, verdict):
+    """A position that counts the other way gives the verdict of one that does not."""
+    base = plant(S, J)
     mv = 100.0 - base.signals[Role.MV].values
-    assert Verdict.UNDETERMINED is quick(recorded(base.op.values, mv))[0].verdict
+    (found,) = quick(recorded(base.op.values, mv))
+    assert verdict is found.verdict
+    assert found.S.low <= S <= found.S.high
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,0 +1,219 @@
+"""The curve from OP to stroke: found where there is one, so that S and J are the valve's own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.stickslip.stroke_curve import (
+    StrokeCurve,
+    find_stroke_curve,
+    in_travel,
+    slope_of_means,
+    suspected,
+)
+from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
+from stemwatch.models.studies.simulator.loop import Load, LoadKind
+from stemwatch.models.verdict import Verdict
+
+QUICK = Options(narx=False)
+MOVES = ((10.0, 38.0), (300.0, 60.0), (600.0, 45.0), (900.0, 66.0), (1200.0, 40.0), (1500.0, 55.0))
+STICKING, HEALTHY = (5.0, 1.5), (0.4, 0.1)
+
+
+@cache
+def plain(S: float, J: float) -> Recording:
+    """Half an hour of a flow loop whose set point moves the valve over a third of its stroke."""
+    loop = PlantLoop(
+        valve=SimulatedValve(S=S, J=J, actuator=Actuator(air_lag_s=0.2)),
+        setpoints=MOVES,
+        loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
+        duration_s=1800.0,
+    )
+    return simulate_loop(loop, 3).recording
+
+
+def changed(recording: Recording, *, op=lambda v: v, mv=lambda v: v) -> Recording:
+    """The same valve as another plant would have stored it."""
+    signals = dict(recording.signals)
+    for role, change in ((Role.OP, op), (Role.MV, mv)):
+        signals[role] = replace(signals[role], values=change(signals[role].values))
+    return replace(recording, signals=signals)
+
+
+def equal_percentage(travel):
+    """OP of a positioner that turns OP into an equal percentage of 1:40."""
+    return 100.0 * np.log1p(np.clip(travel, 0.0, 100.0) / 100.0 * 39.0) / np.log(40.0)
+
+
+WAYS = {
+    "upper half of a split range": {"op": lambda v: 50.0 + v / 2.0},
+    "lower half of a split range": {"op": lambda v: v / 2.0},
+    "twice the travel about the middle": {"op": lambda v: 50.0 + (v - 50.0) / 2.0},
+    "equal percentage": {"op": equal_percentage},
+    "quick opening": {"op": lambda v: np.clip(v, 0.0, 100.0) ** 2 / 100.0},
+    "counting the other way": {"mv": lambda v: 100.0 - v},
+    "other way on half of OP": {"op": lambda v: 100.0 - v / 2.0},
+}
+
+
+@cache
+def stored(way: str, S: float, J: float) -> Recording:
+    return changed(plain(S, J), **WAYS[way])
+
+
+@cache
+def curve_of(way: str, S: float, J: float) -> StrokeCurve:
+    found = find_stroke_curve(stored(way, S, J))
+    assert found is not None
+    return found
+
+
+@cache
+def plainly_explained(valve: tuple[float, float]) -> Mismatch:
+    return explain(plain(*valve))
+
+
+def named(mismatch: Mismatch) -> set[str]:
+    return {effect.slug for effect in mismatch.effects}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("valve", [STICKING, HEALTHY], ids=["sticking", "healthy"])
+def test_the_command_behind_op_is_found(way, valve):
+    """In percent of travel, OP becomes what it was before it was changed.
+
+    But for a shift by a part of the stick band, which each fit is free to put right.
+    """
+    recording = stored(way, *valve)
+    truth = plain(*valve).op.values
+    if way == "counting the other way":
+        truth = 100.0 - truth
+    off = curve_of(way, *valve).command(recording.op.values) - truth
+    assert off.std() < 0.5
+    assert abs(off.mean()) < 1.0
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_sticking_is_that_of_the_plain_recording(way):
+    """S and J in percent of travel are the same however OP was stored."""
+    naive = fit_stickslip(plain(*STICKING))
+    found = fit_stickslip(in_travel(stored(way, *STICKING), curve_of(way, *STICKING)))
+    assert found.S == pytest.approx(naive.S, abs=0.35)
+    assert found.J == pytest.approx(naive.J, abs=0.4)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_verdicts_survive_how_op_was_stored(way):
+    """A healthy valve stays healthy, a sticking one sticks, and no more is named than before."""
+    healthy, sticking = screen(
+        [Case(recording=stored(way, *valve)) for valve in (HEALTHY, STICKING)], QUICK
+    )
+    assert healthy.verdict is Verdict.HEALTHY
+    assert sticking.verdict is Verdict.STICKY
+    assert named(healthy.mismatch) <= named(plainly_explained(HEALTHY))
+    assert named(sticking.mismatch) <= named(plainly_explained(STICKING))
+
+
+def test_S_and_J_are_in_percent_of_op():
+    """On half of OP the same sticking is half as wide in OP, and the interval holds it."""
+    (found,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    assert found.S.low <= 2.5 <= found.S.high
+    assert found.J.low <= 0.75 <= found.J.high
+    assert found.S.high - found.S.low < 1.0
+
+
+def test_a_split_range_is_said_in_one_sentence():
+    """The curve is told where the recording's decisions are, with what strokes the valve."""
+    (found,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    (said,) = [s for s in found.provenance.decisions if "stroked" in s]
+    assert "nearly linear: as if OP 50 to 100 % stroked 0 to 100 %" in said
+    assert found.mismatch.sentence.startswith(said)
+    assert found.mismatch.stroke_curve is not None
+
+
+def test_a_bend_is_said_with_its_size():
+    """An equal percentage is no straight line, and the sentence says how far it is off one."""
+    said = curve_of("equal percentage", *STICKING).sentence()
+    assert "bent by up to" in said
+    assert "as if" not in said
+
+
+def test_no_curve_is_looked_for_where_op_is_percent_of_travel():
+    """Healthy and sticking valves of all kinds, stored as they are, keep the plain reading."""
+    loops = [*draw_healthy(18, 90), *draw_sticky(12, 90)]
+    suspects = [
+        loop.tag
+        for place, loop in enumerate(loops)
+        if suspected(simulate_loop(replace(loop, duration_s=1800.0), place).recording)
+    ]
+    assert suspects == []
+
+
+def test_zero_and_span_of_a_transmitter_are_no_curve():
+    """A shift of 2 % and a span error of 10 % stay what they are: findings of their own."""
+    shifted = changed(plain(*STICKING), mv=lambda v: 1.1 * (v - 50.0) + 52.0)
+    assert find_stroke_curve(shifted) is None
+
+
+def test_explain_finds_the_curve_by_itself():
+    """Asked without a screening, it reads the command through the same curve."""
+    recording = stored("equal percentage", *STICKING)
+    assert explain(recording).stroke_curve == curve_of("equal percentage", *STICKING)
+
+
+def test_explain_refuses_zero_and_span_where_a_curve_holds_them():
+    """What the curve was fitted to cannot be a finding, and the reason says so."""
+    found = explain(stored("upper half of a split range", *STICKING))
+    refused = {one.slug: one.reason for one in found.not_testable}
+    assert "curve from OP to stroke" in refused["zero_shift"]
+    assert "curve from OP to stroke" in refused["span_error"]
+
+
+def test_a_position_against_op_that_no_curve_follows_is_refused():
+    """Noise that leans against the command is no valve that counts the other way."""
+    rng = np.random.default_rng(5)
+    recording = plain(*STICKING)
+    op = recording.op.values
+    noise = np.convolve(rng.standard_normal(op.size + 300), np.ones(301) / 301, "valid")
+    mixed = 50.0 - 0.5 * (op - op.mean()) + 200.0 * noise
+    position = Signal.good(np.clip(mixed, 0.0, 100.0), "OTHER.ZT")
+    signals = {**recording.signals, Role.MV: position}
+    (found,) = screen([Case(recording=replace(recording, signals=signals))], QUICK)
+    assert found.verdict is Verdict.UNDETERMINED
+
+
+def test_means_tell_the_slope_only_where_op_was_in_several_places():
+    """A loop that cycles in one place says nothing of how far OP strokes the valve."""
+    time = np.arange(1800.0)
+    cycle = 50.0 + 3.0 * np.sin(time / 20.0)
+    signals = {Role.OP: Signal.good(cycle, "V.OP"), Role.MV: Signal.good(cycle, "V.ZT")}
+    still = Recording(valve="V", signals=signals, interval_s=1.0)
+    assert slope_of_means(still) is None
+    split = slope_of_means(stored("upper half of a split range", *HEALTHY))
+    assert split == pytest.approx(2.0, abs=0.05)
+
+
+def test_where_the_slope_is_not_known_the_jump_is_given_more_room():
+    """S in percent of OP stands; J may be half or twice as large."""
+    curve = StrokeCurve(op=(70.0, 75.0), travel=(40.0, 50.0), slope_known=False)
+    jump = Estimate(value=4.0, low=3.0, high=5.0, unit="%")
+    assert curve.in_op(jump) == Estimate(value=2.0, low=1.5, high=2.5, unit="%")
+    assert curve.in_op(jump, is_jump=True) == Estimate(value=2.0, low=0.75, high=5.0, unit="%")
+    assert "slope is not known" in curve.sentence()
+
+
+def test_a_reason_instead_of_a_number_passes_the_curve_unchanged():
+    """What is not known in percent of travel is not known in percent of OP."""
+    unknown = Estimate.unknown("it never moved", unit="%")
+    assert StrokeCurve(op=(0.0, 50.0), travel=(0.0, 100.0)).in_op(unknown) is unknown
