@@ -20,7 +20,7 @@ from stemwatch.connectors.connector import Window
 from stemwatch.service.plantfile import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.scheduler.work import job_of, screen_jobs
-from stemwatch.service.serve.reading import reader
+from stemwatch.service.serve.page_server import reader
 from stemwatch.service.store.store import open_store
 
 VALVE = "FIC-104"
