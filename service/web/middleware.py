@@ -46,8 +46,9 @@ HEADERS = {
 
 
 class SecurityMiddleware:
-    """Refuses foreign hosts, foreign origins, long bodies and whoever lacks the permission; adds the
-    headers.
+    """Refuses foreign hosts, foreign origins, long bodies and users who lack the permission.
+
+    Every answer gets the headers.
 
     ``hosts`` are the names under which a browser may ask, without port, ``*`` for any: a page on
     the network whose name was made to point at this machine is not among them.
