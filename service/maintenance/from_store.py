@@ -6,17 +6,17 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.stored import (
     background_of,
     facts_of,
     latest_screenings,
     screenings_of_run,
 )
-from stemwatch.service.maintenance.write import MaintenanceFiles, write_maintenance
-from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import ReportContext, SourceNotRead
-from stemwatch.service.report.discoveries import tested
+from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
+from stemwatch.service.report.false_discoveries import tested
+from stemwatch.service.report.report_context import ReportContext, SourceNotRead
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.store import Store

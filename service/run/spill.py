@@ -9,8 +9,8 @@ import weakref
 from collections.abc import Sequence
 from typing import Any, overload
 
-from stemwatch.models.findings import Screening
-from stemwatch.service.report.evidence import Evidence
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import worst_first
 
 _Key = tuple[int, float, str]
@@ -44,7 +44,7 @@ class ResultSpill(Sequence[Screening]):
         self._worst: list[tuple[_Worse, int]] = []
         self._order: list[int] | None = None
 
-    def add(self, place: int, screening: Screening, evidence: Evidence) -> None:
+    def add(self, place: int, screening: Screening, evidence: ValvePlots) -> None:
         """Keep the screening at ``place``; its plots while it is among the worst."""
         self._where[place] = self._write(screening)
         self._order = None
@@ -55,7 +55,7 @@ class ResultSpill(Sequence[Screening]):
         if gone is not None:
             self._plots.pop(gone, None)
 
-    def evidence(self, at: int) -> Evidence | None:
+    def evidence(self, at: int) -> ValvePlots | None:
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
         offset = self._plots.get(self._places()[at])
         return None if offset is None else self._read(offset)

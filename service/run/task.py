@@ -19,13 +19,13 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
-from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Provenance, Recording
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store import Address, StoreError
 
 if TYPE_CHECKING:
-    from stemwatch.service.report.evidence import Evidence
+    from stemwatch.service.report.charts.valve_plots import ValvePlots
     from stemwatch.service.store.store import Store
 
 
@@ -143,15 +143,15 @@ def _connector(task: Task) -> Connector:
     return StoredSamples(store.samples, task.stored.source, str(task.stored.address))
 
 
-def screen_packed(chunk: Chunk) -> list[tuple[Screening, Evidence]]:
+def screen_packed(chunk: Chunk) -> list[tuple[Screening, ValvePlots]]:
     """What ``screen_chunk`` finds, as it travels: plots instead of samples."""
-    from stemwatch.service.report.evidence import packed
+    from stemwatch.service.report.charts.valve_plots import plots_instead_of_samples
 
     _stand_in(chunk.folder)
     screenings = screen_chunk(chunk)
     found = []
     while screenings:  # the samples of one are let go before the next is drawn
-        found.append(packed(screenings.pop(0)))
+        found.append(plots_instead_of_samples(screenings.pop(0)))
     return found
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stemwatch.service.access.first_user import first_link
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.scheduler import Alarm, Planner, Runner
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.collector_process import CollectorProcess

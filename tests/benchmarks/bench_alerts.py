@@ -21,8 +21,8 @@ from sqlalchemy import event, insert
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.held_back import hold_back
-from stemwatch.service.alerts.silence import watch_sources
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.alerts.silent_sources import watch_sources
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.runs.tables import RunValveRow
 from stemwatch.service.store.samples.samples import microseconds

@@ -11,15 +11,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Role
-from stemwatch.service.maintenance.kinds import kinds_of, needs_work
-from stemwatch.service.maintenance.page import page_anchor
-from stemwatch.service.report.fits import MODEL_NAMES
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
+from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.report.bars import MODEL_NAMES
+from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
-from stemwatch.service.report.trend import Trend, trend
 from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
-from stemwatch.service.store.screenings.restored import finding_of, screening_of
+from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web.api.history import read_marks
 from stemwatch.service.web.api.signals import LONGEST, tags_of
@@ -47,7 +47,7 @@ class ShownScreening:
 
     screening: Screening
     stored: StoredScreening
-    trend: Trend
+    trend: Change
     mismatch: MismatchView | None
 
 
@@ -57,7 +57,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     name = deps.need_valve(request.query_params.get("id", ""))
     with deps.reading() as session:
         stored = read_valve(session, name) or _from_plant(deps, name)
-        shown = _shown(session, name)
+        shown = _shown(deps, session, name)
         points = read_history(session, name)
         marks = read_marks(session, name)
         raised = alerts.read_alerts(session, "all", deps.now, valve=name)
@@ -134,8 +134,8 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
     )
 
 
-def _shown(session: Session, name: str) -> ShownScreening | None:
-    latest = read_last(session, name, 2)
+def _shown(deps: Dependencies, session: Session, name: str) -> ShownScreening | None:
+    latest = read_last(session, name, 1)
     if not latest:
         return None
     stored = latest[0]
@@ -146,7 +146,7 @@ def _shown(session: Session, name: str) -> ShownScreening | None:
     return ShownScreening(
         screening=screening,
         stored=stored,
-        trend=trend(screening, finding_of(latest[1]) if len(latest) > 1 else None),
+        trend=change_since_last_run(screening, deps.store.previous_finding(screening)),
         mismatch=None
         if found is None
         else mismatch_view(found, None, ANCHOR, name, stored.held_back),
