@@ -10,8 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from stemwatch.connectors.archive.address import Archive
-from stemwatch.connectors.connector import ConnectorError, ValveTags, Window
+from stemwatch.connectors.connector import ArchiveConnector, ConnectorError, ValveTags, Window
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Recording
 from stemwatch.service.config import Plant
@@ -78,7 +77,7 @@ class PageServer:
         site = Site(
             store=store,
             plant=plant,
-            read=reader(plant, store),
+            read=recording_reader(plant, store),
             actions=Actions(store, wake),
             checks=checks,
             hosts=tuple(dict.fromkeys((*hosts, *own))),
@@ -119,7 +118,7 @@ def _is_loopback(host: str) -> bool:
         return False
 
 
-def reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | None]:
+def recording_reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | None]:
     """A function that gives the recording of a valve in a window, or ``None`` where there is
     none. It raises ``ConnectorError`` for a valve that the plant file does not describe."""
 
@@ -142,7 +141,7 @@ def reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | No
     return read
 
 
-def _archived(archive: Archive, tags: ValveTags, window: Window) -> Recording | None:
+def _archived(archive: ArchiveConnector, tags: ValveTags, window: Window) -> Recording | None:
     try:
         return archive.read(archive.present(tags), window)
     except ConnectorError:
