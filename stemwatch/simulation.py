@@ -1,0 +1,44 @@
+"""The loop behind ``stemwatch.simulate``: flow control, a wandering load, known S and J."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stemwatch.models.plant import PlantLoop, Valve, simulate_loop
+from stemwatch.models.plant.loop import Archive, Process, ProcessKind, Transmitters
+from stemwatch.models.plant.parts import coloured_load, some_actuator, some_controller
+from stemwatch.models.recording import Recording
+
+_LOAD = (0.8, 1.6)  # standard deviation, percent of travel: enough to move any valve
+_AIR_LAG_S, _VISCOUS = (0.3, 0.8), 0.3
+
+
+def sticking_flow_loop(
+    *,
+    S: float,
+    J: float,
+    duration_s: float,
+    interval_s: float,
+    seed: int,
+    tag: str,
+    noise: float,
+) -> Recording:
+    """The recording of the loop. Raises ``ValueError`` where S, J or noise is negative or there
+    are fewer than two samples."""
+    for name, value in (("S", S), ("J", J), ("noise", noise)):
+        if not value >= 0.0:
+            raise ValueError(f"{name} must not be negative, received {value}")
+    rng = np.random.default_rng([seed, 0])
+    process = Process(kind=ProcessKind.FLOW)
+    valve = Valve.showing(S, J, actuator=some_actuator(rng, _AIR_LAG_S, _VISCOUS))
+    loop = PlantLoop(
+        tag=tag,
+        valve=valve,
+        process=process,
+        controller=some_controller(process, valve, rng),
+        transmitters=Transmitters(position_noise=noise),
+        archive=Archive(interval_s=interval_s),
+        loads=coloured_load(process, rng, _LOAD),
+        duration_s=duration_s,
+    )
+    return simulate_loop(loop, seed).recording
