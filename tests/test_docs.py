@@ -18,8 +18,8 @@ from pydantic import BaseModel
 
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.narx.example import NarxSettings
-from stemwatch.models.plant import draw_sticky, simulate_loop
 from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.cli import app
 from stemwatch.service.config.load import LimitsTable, TopTable

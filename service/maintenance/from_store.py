@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.stored import (
     background_of,

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.connectors.modbus import read_devices
-from stemwatch.models.plant import demo_plant
+from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.access.setup import make_user
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml

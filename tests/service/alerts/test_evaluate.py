@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Screening
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality, Indicator, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate

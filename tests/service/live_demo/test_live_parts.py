@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.limits import Limits
-from stemwatch.models.plant import simulate_loop
 from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import load_plant
 from stemwatch.service.config.schema import parse_stroke

@@ -17,8 +17,8 @@ import pytest
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.connectors.modbus.commission import try_map
-from stemwatch.models.plant import PlantLoop, demo_plant
 from stemwatch.models.recording import Role
+from stemwatch.models.studies.simulator import PlantLoop, demo_plant
 from stemwatch.service.config import load_plant
 from stemwatch.service.live_demo.loops import live_loops
 from stemwatch.service.modbus_plant import PlantServer, Wear, plant_toml, serve_plant
