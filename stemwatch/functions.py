@@ -19,9 +19,9 @@ from stemwatch.inputs import (
     one_recording,
     several,
 )
-from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import Screening
 from stemwatch.results import (
     ExplainedValve,
     ExplainedValves,

@@ -10,8 +10,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.maintenance.evidence_picture import picture_of
 from stemwatch.service.report import ReportContext

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.evidence_picture import part_drawn, simulated_run, stick_band
 
 if TYPE_CHECKING:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.plant import PlantLoop, Valve, simulate_loop
-from stemwatch.models.plant.loop import Archive, Process, ProcessKind, Transmitters
-from stemwatch.models.plant.parts import coloured_load, some_actuator, some_controller
 from stemwatch.models.recording import Recording
+from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.loop import (
+    Process,
+    ProcessKind,
+    SimulatedArchive,
+    Transmitters,
+)
+from stemwatch.models.studies.simulator.parts import coloured_load, some_actuator, some_controller
 
 _LOAD = (0.8, 1.6)  # standard deviation, percent of travel: enough to move any valve
 _AIR_LAG_S, _VISCOUS = (0.3, 0.8), 0.3
@@ -30,14 +35,14 @@ def sticking_flow_loop(
             raise ValueError(f"{name} must not be negative, received {value}")
     rng = np.random.default_rng([seed, 0])
     process = Process(kind=ProcessKind.FLOW)
-    valve = Valve.showing(S, J, actuator=some_actuator(rng, _AIR_LAG_S, _VISCOUS))
+    valve = SimulatedValve.showing(S, J, actuator=some_actuator(rng, _AIR_LAG_S, _VISCOUS))
     loop = PlantLoop(
         tag=tag,
         valve=valve,
         process=process,
         controller=some_controller(process, valve, rng),
         transmitters=Transmitters(position_noise=noise),
-        archive=Archive(interval_s=interval_s),
+        archive=SimulatedArchive(interval_s=interval_s),
         loads=coloured_load(process, rng, _LOAD),
         duration_s=duration_s,
     )
