@@ -10,9 +10,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stemwatch.connectors.archive.address import Archive, ArchiveAddress
 from stemwatch.connectors.connector import (
     WHOLE,
+    ArchiveAddress,
+    ArchiveConnector,
     Connector,
     ConnectorError,
     ValveTags,
@@ -121,7 +122,7 @@ def _open_store(address: Address) -> Store:
 
 
 @lru_cache(maxsize=4)
-def open_archive(address: ArchiveAddress) -> Archive:
+def open_archive(address: ArchiveAddress) -> ArchiveConnector:
     """The archive, opened once in each process: its footers are read once."""
     return address.open()
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stemwatch.connectors.archive.address import Archive
-from stemwatch.connectors.connector import ConnectorError, ValveTags, Window
+from stemwatch.connectors.connector import ArchiveConnector, ConnectorError, ValveTags, Window
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Recording
 from stemwatch.service.config import Plant
@@ -37,7 +36,7 @@ def reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | No
     return read
 
 
-def _archived(archive: Archive, tags: ValveTags, window: Window) -> Recording | None:
+def _archived(archive: ArchiveConnector, tags: ValveTags, window: Window) -> Recording | None:
     try:
         return archive.read(archive.present(tags), window)
     except ConnectorError:

@@ -13,7 +13,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 
 from stemwatch.connectors.modbus import Device
-from stemwatch.connectors.modbus.link import keys_of
+from stemwatch.connectors.modbus.device_tables import keys_of
 from stemwatch.service.config import Plant
 from stemwatch.service.store.database_url import masked
 from stemwatch.service.web.desk import AtDesk

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.models.recording import Bools, Quality
 
 Family = Literal["opc", "aveva", "words", "unknown"]
@@ -45,7 +45,7 @@ def quality_of(
     good: Sequence[str] = (),
     family: Family = "unknown",
     name: str,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> NDArray[np.uint8]:
     """(n,) GOOD or BAD for each code, and MISSING where the cell is empty beside no value.
 
@@ -67,7 +67,7 @@ def _verdicts(
     good: Sequence[str],
     family: Family,
     name: str,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> Mapping[str, bool]:
     if good:
         accepted = {code.strip().lower() for code in good}
@@ -86,7 +86,7 @@ def _numeric_verdicts(
     column: str,
     family: Family,
     name: str,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> dict[str, bool]:
     plain = column.replace(" ", "").lower()
     if family == "aveva":
@@ -112,7 +112,7 @@ def _settled_by_values(
     has_value: Bools,
     column: str,
     name: str,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> dict[str, bool]:
     """Codes whose rows never have a value are bad; settled where one other code is left."""
     stripped = np.array([code.strip() for code in codes], dtype=object)

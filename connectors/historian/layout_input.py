@@ -1,4 +1,4 @@
-"""``Source``: one opened file with what its layout needs to read it."""
+"""``LayoutInput``: one opened file with what its layout needs to read it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections import Counter
 from dataclasses import dataclass
 
 from stemwatch.connectors.historian.document import Document
-from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.rows import Rows, sniff_separator, split_rows
 
 _HEAD = 60
@@ -16,12 +16,12 @@ _SAMPLE = 300
 
 
 @dataclass(frozen=True)
-class Source:
+class LayoutInput:
     """A document, the user's options, and where to note decisions."""
 
     document: Document
     options: ReadOptions
-    notes: Notes
+    notes: ReadingNotes
 
     @property
     def name(self) -> str:

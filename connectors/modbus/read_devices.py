@@ -15,15 +15,17 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from stemwatch.connectors.modbus.address import AddressError
-from stemwatch.connectors.modbus.budget import poll_time_s
-from stemwatch.connectors.modbus.device import Device, LinkKind
-from stemwatch.connectors.modbus.faulty import Mistake
-from stemwatch.connectors.modbus.link import link_of
-from stemwatch.connectors.modbus.mapping import register_of
+from stemwatch.connectors.modbus.device import Device, LinkKind, poll_time_s
+from stemwatch.connectors.modbus.device_tables import (
+    DeviceTable,
+    RegisterTable,
+    TableMistake,
+    link_of,
+    register_of,
+)
 from stemwatch.connectors.modbus.register import Register
+from stemwatch.connectors.modbus.register_address import AddressError
 from stemwatch.connectors.modbus.register_list import ListUnusable, read_register_list
-from stemwatch.connectors.modbus.tables import DeviceTable, RegisterTable
 
 KeyPath = tuple[str | int, ...]
 LineOf = Callable[[KeyPath], int | None]
@@ -145,7 +147,7 @@ def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str
         return None
     try:
         link = link_of(read)
-    except Mistake as mistake:
+    except TableMistake as mistake:
         reader.say((*path, mistake.key), f"{shown}.{mistake.key}", mistake.found, mistake.expected)
         return None
     registers = _registers(rows, read)
@@ -236,7 +238,7 @@ def _each(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register,
             continue
         try:
             yield register_of(read, device), row
-        except Mistake as mistake:
+        except TableMistake as mistake:
             key = (*inner, mistake.key)
             say(key, f"{label}.{mistake.key}", mistake.found, mistake.expected)
         except AddressError as error:

@@ -14,7 +14,7 @@ from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
     from stemwatch.connectors.historian.inspection import Inspection
-    from stemwatch.connectors.historian.opened import OpenedFile
+    from stemwatch.connectors.historian.opened_file import OpenedFile
 
 _DEFAULTS = ReadOptions()
 
@@ -34,7 +34,7 @@ class HistorianFile:
     @cached_property
     def _opened(self) -> OpenedFile:
         # Late: reading needs numpy and the layouts, `stemwatch --help` does not.
-        from stemwatch.connectors.historian.opened import open_file
+        from stemwatch.connectors.historian.opened_file import open_file
 
         return open_file(self.path, self.options)
 

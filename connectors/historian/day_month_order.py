@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.notes import Notes
-from stemwatch.connectors.historian.timefields import Ints, Order, TimeFields
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import Ints, Order, TimeFields
 from stemwatch.models.recording import Bools
 
 _DAY_NS = 86_400_000_000_000
@@ -14,7 +14,7 @@ _YEARS = (1950, 2150)  # outside, a date is damage
 
 
 def local_ns(
-    fields: TimeFields, day_first: bool | None, name: str, example: str, notes: Notes
+    fields: TimeFields, day_first: bool | None, name: str, example: str, notes: ReadingNotes
 ) -> tuple[Ints, Bools]:
     """(n,) nanoseconds since 1970 on the file's own clock, and which rows are real dates.
 
@@ -53,7 +53,7 @@ def _decide_order(
     day_first: bool | None,
     name: str,
     example: str,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> bool:
     """Whether the day stands first."""
     if day_first is not None:
@@ -80,7 +80,7 @@ def _word(day_first: bool) -> str:
     return "day" if day_first else "month"
 
 
-def _majority(day_a: int, day_b: int, example: str, notes: Notes) -> bool:
+def _majority(day_a: int, day_b: int, example: str, notes: ReadingNotes) -> bool:
     first = day_a >= day_b
     notes.problem(
         f"dates such as {example} change between day first ({day_a} rows) and month first "
@@ -90,7 +90,7 @@ def _majority(day_a: int, day_b: int, example: str, notes: Notes) -> bool:
 
 
 def _decide_by_spacing(
-    fields: TimeFields, a: Ints, b: Ints, name: str, example: str, notes: Notes
+    fields: TimeFields, a: Ints, b: Ints, name: str, example: str, notes: ReadingNotes
 ) -> bool:
     """The reading under which the rows are evenly spaced, where only one is."""
     if np.array_equal(a, b):

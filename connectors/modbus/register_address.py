@@ -34,7 +34,7 @@ class AddressError(ValueError):
 
 
 @dataclass(frozen=True, order=True)
-class Address:
+class RegisterAddress:
     """A register as the protocol has it: its table and a number from 0 to 65535."""
 
     table: Table
@@ -62,7 +62,7 @@ _WAYS = (
 )
 
 
-def parse_address(written: int | str, table: Table | None = None) -> Address:
+def parse_address(written: int | str, table: Table | None = None) -> RegisterAddress:
     """The register that ``written`` means.
 
     An integer counts from 0 and needs ``table``, as does a hexadecimal text such as ``"0x000B"``.
@@ -83,7 +83,7 @@ def parse_address(written: int | str, table: Table | None = None) -> Address:
     raise AddressError(f"the address {written!r}", _WAYS)
 
 
-def _from_zero(number: int, table: Table | None) -> Address:
+def _from_zero(number: int, table: Table | None) -> RegisterAddress:
     for digit, meant in _TABLE.items():
         place = _place_in(str(number), digit)
         if place and table in (None, meant):
@@ -109,7 +109,7 @@ def _ambiguous(number: int, place: int, meant: Table) -> AddressError:
     return AddressError(f"the number {number}, which has two readings", f"{modicon}; {plain}")
 
 
-def _modicon(text: str, table: Table | None) -> Address:
+def _modicon(text: str, table: Table | None) -> RegisterAddress:
     if len(text) in (5, 6) and text[0] in "01":
         expected = "a holding or input register: coils and discrete inputs hold no numbers"
         raise AddressError(
@@ -127,7 +127,7 @@ def _modicon(text: str, table: Table | None) -> Address:
     return _from_one(place, meant, table, text)
 
 
-def _from_one(place: int, meant: Table, table: Table | None, written: str) -> Address:
+def _from_one(place: int, meant: Table, table: Table | None, written: str) -> RegisterAddress:
     if table not in (None, meant):
         found = f"{written!r}, a register of the {meant.value} table, beside another table"
         raise AddressError(found, f'register = "{meant.value}", or no register beside this address')
@@ -136,10 +136,10 @@ def _from_one(place: int, meant: Table, table: Table | None, written: str) -> Ad
     return _checked(place - 1, meant, written)
 
 
-def _checked(number: int, table: Table | None, written: int | str) -> Address:
+def _checked(number: int, table: Table | None, written: int | str) -> RegisterAddress:
     if table is None:
         found = f"the address {written!r} without its table"
         raise AddressError(found, _WAYS)
     if not 0 <= number <= LAST_ADDRESS:
         raise AddressError(f"the address {written!r}", f"0 to {LAST_ADDRESS}, counted from 0")
-    return Address(table, number)
+    return RegisterAddress(table, number)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.time_fields import Ints
 from stemwatch.models import forensics
 from stemwatch.models.recording import Bools, Floats
 
@@ -27,12 +27,12 @@ _LONGEST_SCAN = 600  # ticks
 _BESIDE = 10  # neighbours looked at on each side of a dropout
 
 
-def codes(values: Floats) -> Bools:
+def denormal_values(values: Floats) -> Bools:
     """(n,) True for non-zero magnitudes below ``SMALLEST_REAL``."""
     return np.asarray((values != 0.0) & (np.abs(values) < SMALLEST_REAL))
 
 
-def beyond(values: Floats) -> Bools:
+def out_of_float_range(values: Floats) -> Bools:
     """(n,) True for magnitudes that no signal can have."""
     return np.asarray(np.abs(values) >= LARGEST_REAL)
 

@@ -4,10 +4,37 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.connector import ConnectorError, UnreadableSource
+from stemwatch.connectors.historian.document import read_document
+from stemwatch.connectors.historian.layout_input import LayoutInput
+from stemwatch.connectors.historian.layouts import parse_source
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+
+_LINES = 400
+_BYTES = 1 << 18
+
+
+def why_no_recording(path: Path) -> str | None:
+    """Why the start of ``path`` makes no table of samples, or ``None`` where it does."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(_BYTES)
+    except OSError as error:
+        return f"cannot be opened ({error.strerror or error})"
+    notes = ReadingNotes()
+    try:
+        document = read_document(raw, path, None, notes)
+        lines = document.lines[:_LINES] if len(raw) < _BYTES else document.lines[:_LINES][:-1]
+        parse_source(LayoutInput(replace(document, lines=lines), ReadOptions(), notes))
+    except ConnectorError as error:
+        return str(error).removeprefix(f"{path}: ")
+    return None
+
 
 ENDINGS = (".csv", ".txt", ".tsv", ".tab", ".dat", ".asc")
 _PACKED = ".gz"
@@ -62,6 +89,4 @@ def _has_ending(path: Path) -> bool:
 
 def _why_not(path: Path) -> str | None:
     """Why a file is no recording, or ``None``. Only its first part is looked at."""
-    from stemwatch.connectors.historian.probe import why_no_recording
-
     return why_no_recording(path)

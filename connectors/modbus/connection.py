@@ -1,4 +1,4 @@
-"""``Line``: one connection to a device. The only file that knows pymodbus.
+"""``Connection``: one connection to a device. The only file that knows pymodbus.
 
 It can ask for holding and input registers and nothing else: what leaves passes a gate that lets
 functions 3 and 4 through, whatever is called above it.
@@ -12,9 +12,8 @@ import logging
 import os
 from typing import TYPE_CHECKING, Any
 
-from stemwatch.connectors.modbus.address import FUNCTION, Table
 from stemwatch.connectors.modbus.device import Link, LinkKind
-from stemwatch.connectors.modbus.faults import (
+from stemwatch.connectors.modbus.read_fault import (
     FaultKind,
     ReadFault,
     no_connection,
@@ -23,6 +22,7 @@ from stemwatch.connectors.modbus.faults import (
     refused,
     silent,
 )
+from stemwatch.connectors.modbus.register_address import FUNCTION, Table
 from stemwatch.connectors.modbus.unanswered import REFUSAL, Request, Unanswered
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def gate(frame: bytes, *, rtu: bool) -> bytes:
     return frame
 
 
-class Line:
+class Connection:
     """A connection that is opened, asked, and opened again after it was lost.
 
     Not for two askers at a time: Modbus knows one open request for each line.
@@ -247,7 +247,7 @@ def _checksum(frame: bytes) -> bytes:
     return FramerRTU.compute_CRC(frame).to_bytes(2, "big")
 
 
-def _new_client(link: Link, line: Line) -> Client:
+def _new_client(link: Link, line: Connection) -> Client:
     from pymodbus import FramerType
     from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
     from pymodbus.exceptions import ConnectionException
@@ -286,7 +286,7 @@ def _new_client(link: Link, line: Line) -> Client:
     return client
 
 
-def _listen_in(client: Client, line: Line) -> None:
+def _listen_in(client: Client, line: Connection) -> None:
     """Learn why an opening failed, which answers came late, and that bytes made no sense, which
     pymodbus keeps to itself."""
     from pymodbus.exceptions import ModbusException

@@ -8,7 +8,7 @@ _LISTED = 20  # more problems of one file than this are counted, not listed
 
 
 @dataclass
-class Notes:
+class ReadingNotes:
     """Collects sentences while one file is read."""
 
     decisions: list[str] = field(default_factory=list)

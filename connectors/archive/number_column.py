@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.connectors.historian.columns import Column, finished
-from stemwatch.connectors.historian.notes import Notes
-from stemwatch.connectors.historian.qualitycodes import Family, quality_of
-from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.quality_codes import Family, quality_of
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import Ints
 from stemwatch.models.recording import Bools, Floats, Quality
 
 _SHOWN = 30
@@ -50,7 +50,7 @@ def number_column(
     with ``reasons`` where the source's own codes leave no doubt. Raises ``UnreadableSource`` where
     codes of unknown meaning differ.
     """
-    notes, why = Notes(), Counter(reasons or {})
+    notes, why = ReadingNotes(), Counter(reasons or {})
     quality = np.where(np.isfinite(values), Quality.GOOD, Quality.MISSING).astype(np.uint8)
     infinite = np.isinf(values)
     if infinite.any():
@@ -67,7 +67,7 @@ def number_column(
 
 
 def bad_by_code(
-    codes: Codes, has_value: Bools, where: str, notes: Notes
+    codes: Codes, has_value: Bools, where: str, notes: ReadingNotes
 ) -> tuple[Bools, Mapping[str, int]]:
     """(n,) True where the code is not good, and how often each bad code occurs."""
     count = len(codes.words)

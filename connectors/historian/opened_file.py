@@ -10,14 +10,14 @@ import numpy as np
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.columns import Column, convert, own_interval_s
 from stemwatch.connectors.historian.document import open_document
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts import parse_source
-from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.numbers import decide_decimal
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw import RawColumn, RawTable
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.roles import Candidate, propose_roles
-from stemwatch.connectors.historian.source import Source
-from stemwatch.connectors.historian.tagnames import parse_tag
+from stemwatch.connectors.historian.tag_names import parse_tag
 from stemwatch.connectors.historian.times import Instants, read_instants
 from stemwatch.models.recording import Role
 
@@ -33,7 +33,7 @@ class OpenedFile:
     table: RawTable
     instants: Instants
     decimal: str
-    notes: Notes
+    notes: ReadingNotes
     _columns: dict[tuple[str, bool], Column] = field(default_factory=dict)
     _roles: list[Candidate] | None = None
 
@@ -107,9 +107,9 @@ def open_file(path: Path, options: ReadOptions) -> OpenedFile:
 
     Raises ``UnreadableSource`` where it is not there, not text, or not a table of samples.
     """
-    notes = Notes()
+    notes = ReadingNotes()
     document = open_document(path, options.encoding, notes)
-    table = parse_source(Source(document, options, notes))
+    table = parse_source(LayoutInput(document, options, notes))
     if not table.columns or not table.numbers:
         raise UnreadableSource(
             f"{path}: {len(table.columns)} tags and {len(table.numbers)} rows were found; expected "
@@ -132,7 +132,7 @@ def open_file(path: Path, options: ReadOptions) -> OpenedFile:
     return opened
 
 
-def _decimal(table: RawTable, options: ReadOptions, name: str, notes: Notes) -> str:
+def _decimal(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> str:
     if options.decimal is not None:
         return options.decimal
     if table.decimal is not None:

@@ -1,4 +1,4 @@
-"""``Loaded``: the tags of one valve as read from an archive, ready to be laid on a clock."""
+"""``ValveColumns``: the tags of one valve as read from an archive, ready to be laid on a clock."""
 
 from __future__ import annotations
 
@@ -12,16 +12,20 @@ import numpy as np
 from stemwatch.connectors.connector import ConnectorError, MappingNeeded, ValveTags, Window
 from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.epoch import ns_of
-from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import Ints
 from stemwatch.connectors.historian.timeline import Timeline
+from stemwatch.connectors.historian.times import Instants, undated
+from stemwatch.connectors.historian.zones import to_utc
 from stemwatch.models.recording import Bools, Role
 
 Bounds = tuple[int | None, int | None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Loaded:
-    """Columns by tag, and what is known of their times. Fulfils ``historian.holding.Holding``."""
+class ValveColumns:
+    """Columns by tag, and what is known of their times. A ``SampleSource``."""
 
     where: str
     layout: str
@@ -116,3 +120,24 @@ def inside(column: Column, bounds: Bounds) -> Column:
         quality=column.quality[keep],
         file_ns=column.file_ns[within(column.file_ns)],
     )
+
+
+def local_instants(ns: Ints, ok: Bools, options: ReadOptions, notes: ReadingNotes) -> Instants:
+    """Instants of local times, (n,) nanoseconds, of one tag in the order of the archive.
+
+    Without a zone in ``options`` they are on a clock of unknown date.
+    """
+    if options.zone is None:
+        return undated(ns, ok, notes)
+    ns, ok = to_utc(
+        ns,
+        ok,
+        options.zone,
+        ambiguous_hour=options.ambiguous_hour,
+        missing_hour=options.missing_hour,
+        groups=[None],
+        notes=notes,
+    )
+    sentence = f"Times without offset are local times of {options.zone}."
+    notes.decide(sentence)
+    return Instants(ns=ns, ok=ok, known=True, zone=sentence)

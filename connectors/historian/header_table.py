@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.narrow import pick
 from stemwatch.connectors.historian.rows import Rows, table_rows
-from stemwatch.connectors.historian.source import Source
 
 
 @dataclass(frozen=True)
-class Headed:
+class HeaderTable:
     """Columns of cells under their names, with the line number of each row."""
 
     header: list[str]
@@ -20,7 +20,7 @@ class Headed:
     numbers: list[int]
 
 
-def read_headed(source: Source, rows: Rows) -> Headed:
+def read_header_table(source: LayoutInput, rows: Rows) -> HeaderTable:
     """``rows`` with the first as header; rows of another width are reported and left out."""
     header = [cell.strip() for cell in rows.cells[0]] if rows.cells else []
     body = table_rows(
@@ -30,10 +30,12 @@ def read_headed(source: Source, rows: Rows) -> Headed:
         ends_whole=source.document.ends_whole,
     )
     columns: list[Sequence[str]] = list(zip(*body.cells, strict=True))
-    return Headed(header, columns or [[] for _ in header], body.numbers)
+    return HeaderTable(header, columns or [[] for _ in header], body.numbers)
 
 
-def needed(header: Sequence[str], names: Sequence[str], source: Source, line: int) -> int:
+def required_column(
+    header: Sequence[str], names: Sequence[str], source: LayoutInput, line: int
+) -> int:
     """The column with one of ``names``. Raises ``UnreadableSource`` where there is none."""
     column = pick(header, names)
     if column is None:

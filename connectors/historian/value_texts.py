@@ -12,7 +12,7 @@ _ABSENT = frozenset(
 TRUNCATED = "resize to show all values"
 
 
-def word_quality(text: str) -> Quality:
+def text_quality(text: str) -> Quality:
     """Quality of a value cell that holds no number: MISSING where it says nothing, else BAD."""
     return Quality.MISSING if text.strip().lower() in _ABSENT else Quality.BAD
 
