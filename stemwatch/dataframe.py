@@ -7,15 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from stemwatch.connectors.archive.loaded import (
-    Loaded,
+from stemwatch.connectors.archive.number_column import number_column
+from stemwatch.connectors.archive.valve_columns import (
+    ValveColumns,
     bounds_of,
     empty_column,
     inside,
+    local_instants,
     need_op,
     nothing_in,
 )
-from stemwatch.connectors.archive.numbers import number_column
 from stemwatch.connectors.connector import (
     WHOLE,
     ConnectorError,
@@ -25,14 +26,13 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian.columns import Column, convert
-from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw import RawColumn
+from stemwatch.connectors.historian.raw_table import RawColumn
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.recordings import assemble, find_tag
 from stemwatch.connectors.historian.roles import propose_roles
 from stemwatch.connectors.historian.times import Instants, undated
 from stemwatch.connectors.historian.units import split_unit
-from stemwatch.connectors.parquet.times import Stamps, placed
 from stemwatch.models.recording import Recording, Role
 
 NO_TIMES = (
@@ -61,7 +61,7 @@ class DataFrameSource:
         self._options = ReadOptions(zone=zone, interval_s=interval_s)
         self._frame = frame
         self._places = _places(frame, where)
-        self._notes = Notes()
+        self._notes = ReadingNotes()
         self._instants = self._read_times()
 
     def tags(self) -> Sequence[TagInfo]:
@@ -102,8 +102,8 @@ class DataFrameSource:
                 raise nothing_in(self.where, tag, window, self._holds())
         return assemble(self._loaded(columns), valve, window)
 
-    def _loaded(self, columns: Mapping[str, Column]) -> Loaded:
-        return Loaded(
+    def _loaded(self, columns: Mapping[str, Column]) -> ValveColumns:
+        return ValveColumns(
             where=self.where,
             layout="a table in memory, a column for each tag",
             columns=columns,
@@ -139,8 +139,9 @@ class DataFrameSource:
             self._notes.problem(f"{int((~ok).sum())} rows have no time; they were left out")
         if isinstance(index, pd.TimedeltaIndex):
             return undated(ns, ok, self._notes)
-        stamps = Stamps(ns=ns, ok=ok, naive=index.tz is None)
-        return placed(stamps, False, self._options, self._notes)
+        if index.tz is None:
+            return local_instants(ns, ok, self._options, self._notes)
+        return Instants(ns=ns, ok=ok, known=True, zone="The times are instants in UTC.")
 
     def _counted(self, index: pd.Index, interval_s: float) -> Instants:
         if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
