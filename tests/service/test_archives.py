@@ -20,7 +20,7 @@ from stemwatch.connectors.connector import Window
 from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.scheduler.work import job_of, screen_jobs
-from stemwatch.service.serve.page_server import reader
+from stemwatch.service.serve.page_server import recording_reader
 from stemwatch.service.store.store import open_store
 
 VALVE = "FIC-104"
@@ -47,7 +47,7 @@ tags.sp = {{ tag = "{prefix}FIC-104.NOT.THERE", unit = "%" }}
 def rows(one_valve: Path) -> list[Row]:
     """(tag, time, value, quality) of OP and position in the small plant's export."""
     with one_valve.open(encoding="utf-8", newline="") as file:
-        header, _, *lines = csv.reader(file)
+        header, _, *lines = csv.recording_reader(file)
     places = [header.index(f"{VALVE}.{ending}") for ending in ("OP", "ZT")]
     return [
         (header[place], datetime.fromisoformat(line[0]).astimezone(UTC), *understood(line[place]))
@@ -163,7 +163,7 @@ def test_scheduled_runs_and_pages_read_it_too(plant_file: Path) -> None:
     ((screening,),) = screen_jobs([job_of(plant, VALVE, window, None)])
     assert screening.verdict.value == "sticky"
     with open_store(f"sqlite:///{plant_file.parent / 'store.db'}") as store:
-        recording = reader(plant, store)(VALVE, window)
+        recording = recording_reader(plant, store)(VALVE, window)
     assert recording is not None
     assert recording.mv is not None
 
