@@ -47,7 +47,7 @@ tags.sp = {{ tag = "{prefix}FIC-104.NOT.THERE", unit = "%" }}
 def rows(one_valve: Path) -> list[Row]:
     """(tag, time, value, quality) of OP and position in the small plant's export."""
     with one_valve.open(encoding="utf-8", newline="") as file:
-        header, _, *lines = csv.recording_reader(file)
+        header, _, *lines = csv.reader(file)
     places = [header.index(f"{VALVE}.{ending}") for ending in ("OP", "ZT")]
     return [
         (header[place], datetime.fromisoformat(line[0]).astimezone(UTC), *understood(line[place]))
