@@ -20,6 +20,7 @@ from stemwatch.service.cli.maintenance_report import maintenance_report
 from stemwatch.service.cli.modbus import modbus_app
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.reproduce import reproduce
+from stemwatch.service.cli.robustness import robustness
 from stemwatch.service.cli.screen import screen
 from stemwatch.service.cli.serve import run_now, serve
 from stemwatch.service.cli.simulate import simulate
@@ -70,6 +71,7 @@ for command in (
     demo,
     trial,
     prove,
+    robustness,
     calibrate_mismatch,
     drift,
     maintenance,

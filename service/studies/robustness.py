@@ -1,0 +1,306 @@
+"""The same valves as other plants would have stored them: do verdict, S and J hold?
+
+Sticking and healthy valves of the proof's plant (half with Karnopp's packing, half with LuGre's)
+are simulated once, and each recording is changed in one way at a time: how OP strokes the valve,
+how the archive keeps its samples, how late a clock is. Nothing is hidden in them, so every effect
+that is named is named in error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.studies.simulator import simulate_loop
+from stemwatch.models.studies.simulator.defects import PackingDefects
+from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.executors import Executor
+
+Change = Callable[[Recording], Recording]
+
+STICKING_S = (3.0, 8.0)  # percent
+HEALTHY_S = (0.1, 0.5)
+RANGEABILITY = 40.0
+BATCH = 4
+
+
+def _changed(
+    recording: Recording,
+    *,
+    op: Callable[[Floats], Floats] | None = None,
+    mv: Callable[[Floats], Floats] | None = None,
+    every: Callable[[Floats], Floats] | None = None,
+    slower: int = 1,
+) -> Recording:
+    """``recording`` with OP, MV, or every signal changed; ``slower`` times the interval."""
+    signals = {}
+    for role, signal in recording.signals.items():
+        values = signal.values
+        for change, where in ((op, Role.OP), (mv, Role.MV), (every, role)):
+            if change is not None and role is where:
+                values = change(values)
+        signals[role] = Signal.good(values, signal.tag, signal.unit)
+    return replace(recording, signals=signals, interval_s=slower * recording.interval_s)
+
+
+def _opening(values: Floats) -> Floats:
+    return np.clip(values, 0.0, 100.0)
+
+
+def _equal_percentage(travel: Floats) -> Floats:
+    """OP at which an equal percentage of 1:40 asks for ``travel``."""
+    share = _opening(travel) / 100.0 * (RANGEABILITY - 1.0)
+    return np.asarray(100.0 * np.log1p(share) / np.log(RANGEABILITY))
+
+
+def _shut_off(recording: Recording) -> Recording:
+    """The valve is shut, and stays so, in the lowest 12 % of the record."""
+    position = recording.signals[Role.MV].values
+    seat = float(np.nanpercentile(position, 12.0))
+    return _changed(recording, mv=lambda values: np.maximum(values, seat))
+
+
+def _late(samples: int) -> Callable[[Floats], Floats]:
+    return lambda values: np.concatenate((np.full(samples, values[0]), values[:-samples]))
+
+
+def _means(samples: int) -> Callable[[Floats], Floats]:
+    def mean(values: Floats) -> Floats:
+        whole = values.size // samples * samples
+        return np.asarray(values[:whole].reshape(-1, samples).mean(axis=1))
+
+    return mean
+
+
+def _reported(deviation: float) -> Callable[[Floats], Floats]:
+    """Report by exception: the last value is held until it is off by ``deviation``."""
+
+    def held(values: Floats) -> Floats:
+        kept, last = values.copy(), values[0]
+        for place, value in enumerate(values):
+            last = value if abs(value - last) > deviation else last
+            kept[place] = last
+        return kept
+
+    return held
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a recording is changed; ``strokes`` where OP then means other percents of travel."""
+
+    change: Change
+    strokes: bool = False
+
+
+WAYS: dict[str, Way] = {
+    "as it is": Way(lambda r: r),
+    "split range: OP 50 to 100 % strokes 0 to 100 %": Way(
+        lambda r: _changed(r, op=lambda v: 50 + v / 2), strokes=True
+    ),
+    "split range: OP 0 to 50 % strokes 0 to 100 %": Way(
+        lambda r: _changed(r, op=lambda v: v / 2), strokes=True
+    ),
+    "OP 25 to 75 % strokes 0 to 100 %": Way(
+        lambda r: _changed(r, op=lambda v: 25 + v / 2), strokes=True
+    ),
+    "equal percentage between OP and stroke": Way(
+        lambda r: _changed(r, op=_equal_percentage), strokes=True
+    ),
+    "square root between OP and stroke": Way(
+        lambda r: _changed(r, op=lambda v: _opening(v) ** 2 / 100), strokes=True
+    ),
+    "square between OP and stroke": Way(
+        lambda r: _changed(r, op=lambda v: 10 * np.sqrt(_opening(v))), strokes=True
+    ),
+    "position reversed": Way(lambda r: _changed(r, mv=lambda v: 100 - v)),
+    "tight shut-off below 12 % of the record": Way(_shut_off),
+    "OP stored 5 s late": Way(lambda r: _changed(r, op=_late(5))),
+    "position stored 5 s late": Way(lambda r: _changed(r, mv=_late(5))),
+    "position in steps of 0.5 %": Way(lambda r: _changed(r, mv=lambda v: np.round(2 * v) / 2)),
+    "OP in steps of 0.5 %": Way(lambda r: _changed(r, op=lambda v: np.round(2 * v) / 2)),
+    "averages of 10 s": Way(lambda r: _changed(r, every=_means(10), slower=10)),
+    "stored every 5 s": Way(lambda r: _changed(r, every=lambda v: v[::5].copy(), slower=5)),
+    "stored every 10 s": Way(lambda r: _changed(r, every=lambda v: v[::10].copy(), slower=10)),
+    "stored every 30 s": Way(lambda r: _changed(r, every=lambda v: v[::30].copy(), slower=30)),
+    "exception reporting of 0.5 %": Way(
+        lambda r: _changed(r, op=_reported(0.5), mv=_reported(0.5))
+    ),
+    "exception reporting of 1 %": Way(lambda r: _changed(r, op=_reported(1.0), mv=_reported(1.0))),
+}
+
+
+@dataclass(frozen=True)
+class Valve:
+    """A valve to be simulated, and what is true of it; S and J in percent of travel."""
+
+    case: HiddenCase
+    sticking: bool
+    S: float
+    J: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was said of one valve stored in one way. S and J in percent of OP, truth as well."""
+
+    way: str
+    sticking: bool
+    verdict: Verdict
+    reason: str
+    S: tuple[float, float, float] | None  # value, low, high
+    J: tuple[float, float, float] | None
+    true_S: float
+    true_J: float
+    named: tuple[str, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class RobustnessBatch:
+    """Valves that one worker simulates, changes and screens."""
+
+    valves: tuple[Valve, ...]
+    ways: tuple[str, ...]
+
+
+def draw_valves(each: int, seed: int) -> list[Valve]:
+    """``each`` sticking and as many healthy valves, an hour at 1 s with set-point moves."""
+    drawn = draw_nulls(4 * each, seed, "routine")
+    wide = [case for case in drawn if STICKING_S[0] <= case.loop.valve.S <= STICKING_S[1]]
+    rng = np.random.default_rng([seed, 17])
+    sticking = [
+        _with(case, case.loop.valve.S, case.loop.valve.J, place, True)
+        for place, case in enumerate(wide[:each])
+    ]
+    healthy = []
+    for place, case in enumerate(draw_nulls(each, seed + 1, "routine")):
+        S = float(rng.uniform(*HEALTHY_S))
+        healthy.append(_with(case, S, 0.3 * S, place, False))
+    return [*sticking, *healthy]
+
+
+def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> Valve:
+    """The case with this S and J; every second packing gives a little before it lets go."""
+    packing = PackingDefects(presliding_percent=0.002 if place % 2 else 0.0)
+    valve = replace(case.loop.valve, S=S, J=J, packing=packing)
+    return Valve(replace(case, loop=replace(case.loop, valve=valve)), sticking, S, J)
+
+
+def answer_batch(batch: RobustnessBatch) -> list[Answer]:
+    """Simulate each valve once, store it in every way, and screen what was stored."""
+    answers = []
+    for valve in batch.valves:
+        recording = simulate_loop(valve.case.loop, valve.case.seed).recording
+        for way in batch.ways:
+            stored = WAYS[way].change(recording)
+            (found,) = screen([Case(recording=stored)], Options(narx=False))
+            scale = _op_per_travel(recording, stored) if WAYS[way].strokes else 1.0
+            answers.append(_answer(way, valve, found, scale))
+    return answers
+
+
+def _op_per_travel(recording: Recording, stored: Recording) -> float:
+    """Percent of stored OP for a percent of travel, over the part of OP that was used."""
+    before, after = (
+        np.subtract(*np.percentile(one.op.values[one.op.usable], (99.5, 0.5)))
+        for one in (recording, stored)
+    )
+    return float(after / before)
+
+
+def _answer(way: str, valve: Valve, found: Screening, scale: float) -> Answer:
+    numbers = [
+        None
+        if estimate.value is None or estimate.low is None or estimate.high is None
+        else (estimate.value, estimate.low, estimate.high)
+        for estimate in (found.S, found.J)
+    ]
+    effects = found.mismatch.effects if found.mismatch is not None else ()
+    return Answer(
+        way=way,
+        sticking=valve.sticking,
+        verdict=found.verdict,
+        reason=found.reason,
+        S=numbers[0],
+        J=numbers[1],
+        true_S=scale * valve.S,
+        true_J=scale * valve.J,
+        named=tuple(effect.slug for effect in effects),
+        seconds=found.seconds,
+    )
+
+
+def run_robustness(
+    each: int, seed: int, ways: Sequence[str], executor: Executor, tell: Callable[[int], None]
+) -> list[Answer]:
+    """``each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown way."""
+    for way in ways:
+        WAYS[way]
+    valves = draw_valves(each, seed)
+    batches = [
+        RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(ways))
+        for first in range(0, len(valves), BATCH)
+    ]
+    done: dict[int, list[Answer]] = {}
+    for place, answers in executor.map(answer_batch, batches):
+        done[place] = answers
+        tell(sum(map(len, done.values())))
+    return [answer for place in sorted(done) for answer in done[place]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came out in one way. Errors are medians of absolute errors in percent of OP."""
+
+    way: str
+    healthy: int
+    called_sticky: int
+    healthy_undetermined: int
+    sticking: int
+    missed: int  # sticking valves that are neither sticky nor watch
+    with_numbers: int  # sticking valves with S and J
+    S_error: float
+    J_error: float
+    S_held: int  # intervals that hold the truth
+    J_held: int
+    S_width: float
+    named: int  # valves of either kind of which something was named
+
+
+def rows(answers: Sequence[Answer]) -> Iterator[Row]:
+    """One row for each way, in the order in which they were asked for."""
+    for way in dict.fromkeys(answer.way for answer in answers):
+        yield _row(way, [answer for answer in answers if answer.way == way])
+
+
+def _row(way: str, answers: Sequence[Answer]) -> Row:
+    healthy = [one for one in answers if not one.sticking]
+    sticking = [one for one in answers if one.sticking]
+    S = [(one.true_S, *one.S) for one in sticking if one.S is not None]
+    J = [(one.true_J, *one.J) for one in sticking if one.J is not None]
+    return Row(
+        way=way,
+        healthy=len(healthy),
+        called_sticky=sum(one.verdict is Verdict.STICKY for one in healthy),
+        healthy_undetermined=sum(one.verdict is Verdict.UNDETERMINED for one in healthy),
+        sticking=len(sticking),
+        missed=sum(one.verdict not in (Verdict.STICKY, Verdict.WATCH) for one in sticking),
+        with_numbers=len(S),
+        S_error=_median([abs(value - truth) for truth, value, _, _ in S]),
+        J_error=_median([abs(value - truth) for truth, value, _, _ in J]),
+        S_held=sum(low <= truth <= high for truth, _, low, high in S),
+        J_held=sum(low <= truth <= high for truth, _, low, high in J),
+        S_width=_median([high - low for _, _, low, high in S]),
+        named=sum(bool(one.named) for one in answers),
+    )
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else float("nan")
