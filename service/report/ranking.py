@@ -11,12 +11,12 @@ from typing import overload
 
 from stemwatch.models.mismatch.findings import Mismatch, ResidualMap
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.false_discoveries import Discoveries, discoveries
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
-from stemwatch.service.report.wording import WORST_FIRST, finite, printable
+from stemwatch.service.report.wording import finite, printable
 
 LONGEST_ANCHOR = 60
 

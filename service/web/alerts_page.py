@@ -8,10 +8,10 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from stemwatch.service.store.alerts.alerts import MOST_ALERTS, STATES, state_of
 from stemwatch.service.web.desk import AtDesk
 from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.frame import valve_link
-from stemwatch.service.web.queries import alerts
 from stemwatch.service.web.visit import AtVisit
 
 LONGEST_SNOOZE_H = 24 * 366
@@ -23,19 +23,18 @@ router = APIRouter(include_in_schema=False)
 def alert_list(request: Request, desk: AtDesk) -> HTMLResponse:
     """Alerts in the state that the address names, the open ones unless it says otherwise."""
     state = request.query_params.get("state", "open")
-    state = state if state in alerts.STATES else "open"
-    with desk.reading() as session:
-        found = alerts.read_alerts(session, state, desk.now)
+    state = state if state in STATES else "open"
+    found = desk.store.alerts.in_state(state, desk.now)
     return desk.frame.page(
         request,
         "alerts_page.html",
         here="alerts",
         open_alerts=desk.open_alerts(),
         state=state,
-        states=alerts.STATES,
+        states=STATES,
         alerts=found,
-        most=alerts.MOST_ALERTS,
-        state_of=lambda alert: alerts.state_of(alert, desk.now),
+        most=MOST_ALERTS,
+        state_of=lambda alert: state_of(alert, desk.now),
         back="",
     )
 

@@ -10,16 +10,12 @@ from fastapi import APIRouter, HTTPException, Query
 from pydantic import AwareDatetime
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.service.store.alerts.alerts import StoredAlert
+from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
+from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
 from stemwatch.service.store.screenings.records import StoredRun
-from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web import history, phase, shapes, signals
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk
-from stemwatch.service.web.queries import alerts
-from stemwatch.service.web.queries.ranking import MOST_PAGE, PAGE, Line, Wanted, read_ranking
-from stemwatch.service.web.queries.run import read_run
-from stemwatch.service.web.queries.valve import read_indicators
 from stemwatch.service.web.windows import asked_of
 
 Id = Annotated[str, Query(alias="id", min_length=1, max_length=500, description="the valve's id")]
@@ -46,7 +42,7 @@ def valves(
     size: Annotated[int, Query(ge=1, le=MOST_PAGE)] = PAGE,
 ) -> shapes.RankingAnswer:
     """The valves with their latest findings, worst first unless asked otherwise."""
-    wanted = Wanted(
+    wanted = RankingFilter(
         text=q,
         areas=tuple(area),
         verdicts=tuple(verdict),
@@ -56,8 +52,7 @@ def valves(
         page=page,
         size=size,
     )
-    with desk.reading() as session:
-        found = read_ranking(session, wanted)
+    found = desk.store.ranking(wanted)
     lines = [valve_line(line) for line in found.lines]
     return shapes.RankingAnswer(
         total=found.total, page=page, size=size, counts=dict(found.counts), valves=lines
@@ -70,8 +65,7 @@ def valve_signals(
 ) -> shapes.SignalsAnswer:
     """OP, MV, PV and SP between two instants, thinned to what can be seen."""
     asked = asked_of(desk.need_valve(valve), start, stop)
-    with desk.reading() as session:
-        return signals.signals_of(desk.site, session, asked)
+    return signals.signals_of(desk.site, asked)
 
 
 @router.get("/valve/loop")
@@ -80,9 +74,8 @@ def valve_loop(
 ) -> shapes.LoopAnswer:
     """MV against OP with the loop of the model that was fitted last; at most twelve hours."""
     asked = asked_of(desk.need_valve(valve), start, stop)
-    with desk.reading() as session:
-        latest = read_last(session, valve, 1)
-        found = read_indicators(session, latest[0].id) if latest else {}
+    latest = desk.store.screenings(valve, 1)
+    found = desk.store.indicators(latest[0].id) if latest else {}
     numbers = {name: one.value for name, one in found.items() if one.value is not None}
     return phase.loop_of(desk.site, asked, numbers)
 
@@ -99,8 +92,7 @@ def valve_history(
 @router.get("/alerts")
 def alert_list(desk: AtDesk, state: State = "open") -> list[shapes.AlertLine]:
     """Alerts in a state, the newest first."""
-    with desk.reading() as session:
-        found = alerts.read_alerts(session, state, desk.now)
+    found = desk.store.alerts.in_state(state, desk.now)
     return [alert_line(one, desk) for one in found]
 
 
@@ -113,8 +105,7 @@ def runs(desk: AtDesk, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> list
 @router.get("/run")
 def run(desk: AtDesk, number: Annotated[Number, Query(alias="id")]) -> shapes.RunAnswer:
     """One run with its progress and the time left."""
-    with desk.reading() as session:
-        found = read_run(session, number)
+    found = desk.store.queue.find(number)
     if found is None:
         raise HTTPException(404, f"there is no run {number}")
     return run_answer(found, desk)
@@ -157,7 +148,7 @@ def schedules(desk: AtDesk) -> list[shapes.ScheduleAnswer]:
     ]
 
 
-def valve_line(line: Line) -> shapes.ValveLine:
+def valve_line(line: RankingLine) -> shapes.ValveLine:
     """A line of the ranking for the API."""
     return shapes.ValveLine(
         valve=line.valve,
@@ -181,7 +172,7 @@ def alert_line(alert: StoredAlert, desk: Desk) -> shapes.AlertLine:
     """An alert for the API."""
     names = set(shapes.AlertLine.model_fields) - {"state", "kind", "severity"}
     return shapes.AlertLine(
-        state=alerts.state_of(alert, desk.now),
+        state=state_of(alert, desk.now),
         kind=alert.kind.value,
         severity=alert.severity.value,
         **{name: getattr(alert, name) for name in names},

@@ -11,12 +11,11 @@ from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent
-from stemwatch.service.web.queries.ranking import read_areas, valves_in
-from stemwatch.service.web.queries.run import read_run, read_set_aside
 from stemwatch.service.web.reports import TYPES, report_folder
 from stemwatch.service.web.visit import AtVisit
 
 MOST_RUNS = 100
+MOST_SET_ASIDE = 500
 
 router = APIRouter(include_in_schema=False)
 
@@ -30,8 +29,6 @@ def is_alive(run: StoredRun) -> bool:
 def run_list(request: Request, desk: AtDesk) -> HTMLResponse:
     """What goes on now, then the runs that are over, the newest first."""
     found = desk.store.queue.recent(MOST_RUNS)
-    with desk.reading() as session:
-        areas = read_areas(session)
     return desk.frame.page(
         request,
         "runs_page.html",
@@ -40,7 +37,7 @@ def run_list(request: Request, desk: AtDesk) -> HTMLResponse:
         going=[run for run in found if is_alive(run)],
         over=[run for run in found if not is_alive(run)],
         schedules=desk.store.schedules.all(),
-        areas=areas,
+        areas=desk.store.areas(),
     )
 
 
@@ -49,9 +46,7 @@ def one_run(request: Request, desk: AtDesk) -> HTMLResponse:
     """One run with the valves that were set aside."""
     given = request.query_params.get("id", "")
     number = int(given) if given.isascii() and given.isdigit() and len(given) < 12 else 0
-    with desk.reading() as session:
-        run = read_run(session, number) if 0 < number <= LARGEST_NUMBER else None
-        aside = read_set_aside(session, number) if run else []
+    run = desk.store.queue.find(number) if 0 < number <= LARGEST_NUMBER else None
     if run is None:
         raise HTTPException(404, f"There is no run {given!r}.")
     return desk.frame.page(
@@ -60,7 +55,7 @@ def one_run(request: Request, desk: AtDesk) -> HTMLResponse:
         here="runs",
         open_alerts=desk.open_alerts(),
         run=run,
-        aside=aside,
+        aside=desk.store.queue.set_aside(number, MOST_SET_ASIDE),
         report_files=_report_files(desk, number),
         alive=is_alive(run),
     )
@@ -78,8 +73,7 @@ def begin(request: Request, desk: AtDesk, visitor: AtVisit, form: Sent) -> Redir
     valves = [valve for valve in form.all("valve") if valve]
     area = form.text("area")
     if area:
-        with desk.reading() as session:
-            valves += valves_in(session, area)
+        valves += desk.store.valves_in(area)
         if not valves:
             raise HTTPException(422, f"no valve is known in the area {area!r}")
     desk.actions.run_now(valves, visitor.signs())

@@ -9,7 +9,6 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
-from sqlalchemy.orm import Session
 
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Screening
@@ -18,16 +17,15 @@ from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
+from stemwatch.service.store.alerts.alerts import state_of
+from stemwatch.service.store.samples.tag_quality import BadSamples
 from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
 from stemwatch.service.store.screenings.restored import screening_of
-from stemwatch.service.store.screenings.screenings import read_last
+from stemwatch.service.store.store import Store
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.history import read_marks
 from stemwatch.service.web.indicator_words import indicator_of
-from stemwatch.service.web.queries import alerts, samples
-from stemwatch.service.web.queries.samples import Bad
-from stemwatch.service.web.queries.valve import read_history, read_indicators, read_valve
 from stemwatch.service.web.ranking_page import bar_top
 from stemwatch.service.web.reports import MAINTENANCE, report_folder
 from stemwatch.service.web.signals import LONGEST, tags_of
@@ -55,14 +53,14 @@ class Shown:
 def valve(request: Request, desk: AtDesk) -> HTMLResponse:
     """The page of one valve; ``id`` in the query names it."""
     name = desk.need_valve(request.query_params.get("id", ""))
-    with desk.reading() as session:
-        stored = read_valve(session, name) or _from_plant(desk, name)
-        shown = _shown(desk, session, name)
-        points = read_history(session, name)
-        marks = read_marks(session, name)
-        raised = alerts.read_alerts(session, "all", desk.now, valve=name)
-        opens, ends = _opening(desk, session, name, shown)
-        quality = _quality(desk, session, name, (opens, ends))
+    store = desk.store
+    stored = store.valve(name) or _from_plant(desk, name)
+    shown = _shown(store, name)
+    points = store.s_and_j(name)
+    marks = read_marks(store, name)
+    raised = store.alerts.in_state("all", desk.now, valve=name)
+    opens, ends = _opening(desk, name, shown)
+    quality = _quality(desk, name, (opens, ends))
     numbers = [shown.screening.S.value or 0.0, shown.screening.J.value or 0.0] if shown else [0.0]
     return desk.frame.page(
         request,
@@ -78,7 +76,7 @@ def valve(request: Request, desk: AtDesk) -> HTMLResponse:
         count=len(points),
         marks=marks[::-1],
         alerts=raised,
-        state_of=lambda alert: alerts.state_of(alert, desk.now),
+        state_of=lambda alert: state_of(alert, desk.now),
         opens=opens,
         ends=ends,
         spans=SPANS,
@@ -132,19 +130,19 @@ def _from_plant(desk: Desk, name: str) -> StoredValve:
     )
 
 
-def _shown(desk: Desk, session: Session, name: str) -> Shown | None:
-    latest = read_last(session, name, 1)
+def _shown(store: Store, name: str) -> Shown | None:
+    latest = store.screenings(name, 1)
     if not latest:
         return None
     stored = latest[0]
-    points = read_indicators(session, stored.id)
+    points = store.indicators(stored.id)
     indicators = {name: indicator_of(name, point) for name, point in points.items()}
     screening = screening_of(stored, indicators)
     found = screening.mismatch
     return Shown(
         screening=screening,
         stored=stored,
-        trend=change_since_last_run(screening, desk.store.previous_finding(screening)),
+        trend=change_since_last_run(screening, store.previous_finding(screening)),
         mismatch=None
         if found is None
         else mismatch_view(found, None, ANCHOR, name, stored.held_back),
@@ -165,40 +163,34 @@ def _sheet(desk: Desk, shown: Shown) -> str | None:
     return f"/run/report?{urlencode({'id': run, 'file': MAINTENANCE})}#{anchor}"
 
 
-def _opening(
-    desk: Desk, session: Session, name: str, shown: Shown | None
-) -> tuple[datetime, datetime]:
+def _opening(desk: Desk, name: str, shown: Shown | None) -> tuple[datetime, datetime]:
     """What the plots open on: the last two hours of the screened window, else of the samples."""
     start, end = shown.stored.window if shown else (None, None)
     if start is not None and end is not None:
         return max(start, end - OPENING), end
-    number = _op_number(desk, session, name)
-    bounds = None if number is None else samples.read_bounds(session, number)
-    end = desk.now if bounds is None else datetime.fromtimestamp(bounds[1] + 1.0, desk.now.tzinfo)
+    bounds = _op_bounds(desk, name)
+    end = desk.now if bounds is None else bounds[1] + timedelta(seconds=1)
     return end - OPENING, end
 
 
-def _op_number(desk: Desk, session: Session, name: str) -> int | None:
+def _op_bounds(desk: Desk, name: str) -> tuple[datetime, datetime] | None:
     tags = tags_of(desk.site, name)
     if Role.OP not in tags or desk.site.plant is None:
         return None
-    source = desk.site.plant.valves[name].source
-    return samples.tag_number(session, source, tags[Role.OP].tag)
+    return desk.store.samples.bounds(desk.site.plant.valves[name].source, tags[Role.OP].tag)
 
 
-def _quality(
-    desk: Desk, session: Session, name: str, window: tuple[datetime, datetime]
-) -> list[Bad]:
+def _quality(desk: Desk, name: str, window: tuple[datetime, datetime]) -> list[BadSamples]:
     """Good and bad samples of each tag in the plots' window, where the store has samples."""
-    if desk.site.plant is None or name not in desk.site.plant.valves:
+    plant = desk.site.plant
+    if plant is None or name not in plant.valves or window[1] - window[0] > LONGEST:
         return []
-    source = desk.site.plant.valves[name].source
-    found = []
-    for tag in tags_of(desk.site, name).values():
-        number = samples.tag_number(session, source, tag.tag)
-        if number is not None and window[1] - window[0] <= LONGEST:
-            found.append(samples.read_bad(session, number, tag.tag, *window))
-    return found
+    source = plant.valves[name].source
+    found = (
+        desk.store.samples.bad(source, tag.tag, *window)
+        for tag in tags_of(desk.site, name).values()
+    )
+    return [one for one in found if one is not None]
 
 
 def _roles(desk: Desk, name: str) -> list[tuple[str, str]]:
