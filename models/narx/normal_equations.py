@@ -15,9 +15,9 @@ import torch
 from torch import Tensor
 
 from stemwatch.models.narx import kernel, sensitivities
+from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.batch import blocks, bounds
 from stemwatch.models.narx.levenberg_marquardt import Normal
-from stemwatch.models.narx.network import EDGE
 from stemwatch.models.narx.run_plan import Indices, segments
 from stemwatch.models.narx.sensitivities import Block, Bounds, Weights
 from stemwatch.models.narx.training_record import TrainingRecord

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from stemwatch.models.narx.network import EDGE, INPUTS
+from stemwatch.models.narx.architecture import EDGE, INPUTS
 
 # Far beyond what a useful gradient reaches: a diverging run must not fill the matrix with inf.
 LIMIT = 1e4

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from stemwatch.models.narx.actuator import NONE
+from stemwatch.models.narx.architecture import INPUTS, NO_ACTUATOR
 from stemwatch.models.narx.ensemble_run import run_plan
 from stemwatch.models.narx.example import (
     HeldOutErrors,
@@ -19,7 +19,7 @@ from stemwatch.models.narx.example import (
     StageLog,
 )
 from stemwatch.models.narx.levenberg_marquardt import one_thread
-from stemwatch.models.narx.network import INPUTS, NarxNetwork
+from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.stages import member_errors, train_members
 from stemwatch.models.narx.training_record import TrainingRecord, prepare
@@ -155,7 +155,7 @@ def _network(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> 
         scaling=valve.scaling,
         ranges=valve.ranges,
         interval_s=valve.example.interval_s,
-        actuator=valve.example.start.actuator if valve.example.start else NONE,
+        actuator=valve.example.start.actuator if valve.example.start else NO_ACTUATOR,
         reference_rmse=1.0,  # until the network exists to be run
         reference_horizon=settings.reference_horizon,
         seed=settings.seed,

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.narx import kernel, sensitivities
+from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.batch import blocks, bounds
 from stemwatch.models.narx.example import NarxExample, NarxSettings
-from stemwatch.models.narx.network import EDGE
 from stemwatch.models.narx.normal_equations import normal_of
 from stemwatch.models.narx.run_plan import CODES, Indices, Plan, PlanStep, plan_run, segments
 from stemwatch.models.narx.starts import random_starts
