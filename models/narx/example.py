@@ -76,6 +76,10 @@ class NarxSettings:
     from it; with 0 all begin from random weights. The last ``watched_share`` of the training part
     is not trained on: a stage ends for a network when its free run there has not got better for
     ``patience`` steps, and goes back to where it was best.
+
+    ``device`` is where the least squares are solved: "cpu", a device of torch such as "cuda", or
+    "auto" (see ``training.device_for``). On a GPU sums are added in another order, so that the last
+    digits of the weights differ from those of a CPU.
     """
 
     hidden: int = 5
@@ -90,6 +94,7 @@ class NarxSettings:
     seed: int = 0
     valves_per_batch: int = 32
     reference_horizon: int = 100
+    device: str = "auto"
 
     def __post_init__(self) -> None:
         counts = (self.hidden, self.seeds, self.patience, self.valves_per_batch)
@@ -152,7 +157,7 @@ class NarxFit:
 
     ``simulated`` (n,) is the free run over the whole record, in MV's unit, started from the
     measurement at its beginning, after each gap, and at ``train_until``; NaN at unusable samples.
-    ``seconds`` is the batch's time divided by the valves in it.
+    ``seconds`` is the batch's time divided by the valves in it, ``device`` where it was trained.
     """
 
     valve: str
@@ -162,6 +167,7 @@ class NarxFit:
     simulated: Floats | None = None
     log: tuple[StageLog, ...] = ()
     seconds: float = 0.0
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
         if (self.network is None) == (self.reason is None):
