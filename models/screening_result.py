@@ -101,7 +101,7 @@ def _empty_traces() -> Traces:
     return Traces()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Screening:
     """One valve, one window: verdict, numbers, evidence, and where they came from."""
 
@@ -126,6 +126,10 @@ class Screening:
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
     seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        numbers = "" if self.S.value is None else f"; S {self.S}, J {self.J}"
+        return f"{self.valve}: {self.verdict.value}, severity {self.severity:.0f}{numbers}"
 
     @property
     def window(self) -> tuple[datetime | None, datetime | None]:
@@ -185,17 +189,21 @@ class Screening:
 
 @dataclass(frozen=True, kw_only=True)
 class PreviousFinding:
-    """What was said of a valve before: the last screening of an earlier window, for the trend.
+    """What was said of a valve before, by the screening of an earlier window.
 
-    ``S`` and ``J`` in percent of OP span, ``None`` where they were not known. ``at`` is the instant
-    that screening speaks for, ``None`` where nothing tells.
+    ``at`` is the instant that screening speaks for, ``run`` the number of its run. ``S`` and ``J``
+    in percent of OP span, ``None`` where they were not known. ``finding`` is the word for what was
+    found beside S and J (of ``mismatch.findings.Finding``), ``effects`` the slugs that were named.
     """
 
+    at: datetime
+    run: int
     verdict: Verdict
+    severity: float = 0.0  # 0 to 100
     S: float | None = None
     J: float | None = None
-    severity: float = 0.0  # 0 to 100
-    at: datetime | None = None
+    finding: str | None = None
+    effects: tuple[str, ...] = ()
 
 
 def _copy(trace: Floats, first: int, last: int) -> Floats:

@@ -81,13 +81,6 @@ def read_valves(session: Session) -> list[StoredValve]:
     return [stored_valve(row) for row in session.scalars(select(ValveRow).order_by(ValveRow.id))]
 
 
-def read_previous(session: Session, valve: str, before: datetime) -> StoredScreening | None:
-    """The valve's last screening that speaks for an instant before ``before``."""
-    rows = select(ScreeningRow).where(ScreeningRow.valve == valve, ScreeningRow.at < before)
-    row = session.scalar(rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(1))
-    return None if row is None else stored_screening(row)
-
-
 def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:
     """The valve's last screenings, newest first."""
     rows = select(ScreeningRow).where(ScreeningRow.valve == valve)
