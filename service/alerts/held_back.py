@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stemwatch.models.mismatch.fleet import stands
+from stemwatch.models.false_discovery import significant
 from stemwatch.service.report.false_discoveries import Discoveries
 from stemwatch.service.store.screenings.false_discoveries import Tested
 from stemwatch.service.store.store import Store
@@ -20,7 +20,7 @@ def hold_back(store: Store, run_id: int) -> list[Tested]:
     Doing it again changes nothing. Raises ``StoreError``.
     """
     found = store.tested_of_run(run_id)
-    stood = stands([one.p_value for one in found])
+    stood = significant([one.p_value for one in found])
     named = sum(one.named and stand for one, stand in zip(found, stood, strict=True))
     held = [
         one.screening for one, stand in zip(found, stood, strict=True) if one.named and not stand
