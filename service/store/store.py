@@ -29,6 +29,15 @@ from stemwatch.service.store.runs.queue import RunQueue
 from stemwatch.service.store.runs.schedules import Schedules
 from stemwatch.service.store.samples.samples import Samples
 from stemwatch.service.store.samples.sources import Sources
+from stemwatch.service.store.screenings import (
+    baselines,
+    false_discoveries,
+    history,
+    ranking,
+    recent,
+    restored,
+    screenings,
+)
 from stemwatch.service.store.screenings.false_discoveries import Tested
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
 from stemwatch.service.store.screenings.previous import read_previous
@@ -49,15 +58,6 @@ from stemwatch.service.store.screenings.records import (
 )
 from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.screenings.rows import stored_run
-from stemwatch.service.store.screenings.screenings import (
-    baselines,
-    false_discoveries,
-    history,
-    ranking,
-    recent,
-    restored,
-    screenings,
-)
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
 _Window = tuple[datetime | None, datetime | None]
