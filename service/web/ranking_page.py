@@ -13,8 +13,8 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.wording import WORST_FIRST
 from stemwatch.service.report.change_since_last_run import change_since_last_run
-from stemwatch.service.report.wording import WORST_FIRST
 from stemwatch.service.web.desk import AtDesk
 from stemwatch.service.web.queries import alerts
 from stemwatch.service.web.queries.ranking import (

@@ -13,8 +13,8 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Role
-from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
 from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
@@ -49,6 +49,7 @@ class Shown:
     stored: StoredScreening
     trend: Change
     mismatch: MismatchView | None
+    said: PresentedFinding
 
 
 @router.get("/valve")
@@ -141,8 +142,10 @@ def _shown(session: Session, name: str) -> Shown | None:
     indicators = {name: indicator_of(name, point) for name, point in points.items()}
     screening = screening_of(stored, indicators)
     found = screening.mismatch
+    stands = not stored.held_back if found is not None and found.effects else None
     return Shown(
         screening=screening,
+        said=present(screening, stands=stands),
         stored=stored,
         trend=change_since_last_run(screening, finding_of(latest[1]) if len(latest) > 1 else None),
         mismatch=None
@@ -153,9 +156,7 @@ def _shown(session: Session, name: str) -> Shown | None:
 
 def _sheet(desk: Desk, shown: Shown) -> str | None:
     """Where the valve's page for maintenance is; ``None`` where it has none, or none is kept."""
-    found = shown.screening.mismatch
-    stands = not shown.stored.held_back if found is not None and found.effects else None
-    if not needs_work(kinds_of(shown.screening, stands=stands)):
+    if not shown.said.decision.has_page:
         return None
     run = shown.stored.run_id
     folder = report_folder(desk, run)

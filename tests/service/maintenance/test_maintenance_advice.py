@@ -8,8 +8,8 @@ import re
 import pytest
 
 from stemwatch.models.mismatch import terms
-from stemwatch.service.maintenance import finding_kinds as k
-from stemwatch.service.maintenance.advice import (
+from stemwatch.service.presenter import work_decision as k
+from stemwatch.service.presenter.advice import (
     ISOLATION,
     MOST_STEPS,
     IsolationLevel,

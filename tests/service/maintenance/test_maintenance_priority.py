@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
 from stemwatch.service.maintenance.priority import (
     CLASSES,
@@ -30,6 +29,7 @@ from stemwatch.service.maintenance.work_sheet import (
     FALSE_EFFECT_SCATTERED,
     FALSE_STICKY,
 )
+from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.store.screenings.records import Remark
 from tests.service.report.conftest import screening
