@@ -11,15 +11,15 @@ from datetime import tzinfo
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import first_seen as s
 from stemwatch.service.maintenance.drawing import Drawing
 from stemwatch.service.maintenance.evidence_picture import picture_of
 from stemwatch.service.maintenance.first_seen import FirstSeen
 from stemwatch.service.maintenance.priority import Priority, priority
-from stemwatch.service.maintenance.valve_history import EarlierScreening, ValveHistory
-from stemwatch.service.plantfile.stroke import Stroke, parse_stroke
+from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discoveries
 from stemwatch.service.presenter.finding import PresentedFinding
@@ -68,7 +68,7 @@ class WorkSheet:
     isolation: tuple[tuple[IsolationLevel, str], ...]
     since: s.FirstSeen
     since_said: tuple[str, ...]
-    past: tuple[EarlierScreening, ...]
+    past: tuple[PreviousFinding, ...]
     sure: tuple[str, ...]
     priority: Priority
     picture: Drawing | None

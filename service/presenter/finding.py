@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, is_term
 from stemwatch.service.presenter.beside_friction import beside_friction, without_them

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Effect, Finding
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter.wording import finite
 

@@ -12,15 +12,15 @@ from datetime import datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Indicator, Residual, Screening
 from stemwatch.models.mismatch.findings import (
     Effect,
-    HeldOut,
+    HeldOutFit,
     HotPlace,
     Mismatch,
     RecordEffect,
     Stiction,
 )
+from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
 from stemwatch.service.presenter.wording import finite, printable
@@ -116,7 +116,7 @@ def _stiction(stiction: Stiction) -> dict[str, Any]:
     return {"S": estimate_object(stiction.S), "J": estimate_object(stiction.J)}
 
 
-def _heldout(heldout: HeldOut) -> dict[str, float | None]:
+def _heldout(heldout: HeldOutFit) -> dict[str, float | None]:
     return {name: finite(getattr(heldout, name)) for name in HELD_OUT}
 
 

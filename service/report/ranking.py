@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import overload
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import ResidualMap
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present

@@ -13,15 +13,15 @@ from datetime import UTC, datetime
 from itertools import accumulate
 from pathlib import Path
 
-from stemwatch.models.findings import PreviousFinding, Residual, Screening
 from stemwatch.models.limits import Limits
+from stemwatch.models.screening_result import PreviousFinding, Residual, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.alerts.held_back import hold_back
+from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.html_page import MOST_PLOTTED
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
@@ -89,9 +89,7 @@ def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
 
     def keep(screenings: Sequence[Screening]) -> None:
         """Save what is done at once: a run that is cut short loses what was not begun, no more."""
-        previous.update(
-            {one.valve: previous_finding(how.store, one, started) for one in screenings}
-        )
+        previous.update({one.valve: how.store.previous_finding(one, started) for one in screenings})
         saved = how.store.save_many(screenings, number, compared)
         not_saved.extend((failure.valve, failure.reason) for failure in saved.failures)
 
@@ -206,23 +204,6 @@ def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
 def _after(screening: Screening, instant: datetime) -> bool:
     start, _ = screening.window
     return start is not None and start >= instant
-
-
-def previous_finding(store: Store, screening: Screening, now: datetime) -> PreviousFinding | None:
-    """What was found of the valve in an earlier window, for the trend."""
-    _, end = screening.window
-    kept = store.previous(screening.valve, end or now)
-    if kept is None:
-        return None
-    if end is None and kept.provenance.digest == screening.provenance.digest:
-        return None  # the same file without dates again is not a change
-    return PreviousFinding(
-        verdict=kept.verdict,
-        S=kept.S.value,
-        J=kept.J.value,
-        severity=kept.severity,
-        at=kept.at,
-    )
 
 
 def _context(

@@ -17,7 +17,7 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
-from stemwatch.service.plantfile import Plant, Valve
+from stemwatch.service.config import Plant, Valve
 from stemwatch.service.run.header import header_tags
 from stemwatch.service.run.task import InStore, Task, open_archive, open_file
 

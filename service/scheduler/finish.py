@@ -9,7 +9,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.held_back import Tested, hold_back, p_elsewhere

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 
 
 class Worst:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from stemwatch.connectors.connector import Window
-from stemwatch.models.findings import PreviousFinding, Screening
-from stemwatch.service.plantfile import Plant
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.config import Plant
 from stemwatch.service.run.chunking import make_chunks
-from stemwatch.service.run.engine import keep_network, previous_finding
+from stemwatch.service.run.engine import keep_network
 from stemwatch.service.run.task import StoredBaseline
 from stemwatch.service.scheduler.kept import Worst
 from stemwatch.service.scheduler.work import ValveJob, job_of, screen_jobs
@@ -143,7 +143,7 @@ class ValveRun:
             self.store.queue.mark(self.run.id, valve, ValveState.SET_ASIDE, outcome.reason)
             return
         for screening in outcome.result:
-            self.previous[valve] = previous_finding(self.store, screening, self.run.started)
+            self.previous[valve] = self.store.previous_finding(screening, self.run.started)
             self.store.save(screening, self.run.id, self._compared.get(valve))
             keep_network(screening, self.store)
         self.worst.add(outcome.result)
@@ -159,7 +159,7 @@ def missing_pictures(
     for outcome in pool.each(screen_jobs, [[job] for job in jobs], stop):
         if outcome.result:
             for screening in outcome.result:
-                found = previous_finding(run.store, screening, run.run.started)
+                found = run.store.previous_finding(screening, run.run.started)
                 run.previous[screening.valve] = found
             run.worst.add(outcome.result)
 

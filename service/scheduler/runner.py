@@ -9,7 +9,7 @@ import threading
 import uuid
 from datetime import timedelta
 
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.scheduler.cluster_pool import ClusterPool
 from stemwatch.service.scheduler.finish import finish
 from stemwatch.service.scheduler.run import BEAT_S, Heart, ValveRun, ended

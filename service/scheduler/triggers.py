@@ -9,7 +9,7 @@ from zoneinfo import ZoneInfo
 
 from apscheduler.triggers.base import BaseTrigger
 
-from stemwatch.service.plantfile.cron import CronTimes
+from stemwatch.service.config.cron import CronTimes
 from stemwatch.service.store.runs.schedule import Schedule
 
 # Intervals are counted from a fixed midnight, so that a restart does not shift them.

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 from stemwatch.connectors.connector import ValveTags, Window
 from stemwatch.connectors.historian import ReadOptions
-from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
-from stemwatch.service.plantfile import Plant
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.config import Plant
 from stemwatch.service.run.plan import archive_task, live_task, tasks_of_files
 from stemwatch.service.run.task import Chunk, StoredBaseline, Task, screen_chunk
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stemwatch.service.access.setup import first_link
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.scheduler import Alarm, Planner, Runner
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.collecting import Collecting

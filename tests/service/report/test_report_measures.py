@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from stemwatch.models.findings import DataQuality, Indicator, Residual
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.beside_friction import beside_friction, without_them
 from stemwatch.service.presenter.wording import beyond

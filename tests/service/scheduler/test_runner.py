@@ -16,7 +16,7 @@ import pytest
 from sqlalchemy import text
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.scheduler import Runner
 from stemwatch.service.scheduler.run import UNKNOWN
 from stemwatch.service.store.runs.queue import Wanted
@@ -26,7 +26,7 @@ from stemwatch.service.store.store import Store
 HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"
 WORK = """
 import sys, threading
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.scheduler import Runner
 from stemwatch.service.store.store import open_store
 if __name__ == "__main__":

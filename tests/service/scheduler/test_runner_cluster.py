@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.run import chunking
 from stemwatch.service.scheduler import Runner
 from stemwatch.service.store.runs.queue import Wanted
