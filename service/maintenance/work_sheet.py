@@ -120,7 +120,9 @@ def work_sheet_of(
         since_said=_since(seen, screening, background, zone),
         past=tuple(earlier[:MOST_PAST]),
         sure=how_sure(screening, valve.stands, found, seen),
-        priority=priority(said.decision.severity, valve.facts.criticality, valve.trend),
+        priority=priority(
+            finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
+        ),
         picture=picture,
         picture_note=note,
         run=background.run,

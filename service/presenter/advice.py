@@ -11,8 +11,12 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
 
 from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel, check_steps
+
+if TYPE_CHECKING:
+    from stemwatch.models.mismatch.term import Words
 
 MOST_STEPS = 9  # a page holds no more, and nobody reads more at the valve
 LEVEL_NAME = {
@@ -67,11 +71,12 @@ def advice_for(kind: str) -> FieldAdvice:
     return known.get(kind, known["unknown"])
 
 
-def is_term(kind: str) -> bool:
-    """Whether ``kind`` is a term of physics that this version knows, with words of its own."""
+def term_words(slug: str) -> Words | None:
+    """The words of a term of physics; ``None`` where this version does not know it."""
     from stemwatch.models.mismatch.terms import catalogue as terms
 
-    return kind in terms()
+    term = terms().get(slug)
+    return None if term is None else term.words
 
 
 def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:

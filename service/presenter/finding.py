@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.advice import advice_for, is_term
+from stemwatch.service.presenter.advice import advice_for, term_words
 from stemwatch.service.presenter.beside_friction import beside_friction, without_them
 from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, others
@@ -106,18 +106,19 @@ def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
 
 
 def present_effect(effect: Effect) -> PresentedEffect:
-    """One effect in words. What to check stands with its term; a term of another version is said
-    as it was stored."""
-    known = is_term(effect.slug)
+    """One effect in words. What to check and the test that tells stand with its term; a term of
+    another version is said as it was stored."""
+    words = term_words(effect.slug)
     alike = others(effect)
+    decide = effect.decide if words is None else words.decide
     return PresentedEffect(
         slug=effect.slug,
         name=effect_name(effect.slug),
         sentence=effect.sentence,
         where=effect.where,
-        check=advice_for(effect.slug).check if known else effect.check,
+        check=effect.check if words is None else words.check,
         instead=effect_names(alike),
-        decide=effect.decide if alike else "",
+        decide=decide if alike else "",
         evidence=_evidence(effect),
     )
 

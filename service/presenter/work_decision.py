@@ -8,6 +8,7 @@ apart.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -65,7 +66,7 @@ class WorkState(StrEnum):
 class WorkDecision:
     """The decision on one screening.
 
-    ``kinds`` has the kind to act on first at its front; ``severity`` is 0 to 100, 100 is worst;
+    ``kinds`` has the kind to act on first at its front; ``severity`` is 0 to 100 (NaN: not known);
     ``effects`` are those that work may be planned on.
     """
 
@@ -150,9 +151,10 @@ def _severity(screening: Screening, kinds: tuple[str, ...]) -> float:
     it could not measure.
     """
     own = [SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)]
-    if screening.verdict is not Verdict.UNDETERMINED or not own:
-        own.append(finite(screening.severity) or 0.0)
-    return min(max(own), 100.0)
+    judged = finite(screening.severity)
+    if judged is not None and (screening.verdict is not Verdict.UNDETERMINED or not own):
+        own.append(judged)
+    return min(max(own), 100.0) if own else math.nan
 
 
 def _has_own_severity(kind: str) -> bool:

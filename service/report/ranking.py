@@ -14,7 +14,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
-from stemwatch.service.presenter.wording import WORST_FIRST, printable
+from stemwatch.service.presenter.wording import WORST_FIRST, finite, printable
 from stemwatch.service.presenter.work_decision import (
     WorkCounts,
     WorkDecision,
@@ -166,7 +166,7 @@ def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
 
 def _key(screening: Screening, decided: WorkDecision) -> RankKey:
     state, verdict = list(WorkState).index(decided.state), WORST_FIRST.index(screening.verdict)
-    return state, verdict, -decided.severity, screening.valve
+    return state, verdict, -(finite(decided.severity) or 0.0), screening.valve
 
 
 def anchor_of(valve: str, taken: Counter[str]) -> str:

@@ -57,9 +57,9 @@ class ActuatorLag(CommandTerm):
                 ),
                 (
                     "air: Clean or exchange nozzle and filter of the I/P converter; check bore "
-                    "and length of the tubing, and the diaphragm or piston seals."
+                    "of the tubing, diaphragm, piston seals."
                 ),
-                "air: Where all is well: a booster, or a positioner with more air capacity.",
+                "air: Where all is well: a booster, or a positioner with more air.",
             ),
             parts=(
                 "I/P converter or its nozzle and filter",

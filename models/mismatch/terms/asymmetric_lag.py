@@ -60,8 +60,8 @@ class AsymmetricLag(CommandTerm):
             title="slow one way (lag)",
             steps=check_steps(
                 (
-                    "desk: See which way is the slow one (finding above); whether that way "
-                    "fills or vents depends on the actuator's action."
+                    "desk: See which way is slow (finding above); whether it fills or vents "
+                    "depends on the actuator's action."
                 ),
                 (
                     "look: Where it vents slowly: exhaust port and silencer, ice, paint, "
@@ -69,7 +69,7 @@ class AsymmetricLag(CommandTerm):
                 ),
                 "manual: Step OP by 5 % and by 20 % in the slow direction and time both.",
                 (
-                    "air: Clean or exchange silencer, quick exhaust, one-way restrictor or the "
+                    "air: Clean or exchange silencer, quick exhaust, restrictor or the "
                     "positioner's relay; look at the diaphragm."
                 ),
             ),

@@ -64,18 +64,15 @@ class AsymmetricRateLimit(CommandTerm):
             title="top speed too low one way",
             steps=check_steps(
                 (
-                    "desk: See which way is the slow one (finding above); whether that way "
-                    "fills or vents depends on the actuator's action."
+                    "desk: See which way is slow (finding above); whether it fills or vents "
+                    "depends on the actuator's action."
                 ),
+                "look: Look for a throttled speed controller, a blocked exhaust, a kinked tube.",
+                "manual: Step OP by 5 % and by 20 % in the slow direction; read the supply gauge.",
                 (
-                    "look: Look for a throttled one-way speed controller, a blocked exhaust or "
-                    "silencer, a closed bypass needle of the booster, a kinked tube."
+                    "air: Open or clean what is throttled; check volume tank, booster and its "
+                    "bypass needle."
                 ),
-                (
-                    "manual: Step OP by 5 % and by 20 % in the slow direction; read the supply "
-                    "gauge meanwhile."
-                ),
-                "air: Open or clean what is throttled; check volume tank and booster.",
                 "air: Where the spring alone drives the slow stroke: check the bench set.",
             ),
             parts=(

@@ -41,19 +41,16 @@ class TravelStop(StemTerm):
             title="stem stands on a stop",
             steps=check_steps(
                 (
-                    "desk: Look for travel limits and cut-off in the positioner's and the "
-                    "controller's settings."
+                    "desk: Look for travel limits and cut-off in the settings of positioner and "
+                    "controller."
                 ),
-                "look: Look for a handwheel or a limit stop left engaged.",
+                "look: Look for a handwheel or a limit stop left on.",
                 (
                     "look: Look at the stem itself: if it goes on while MV stands, the "
                     "transmitter is saturated."
                 ),
-                (
-                    "manual: Drive the valve slowly beyond the place and back; read the "
-                    "actuator's pressure."
-                ),
-                "air: Check stem coupling, bench set and supply pressure for the full stroke.",
+                "manual: Drive the valve slowly beyond the place and back; read its air pressure.",
+                "air: Check coupling, bench set and supply pressure for the full stroke.",
                 "line: Look for a foreign body or deposits on the seat.",
             ),
             parts=(
