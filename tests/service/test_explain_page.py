@@ -65,7 +65,7 @@ def test_the_page_says_everything_in_words(written):
         "hidden physics named",
         "candidates that this recording cannot tell apart",
         "Look for a throttled speed controller, a blocked exhaust, a kinked tube.",
-        "Step OP by 2 % and by 10 %, then ramp it at two speeds",
+        "Look whether other valves from the same source show the same delay",
         "82 % of the residual lies where the stem falls",
         "MV never came within 10 % of an end of travel.",
         "11.8 → 1.00",
