@@ -9,7 +9,7 @@ from __future__ import annotations
 import hmac
 from datetime import datetime, timedelta
 
-from stemwatch.service.access.rights import Visitor
+from stemwatch.service.access.permissions import CurrentUser
 from stemwatch.service.access.secret import digest_of, new_secret
 from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.store import Store
@@ -37,9 +37,9 @@ def begin_session(
     return secret
 
 
-def visitor_of_cookie(
+def user_of_cookie(
     store: Store, cookie: str, now: datetime, *, active: bool = True
-) -> Visitor | None:
+) -> CurrentUser | None:
     """Who asks with this cookie; ``None`` where its session has ended. ``active`` is false for
     what a page asks for by itself, which keeps no session alive."""
     digest = digest_of(cookie)
@@ -49,7 +49,7 @@ def visitor_of_cookie(
     if active and now - found.seen >= NOTED_EVERY:
         store.web_sessions.touch(digest, now)
     user = found.user
-    return Visitor(
+    return CurrentUser(
         name=user.name,
         role=user.role,
         how=SESSION,

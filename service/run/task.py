@@ -10,9 +10,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stemwatch.connectors.archive.address import Archive, ArchiveAddress
 from stemwatch.connectors.connector import (
     WHOLE,
+    ArchiveAddress,
+    ArchiveConnector,
     Connector,
     ConnectorError,
     ValveTags,
@@ -121,7 +122,7 @@ def _open_store(address: Address) -> Store:
 
 
 @lru_cache(maxsize=4)
-def open_archive(address: ArchiveAddress) -> Archive:
+def open_archive(address: ArchiveAddress) -> ArchiveConnector:
     """The archive, opened once in each process: its footers are read once."""
     return address.open()
 
@@ -169,7 +170,7 @@ def screen_chunk(chunk: Chunk) -> list[Screening]:
     results: list[Screening | None] = []
     cases: list[Case] = []
     for task in chunk.tasks:
-        case = _read(task)
+        case = case_of(task)
         results.append(case if isinstance(case, Screening) else None)
         if not isinstance(case, Screening):
             cases.append(case)
@@ -177,7 +178,9 @@ def screen_chunk(chunk: Chunk) -> list[Screening]:
     return [result if result is not None else next(screened) for result in results]
 
 
-def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+    """The recording of a task with its valve's baseline; a screening with the reason where it
+    cannot be read."""
     from stemwatch.models.screening import Case
 
     if task.reason:

@@ -9,7 +9,7 @@ import pytest
 from stemwatch.service.access.sessions import mark_of
 from stemwatch.service.store.accounts.records import Role
 from stemwatch.service.store.screenings.records import RunState
-from stemwatch.service.web.forms import COOKIE
+from stemwatch.service.web.auth.forms import COOKIE
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
 
