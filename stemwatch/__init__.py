@@ -17,6 +17,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from stemwatch.functions import explain as explain
+    from stemwatch.functions import read as read
+    from stemwatch.functions import screen as screen
+    from stemwatch.functions import simulate as simulate
     from stemwatch.models.recording import Recording as Recording
 
     __version__: str

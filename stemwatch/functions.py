@@ -8,9 +8,28 @@ from dataclasses import fields, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
+from stemwatch.inputs import (
+    FileOptions,
+    FilePath,
+    InputOptions,
+    OneValve,
+    SignalInput,
+    asked,
+    is_several,
+    one_recording,
+    several,
+)
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
+from stemwatch.results import (
+    ExplainedValve,
+    ExplainedValves,
+    ScreenedValve,
+    ScreenedValves,
+    explained,
+    screened,
+)
 
 if TYPE_CHECKING:
     from stemwatch.service.explain.explained import Explained
@@ -341,6 +360,7 @@ def simulate(
         >>> sw.simulate(S=5, J=2, minutes=10)  # doctest: +ELLIPSIS
         FIC-101: op, mv, pv, sp, mode; 600 samples of 1 s (10 min) from ... 06:00 UTC, 100 % usable
     """
+    from stemwatch.simulation import sticking_flow_loop
 
     recording = sticking_flow_loop(
         S=S,

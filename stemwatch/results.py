@@ -112,6 +112,7 @@ class ScreenedValve:
         Returns a matplotlib ``Figure``. Raises ``ModuleNotFoundError`` without matplotlib (extra
         ``notebook``) and ``ValueError`` where there are no samples to draw.
         """
+        from stemwatch.plots import screening_figure
 
         return screening_figure(self.screening)
 
@@ -128,6 +129,7 @@ class ScreenedValve:
         return "\n".join(lines + _mismatch_lines(found.mismatch, self.remark))
 
     def _repr_html_(self) -> str:
+        from stemwatch.html import screened_card
 
         return screened_card(self.screening, self.remark)
 
@@ -194,6 +196,7 @@ class ExplainedValve:
         Returns a matplotlib ``Figure``. Raises ``ModuleNotFoundError`` without matplotlib (extra
         ``notebook``) and ``ValueError`` where there are no samples to draw.
         """
+        from stemwatch.plots import mismatch_figure
 
         return mismatch_figure(self.recording, self.mismatch)
 
@@ -207,6 +210,7 @@ class ExplainedValve:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
+        from stemwatch.html import explained_card
 
         return explained_card(self.valve, self.mismatch, self.remark)
 
@@ -297,6 +301,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
         return "\n".join(lines + _wrapped(self.discoveries.sentence))
 
     def _repr_html_(self) -> str:
+        from stemwatch.html import screened_table
 
         ranked = [(one.screening, one.stands) for one in self.ranked()]
         return screened_table(ranked, self.discoveries.sentence)
