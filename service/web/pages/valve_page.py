@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -11,14 +12,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
+from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.recording import Role
-from stemwatch.models.screening_result import Screening
+from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
-from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
+from stemwatch.service.store.screenings.records import StoredScreening, StoredValve, TrendPoint
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web.api.history import read_marks
@@ -26,7 +28,6 @@ from stemwatch.service.web.api.signals import LONGEST, tags_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import Sent
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.indicator_meanings import indicator_of
 from stemwatch.service.web.pages.ranking_page import bar_top
 from stemwatch.service.web.pages.run_report import MAINTENANCE, report_folder
 from stemwatch.service.web.queries import alerts, samples
@@ -153,6 +154,20 @@ def _shown(deps: Dependencies, session: Session, name: str) -> ShownScreening | 
         mismatch=None
         if found is None
         else mismatch_view(found, None, ANCHOR, name, stored.held_back),
+    )
+
+
+def indicator_of(name: str, point: TrendPoint) -> Indicator:
+    """A stored number with what it means; NaN where the store has none."""
+    says, worse = meaning_of(name)
+    return Indicator(
+        name=name,
+        value=math.nan if point.value is None else point.value,
+        unit=point.unit,
+        meaning=says,
+        worse=worse,
+        low=point.low,
+        high=point.high,
     )
 
 

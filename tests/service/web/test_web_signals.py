@@ -13,10 +13,11 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.screening import Case, screen
 from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.screenings.records import TrendPoint
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.api.loop import fitted_run, loop_of
 from stemwatch.service.web.api.signals import SignalWindow, signals_of
-from stemwatch.service.web.pages.indicator_meanings import MEANINGS
+from stemwatch.service.web.pages.valve_page import indicator_of
 from stemwatch.service.web.queries.samples import read_bad, read_drawn, tag_number, with_holes
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import J_MADE, NOW, S_MADE, SOURCE, STICKY, reader_of
@@ -204,12 +205,18 @@ def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
 
 
 def test_every_indicator_of_a_screening_has_its_words(live):
-    """The words here are those of the models: meaning and worse direction agree."""
+    """A number that comes back from the store means what it meant when it was found."""
     read = reader_of(live.store)
     window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
     (screened,) = screen([Case(recording=read(STICKY, window))])
     found = screened.indicators
     assert len(found) > 12
+    restored = {
+        name: indicator_of(
+            name, TrendPoint(at=NOW, value=one.value, low=one.low, high=one.high, unit=one.unit)
+        )
+        for name, one in found.items()
+    }
     assert {name: (one.meaning, one.worse) for name, one in found.items()} == {
-        name: MEANINGS[name] for name in found
+        name: (again.meaning, again.worse) for name, again in restored.items()
     }
