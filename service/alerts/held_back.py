@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stemwatch.models.false_discovery import significant
-from stemwatch.service.report.false_discoveries import Discoveries
+from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.store.screenings.false_discoveries import Tested
 from stemwatch.service.store.store import Store
 

@@ -14,8 +14,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
-from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
 from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
@@ -48,6 +48,7 @@ class ShownScreening:
     stored: StoredScreening
     trend: Change
     mismatch: MismatchView | None
+    said: PresentedFinding
 
 
 @router.get("/valve")
@@ -142,8 +143,10 @@ def _shown(store: Store, name: str) -> ShownScreening | None:
     indicators = {name: indicator_of(name, point) for name, point in points.items()}
     screening = screening_of(stored, indicators)
     found = screening.mismatch
+    stands = not stored.held_back if found is not None and found.effects else None
     return ShownScreening(
         screening=screening,
+        said=present(screening, stands=stands),
         stored=stored,
         trend=change_since_last_run(screening, store.previous_finding(screening)),
         mismatch=None
@@ -168,9 +171,7 @@ def indicator_of(name: str, point: TrendPoint) -> Indicator:
 
 def _sheet(deps: Dependencies, shown: ShownScreening) -> str | None:
     """Where the valve's page for maintenance is; ``None`` where it has none, or none is kept."""
-    found = shown.screening.mismatch
-    stands = not shown.stored.held_back if found is not None and found.effects else None
-    if not needs_work(kinds_of(shown.screening, stands=stands)):
+    if not shown.said.decision.has_page:
         return None
     run = shown.stored.run_id
     folder = report_folder(deps, run)
