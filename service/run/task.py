@@ -170,7 +170,7 @@ def screen_chunk(chunk: Chunk) -> list[Screening]:
     results: list[Screening | None] = []
     cases: list[Case] = []
     for task in chunk.tasks:
-        case = _read(task)
+        case = case_of(task)
         results.append(case if isinstance(case, Screening) else None)
         if not isinstance(case, Screening):
             cases.append(case)
@@ -178,7 +178,9 @@ def screen_chunk(chunk: Chunk) -> list[Screening]:
     return [result if result is not None else next(screened) for result in results]
 
 
-def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+    """The recording of a task with its valve's baseline; a screening with the reason where it
+    cannot be read."""
     from stemwatch.models.screening import Case
 
     if task.reason:
