@@ -28,6 +28,8 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "S_percent": ("Deadband plus stickband, percent of OP span", "up"),
     "J_percent": ("Slip jump, percent of OP span", "up"),
     "S_of_swing_percent": ("S in percent of OP's own swing", "up"),
+    "S_of_travel_percent": ("S in percent of travel, where OP strokes by a curve", "up"),
+    "J_of_travel_percent": ("J in percent of travel, where OP strokes by a curve", "up"),
     "dead_band_percent": ("Dead band, S - J", "up"),
     "naive_S_percent": ("S of S and J alone", "none"),
     "naive_J_percent": ("J of S and J alone", "none"),

@@ -103,6 +103,9 @@ def of_friction(
         *_one("naive_J_percent", naive_J, "%"),
         *_one("position_zero_percent", zero, "%"),
     ]
+    if op_per_travel != 1.0:
+        found += _one("S_of_travel_percent", S.value / op_per_travel, "%")
+        found += _one("J_of_travel_percent", (J.value or 0.0) / op_per_travel, "%")
     return [*found, *(_of_actuator(fit) if fit.hypothesis == "both" else [])]
 
 

@@ -64,7 +64,20 @@ def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[s
         },
         "p_value": finite(mismatch.p_value),
         "stands": stands,
+        "stroke_curve": _stroke_curve(mismatch.stroke_curve),
         "seconds": finite(mismatch.seconds),
+    }
+
+
+def _stroke_curve(curve: StrokeCurve | None) -> dict[str, Any] | None:
+    if curve is None:
+        return None
+    return {
+        "op_percent": list(curve.op),
+        "travel_percent": list(curve.travel),
+        "slope": curve.slope,
+        "slope_known": curve.slope_known,
+        "sentence": printable(curve.sentence()),
     }
 
 
