@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.fleet import LEVEL, stands
+from stemwatch.models.false_discovery import LEVEL, significant
 
 LEVELS = st.sampled_from([0.01, LEVEL, 0.1, 0.5])
 # Few values, so that ties are common; and any value at all.
@@ -28,41 +28,41 @@ def plainly(p_values, level):
 @given(p_values=st.lists(P_VALUES, max_size=30), level=LEVELS)
 def test_it_is_the_procedure_of_benjamini_and_hochberg(p_values, level):
     """The sorted form and the definition agree; what has no p value never stands."""
-    assert stands(p_values, level) == plainly([*p_values], level)
+    assert significant(p_values, level) == plainly([*p_values], level)
 
 
 def test_a_case_that_can_be_checked_by_hand():
     """Of ten valves the limits are 0.005, 0.010, 0.015 ...: the third is above its own, and stands
     all the same because the fourth is below."""
     p_values = [0.004, 0.019, 0.016, 0.009, 0.030, 0.5, None, None, None, None]
-    assert [k for k, one in enumerate(stands(p_values, 0.05)) if one] == [0, 1, 2, 3]
+    assert [k for k, one in enumerate(significant(p_values, 0.05)) if one] == [0, 1, 2, 3]
 
 
 def test_without_findings_nothing_stands():
     """No valve at all, and valves of which none has anything named."""
-    assert stands([]) == []
-    assert stands([None, None, None]) == [False, False, False]
+    assert significant([]) == []
+    assert significant([None, None, None]) == [False, False, False]
 
 
 def test_equal_findings_share_their_fate():
     """Four at 0.02 stand among ten valves and fall among eleven, all of them."""
-    assert stands([0.02] * 4 + [None] * 6) == [True] * 4 + [False] * 6
-    assert stands([0.02] * 4 + [None] * 7) == [False] * 11
+    assert significant([0.02] * 4 + [None] * 6) == [True] * 4 + [False] * 6
+    assert significant([0.02] * 4 + [None] * 7) == [False] * 11
 
 
 @given(p_values=st.lists(P_VALUES, min_size=1, max_size=20), seed=st.integers(0, 99))
 def test_the_order_of_the_valves_does_not_matter(p_values, seed):
     """Each valve keeps its answer when the plant is listed in another order."""
     order = np.random.default_rng(seed).permutation(len(p_values))
-    stood = stands(p_values)
-    assert stands([p_values[k] for k in order]) == [stood[k] for k in order]
+    stood = significant(p_values)
+    assert significant([p_values[k] for k in order]) == [stood[k] for k in order]
 
 
 @given(p_values=st.lists(P_VALUES, max_size=20), more=st.integers(1, 200))
 def test_more_valves_with_nothing_named_never_help(p_values, more):
     """What stands among many stands among few: a valve that was looked at counts."""
-    among_many = stands([*p_values, *[None] * more])[: len(p_values)]
-    alone = stands(p_values)
+    among_many = significant([*p_values, *[None] * more])[: len(p_values)]
+    alone = significant(p_values)
     assert all(few or not many for few, many in zip(alone, among_many, strict=True))
 
 
@@ -74,7 +74,7 @@ def test_the_share_of_false_findings_is_at_most_the_level():
     for _ in range(2000):
         chance = np.where((p := rng.random(40)) <= 0.025, p, np.nan)  # named at p <= 0.025 only
         p_values = [*rng.uniform(0.0, 0.008, 10), *(None if np.isnan(p) else p for p in chance)]
-        stood = stands(p_values)
+        stood = significant(p_values)
         shares.append(sum(stood[10:]) / max(sum(stood), 1))
         real.append(sum(stood[:10]))
     assert np.mean(shares) <= LEVEL

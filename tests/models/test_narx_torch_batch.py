@@ -9,9 +9,9 @@ import torch
 from stemwatch.models.narx import kernel
 from stemwatch.models.narx.levenberg_marquardt import one_thread
 from stemwatch.models.narx.run_plan import plan_run
-from stemwatch.models.narx.sensitivities import (
-    Block,
-    Bounds,
+from stemwatch.models.narx.torch_batch import (
+    Clamps,
+    SegmentBlock,
     Weights,
     jacobian,
     normal_matrix,
@@ -23,20 +23,20 @@ WIDE = (-50.0, 50.0, -50.0, 50.0, -50.0, 50.0)
 NARROW = (-1.4, 1.5, -0.4, 0.3, -0.8, 0.9)
 
 
-def block(seed: int = 0) -> Block:
+def block(seed: int = 0) -> SegmentBlock:
     """Random segments, the last two of them padded."""
     make = np.random.default_rng(seed)
     level, move, target = (torch.from_numpy(make.normal(size=(NETS, STEPS, ROWS))) for _ in "lmt")
     mask = torch.ones(NETS, STEPS, ROWS, dtype=torch.float64)
     mask[:, 25:, 2], mask[:, :, 3] = 0.0, 0.0
     before, last = (torch.from_numpy(0.3 * make.normal(size=(NETS, ROWS))) for _ in "bl")
-    return Block(level=level, move=move, target=target, mask=mask, before=before, last=last)
+    return SegmentBlock(level=level, move=move, target=target, mask=mask, before=before, last=last)
 
 
-def bounds(limits: tuple[float, ...]) -> Bounds:
+def bounds(limits: tuple[float, ...]) -> Clamps:
     names = ("error_low", "error_high", "slowest", "fastest", "low", "high", "ratio")
     columns = [torch.full((NETS, 1), value, dtype=torch.float64) for value in (*limits, 1.7)]
-    return Bounds(**dict(zip(names, columns, strict=True)))
+    return Clamps(**dict(zip(names, columns, strict=True)))
 
 
 def flat_weights(seed: int = 5) -> torch.Tensor:
@@ -46,7 +46,9 @@ def flat_weights(seed: int = 5) -> torch.Tensor:
     return flat
 
 
-def autograd_run(w: torch.Tensor, piece: Block, net: int, row: int, limits: tuple[float, ...]):  # type: ignore[no-untyped-def]
+def autograd_run(
+    w: torch.Tensor, piece: SegmentBlock, net: int, row: int, limits: tuple[float, ...]
+):  # type: ignore[no-untyped-def]
     """The network's equations for one segment, with a graph, written without the batch."""
     value, gate, rows = w[:10], w[10:16], w[16:].reshape(5, 5)
     before, last = piece.before[net, row], piece.last[net, row]

@@ -1,7 +1,7 @@
 """Which of a run's effects stand when all its valves are looked at together, and how that is said.
 
 Among many valves chance alone names something on a few. Of the effects that stand, at most
-``LEVEL`` are expected to be due to chance (``models.mismatch.fleet``); the others are held back.
+``LEVEL`` are expected to be due to chance (``models.false_discovery``); the others are held back.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeGuard
 
+from stemwatch.models.false_discovery import LEVEL, significant
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.models.mismatch.fleet import LEVEL, stands
 
 LEVEL_PERCENT = f"{100.0 * LEVEL:g} %"
 
@@ -69,7 +69,7 @@ def discoveries(
     An effect without a p value, as an older version stored it, is held back.
     """
     p_values = [one.p_value for one in mismatches if tested(one)]
-    verdicts = iter(stands([*p_values, *elsewhere]))
+    verdicts = iter(significant([*p_values, *elsewhere]))
     standing = tuple(_named(one, next(verdicts)) if tested(one) else None for one in mismatches)
     # The verdicts that are left are those of ``elsewhere``.
     others = [stood for stood, p in zip(verdicts, elsewhere, strict=True) if p is not None]
