@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from importlib.metadata import entry_points
 
 from stemwatch.service.alerts.notifiers.notifier import Notifier as Notifier
+from stemwatch.service.alerts.notifiers.notifier import NotifierKind as NotifierKind
 from stemwatch.service.alerts.notifiers.notifier import NotSent as NotSent
 from stemwatch.service.alerts.notifiers.secret import NotifierSecret
 from stemwatch.service.config import Plant
@@ -25,5 +26,5 @@ def _notifier(table: NotifierTable, plant: Plant) -> Notifier:
     file = None if table.secret_file is None else plant.beside(table.secret_file)
     secret = NotifierSecret(variable=table.secret_variable, file=file)
     (point,) = entry_points(group=NOTIFIERS, name=table.kind)  # the plant file was checked for it
-    made: Notifier = point.load().from_table(table, secret, plant.beside("."))
-    return made
+    kind: NotifierKind = point.load()
+    return kind.from_table(table, secret, plant.beside("."))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from stemwatch.service.alerts.notifiers.secret import NotifierSecret
@@ -32,12 +32,15 @@ class Notifier(Protocol):
     and therefore never to be trusted as anything but text.
     """
 
-    @classmethod
-    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
-        """The notifier that a ``[[notifiers]]`` of a plant file in ``folder`` describes. A kind of
-        another package finds its own keys in ``table.options``."""
-        ...
-
     def send(self, key: str, message: Mapping[str, Any]) -> None:
         """Bring ``message`` to its receiver; raises ``NotSent`` where it did not arrive."""
+        ...
+
+
+class NotifierKind(Protocol):
+    """What an entry point of ``stemwatch.notifiers`` leads to: usually the notifier's class."""
+
+    def from_table(self, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Notifier:
+        """The notifier that a ``[[notifiers]]`` of a plant file in ``folder`` describes. A kind of
+        another package finds its own keys in ``table.options``."""
         ...
