@@ -16,13 +16,13 @@ from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.config.problems import nearest
 from stemwatch.service.explain.explain_json import to_object
 from stemwatch.service.explain.explained import Explained
-from stemwatch.service.report.false_discoveries import Discoveries, discoveries
+from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
+from stemwatch.service.presenter.physics_words import FINDING_TITLE
+from stemwatch.service.presenter.wording import VERDICT_SYMBOL, finite, printable, share
 from stemwatch.service.report.json_contract import to_contract
-from stemwatch.service.report.mismatch_words import FINDING_TITLE
 from stemwatch.service.report.ranking import count_verdicts, rank_valves
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import header_and_rows
-from stemwatch.service.report.wording import VERDICT_SYMBOL, finite, printable, share
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -70,8 +70,8 @@ SCOPE_OF: Mapping[Role, Scope] = MappingProxyType(
 @dataclass(frozen=True, kw_only=True)
 class CurrentUser:
     """Who asks. ``scopes`` is ``None`` for a session; ``user`` is the number of the user, 0 for
-    the token of the environment. ``session`` is the digest of the session, ``mark`` what its forms
-    carry."""
+    the token of the environment. ``session`` is the digest of the session, ``form_token`` what its
+    forms carry."""
 
     name: str
     role: Role
@@ -79,7 +79,7 @@ class CurrentUser:
     user: int = 0
     scopes: frozenset[Scope] | None = None
     session: str = ""
-    mark: str = ""
+    form_token: str = ""
 
     def may(self, operation: Operation) -> bool:
         """Whether the rights allow it."""

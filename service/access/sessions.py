@@ -55,11 +55,11 @@ def user_of_cookie(
         how=SESSION,
         user=user.id,
         session=digest,
-        mark=mark_of(cookie),
+        form_token=form_token_of(cookie),
     )
 
 
-def mark_of(cookie: str) -> str:
+def form_token_of(cookie: str) -> str:
     """What the forms of a page carry: worked out from the cookie, so that it belongs to one
     session and is the same after a restart, and the cookie cannot be worked out from it."""
     return hmac.new(cookie.encode("utf-8", "replace"), _FORMS, "sha256").hexdigest()

@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 from fastapi import Request
 from fastapi.responses import HTMLResponse
 
-from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.report.html_page import environment
 from stemwatch.service.report.report_context import ReportContext, software_name
 from stemwatch.service.web import assets
@@ -69,13 +69,13 @@ class PageRenderer:
     def page(
         self, request: Request, template: str, *, status: int = 200, **values: Any
     ) -> HTMLResponse:
-        """``template`` with ``values``, who reads it, the mark of its forms, and the place of the
-        site. A page that is open to everybody gets its mark from a cookie of its own."""
+        """``template`` with ``values``, who reads it, the token of its forms, and the place of the
+        site. A page that is open to everybody gets its token from a cookie of its own."""
         current_user = current_user_of(request)
         cookie = forms.cookie_of(request) if current_user is None else ""
         text = self._env.get_template(template).render(
             base=request.scope.get("root_path", "").rstrip("/"),
-            mark=mark_of(cookie) if current_user is None else current_user.mark,
+            form_token=form_token_of(cookie) if current_user is None else current_user.form_token,
             current_user=current_user,
             may=lambda name: may(current_user, name),
             now=self._site.clock(),

@@ -1,4 +1,7 @@
-"""Forms that change something: a mark that only our own pages can know, and clean fields."""
+"""Forms that change something: their secret token, which only our own pages know, and clean fields.
+
+The token is what keeps another site's page from sending a form in the name of whoever is signed in.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from fastapi import Depends, HTTPException, Request, Response
 from starlette.types import Scope
 
 from stemwatch.service.access.secret import new_secret
-from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.web.auth.current_user import current_user_of, note_about
 from stemwatch.service.web.auth.session_cookie import is_secure
 
@@ -19,12 +22,12 @@ COOKIE = "stemwatch_form"  # for the pages that are open before anybody has sign
 FIELD = "mark"
 MOST_TEXT = 2000
 MOST_FIELDS = 200
-TOLD = ("valve", "alert", "how", "run", "area", "user", "role", "token", "name")  # for the audit
+NAMED_IN_AUDIT = ("valve", "alert", "how", "run", "area", "user", "role", "token", "name")
 TOO_OLD = "This form is too old, or was not opened here. Open the page again and repeat."
 
 
 class Form:
-    """The fields of a form that was sent with its mark."""
+    """The fields of a form that was sent with its token."""
 
     def __init__(self, fields: dict[str, list[str]]) -> None:
         self._fields = fields
@@ -77,18 +80,18 @@ class Form:
 
 
 async def form_of(request: Request) -> Form:
-    """The form in a request. Raises 403 where its mark is not that of the reader's session."""
+    """The form in a request. Raises 403 where its token is not that of the reader's session."""
     current_user = current_user_of(request)
-    return await _checked(request, "" if current_user is None else current_user.mark)
+    return await _checked(request, "" if current_user is None else current_user.form_token)
 
 
 async def open_form_of(request: Request) -> Form:
-    """A form of a page that is open to everybody; its mark belongs to a cookie of its own."""
+    """A form of a page that is open to everybody; its token belongs to a cookie of its own."""
     cookie = request.cookies.get(COOKIE, "")
-    return await _checked(request, mark_of(cookie) if cookie else "")
+    return await _checked(request, form_token_of(cookie) if cookie else "")
 
 
-async def _checked(request: Request, mark: str) -> Form:
+async def _checked(request: Request, token: str) -> Form:
     kind = request.headers.get("content-type", "").partition(";")[0].strip()
     if kind != "application/x-www-form-urlencoded":
         raise HTTPException(415, f"a form is expected, received {kind or 'no content type'!r}")
@@ -98,9 +101,13 @@ async def _checked(request: Request, mark: str) -> Form:
     except ValueError:
         raise HTTPException(422, "the form is not readable as UTF-8 text") from None
     given = (fields.pop(FIELD, None) or [""])[0]
-    if not mark or not hmac.compare_digest(given.encode(), mark.encode()):
+    if not token or not hmac.compare_digest(given.encode(), token.encode()):
         raise HTTPException(403, TOO_OLD)
-    said = [f"{name} {fields[name][0].strip()[:80]}" for name in TOLD if any(fields.get(name, ()))]
+    said = [
+        f"{name} {fields[name][0].strip()[:80]}"
+        for name in NAMED_IN_AUDIT
+        if any(fields.get(name, ()))
+    ]
     note_about(request, "; ".join(said))
     return Form(fields)
 

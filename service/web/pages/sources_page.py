@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 
-from stemwatch.service.report.wording import NOTHING, figure
+from stemwatch.service.presenter.wording import NOTHING, figure
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.web.dependencies import Deps
 

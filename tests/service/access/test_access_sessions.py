@@ -11,7 +11,7 @@ from stemwatch.service.access.sessions import (
     IDLE,
     LONGEST,
     begin_session,
-    mark_of,
+    form_token_of,
     sessions_of,
     user_of_cookie,
 )
@@ -37,7 +37,7 @@ def test_a_session_and_its_forms_outlive_a_restart(store: Store, ann: User) -> N
     with open_store(store.address) as again:
         after = user_of_cookie(again, cookie, NOW)
     assert before == after
-    assert after.mark == mark_of(cookie)
+    assert after.form_token == form_token_of(cookie)
 
 
 def test_the_store_does_not_hold_what_lets_in(store: Store, ann: User) -> None:

@@ -12,7 +12,7 @@ from fastapi import FastAPI
 from starlette.routing import BaseRoute
 
 from stemwatch.service.access.permissions import PERMISSIONS, CurrentUser, Operation
-from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.access.tokens import BEGINS
 from stemwatch.service.store.accounts.audit import Wanted
 from stemwatch.service.store.accounts.records import Role, Scope
@@ -97,7 +97,7 @@ def let_in(live, role: Role, way: str) -> tuple[CurrentUser | None, dict[str, An
     """Who asks in this way, and what the request carries for it."""
     if way == "session":
         cookies = cookie_of(live, role)
-        mark = mark_of(*cookies.values())
+        mark = form_token_of(*cookies.values())
         return CurrentUser(name="", role=role, how=""), {"cookies": cookies, "mark": mark}
     if way == "token":
         current_user = CurrentUser(name="", role=role, how="", scopes=frozenset(Scope))

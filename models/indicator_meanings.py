@@ -1,14 +1,10 @@
-"""What each stored indicator means, and which way is worse: the words of ``models.indicators``.
+"""What each health indicator is, in words, and which direction is worse.
 
-The store keeps numbers and units; a name that is not here is shown as it is.
+The one table of it: for screenings that are made (``models.indicators``), and for numbers that come
+back from a database, which keeps no words.
 """
 
 from __future__ import annotations
-
-import math
-
-from stemwatch.models.screening_result import Indicator
-from stemwatch.service.store.screenings.records import TrendPoint
 
 _MODELS = {
     "stiction": "the stick-slip model",
@@ -50,20 +46,7 @@ for _key, _model in _MODELS.items():
     MEANINGS[f"{_key}_one_step_rmse_percent"] = (f"Residual of {_model}, one step ahead", "up")
 
 
-def meaning(name: str) -> tuple[str, str]:
-    """What an indicator is, and "up", "down" or "none": the direction that is worse."""
+def meaning_of(name: str) -> tuple[str, str]:
+    """What an indicator is, and "up", "down" or "none": the direction that is worse. Of a name that
+    is not known, from an older version perhaps, the name itself."""
     return MEANINGS.get(name, (name.replace("_", " "), "none"))
-
-
-def indicator_of(name: str, point: TrendPoint) -> Indicator:
-    """A stored number with its words; NaN where the store has none."""
-    says, worse = meaning(name)
-    return Indicator(
-        name=name,
-        value=math.nan if point.value is None else point.value,
-        unit=point.unit,
-        meaning=says,
-        worse=worse,
-        low=point.low,
-        high=point.high,
-    )

@@ -7,12 +7,12 @@ import re
 
 import pytest
 
+from stemwatch.models.field_advice import IsolationLevel, check_steps
 from stemwatch.models.mismatch import terms
-from stemwatch.service.maintenance import finding_kinds as k
-from stemwatch.service.maintenance.advice import (
+from stemwatch.service.presenter import work_decision as k
+from stemwatch.service.presenter.advice import (
     ISOLATION,
     MOST_STEPS,
-    IsolationLevel,
     advice_for,
     catalogue,
     isolation_for,
@@ -46,6 +46,23 @@ def test_advice_is_whole(kind):
     levels = [step.level for step in advice.steps]
     assert levels == sorted(levels)
     assert all(step.text[0].isupper() and step.text.endswith((".", "?")) for step in advice.steps)
+
+
+@pytest.mark.parametrize("slug", EFFECTS)
+def test_a_term_has_all_its_words_in_one_place(slug):
+    """What it is, what to check, the test that tells; page, PDF, mail and order read these."""
+    words = terms.catalogue()[slug].words
+    assert advice_for(slug) is words.advice
+    assert words.plain
+    assert words.plain[0].islower()
+    assert words.decide.endswith(".")
+    assert words.check == " ".join(step.text for step in words.advice.steps)
+
+
+def test_a_step_without_a_level_is_refused_with_the_levels_there_are():
+    """Whoever adds a term reads what a step begins with."""
+    with pytest.raises(ValueError, match=r"begins with how far one must go \(desk, look, manual"):
+        check_steps("Look at the stem.")
 
 
 def test_an_effect_of_a_newer_version_gets_the_advice_for_the_unknown():

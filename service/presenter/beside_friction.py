@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.report.wording import finite, span_percent
+from stemwatch.service.presenter.wording import finite, span_percent
 
 # Below a tenth of the sampling interval a time is not seen in samples but guessed between them,
 # and below a tenth of a second nobody at a control valve asks.

@@ -1,30 +1,24 @@
-"""What to check, in which order, with which parts and behind which isolation; from ``advice.toml``.
+"""What to check, in which order, with which parts and behind which isolation.
 
-All of it is advice by kind of finding. It knows neither the plant nor its rules, and says so.
+A term of physics brings its advice with its other words; stiction, signals that cannot be trusted
+and all other kinds of finding have theirs in ``advice.toml``. It is advice by kind of finding: it
+knows neither the plant nor its rules, and says so.
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel, check_steps
+
+if TYPE_CHECKING:
+    from stemwatch.models.mismatch.term import Words
 
 MOST_STEPS = 9  # a page holds no more, and nobody reads more at the valve
-
-
-class IsolationLevel(IntEnum):
-    """How far one must go for a step, from the cheapest to the dearest."""
-
-    DESK = 0
-    LOOK = 1
-    MANUAL = 2
-    AIR = 3
-    LINE = 4
-
-
 LEVEL_NAME = {
     IsolationLevel.DESK: "desk",
     IsolationLevel.LOOK: "at the valve, in service",
@@ -61,43 +55,28 @@ ISOLATION = {
 }
 
 
-@dataclass(frozen=True)
-class CheckStep:
-    """One thing to check or do."""
-
-    level: IsolationLevel
-    text: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Advice:
-    """Everything that ``advice.toml`` says of one kind of finding.
-
-    ``title`` has at most 30 letters; ``damage`` and ``cause`` are codes of ISO 14224 (failure mode,
-    failure mechanism), ``part`` is the object part that is suspected first.
-    """
-
-    kind: str
-    title: str
-    parts: tuple[str, ...]
-    damage: str
-    cause: str
-    part: str
-    steps: tuple[CheckStep, ...]
-    otherwise: tuple[str, ...] = ()  # what looks alike, a sentence each
-
-
 @cache
-def catalogue() -> Mapping[str, Advice]:
-    """The advice for every kind, by its name."""
-    text = files("stemwatch.service.maintenance").joinpath("advice.toml").read_text("utf-8")
-    return {kind: _advice(kind, table) for kind, table in tomllib.loads(text).items()}
+def catalogue() -> Mapping[str, FieldAdvice]:
+    """The advice for every kind of finding, by its name."""
+    from stemwatch.models.mismatch.terms import catalogue as terms  # its kernels take a second
+
+    text = files("stemwatch.service.presenter").joinpath("advice.toml").read_text("utf-8")
+    kinds = {kind: _advice(table) for kind, table in tomllib.loads(text).items()}
+    return kinds | {slug: term.words.advice for slug, term in terms().items()}
 
 
-def advice_for(kind: str) -> Advice:
+def advice_for(kind: str) -> FieldAdvice:
     """The advice for ``kind``; that for an unknown movement where a newer version named it."""
     known = catalogue()
     return known.get(kind, known["unknown"])
+
+
+def term_words(slug: str) -> Words | None:
+    """The words of a term of physics; ``None`` where this version does not know it."""
+    from stemwatch.models.mismatch.terms import catalogue as terms
+
+    term = terms().get(slug)
+    return None if term is None else term.words
 
 
 def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:
@@ -129,23 +108,17 @@ def isolation_for(steps: Iterable[CheckStep]) -> tuple[tuple[IsolationLevel, str
     return tuple((level, ISOLATION[level]) for level in beyond or levels)
 
 
-def _advice(kind: str, table: Mapping[str, object]) -> Advice:
+def _advice(table: Mapping[str, object]) -> FieldAdvice:
     steps, parts, alike = table["steps"], table["parts"], table.get("otherwise", [])
     assert isinstance(steps, list)
     assert isinstance(parts, list)
     assert isinstance(alike, list)
-    return Advice(
-        kind=kind,
+    return FieldAdvice(
         title=str(table["title"]),
         parts=tuple(map(str, parts)),
         damage=str(table["damage"]),
         cause=str(table["cause"]),
         part=str(table["object"]),
-        steps=tuple(_step(one) for one in steps),
+        steps=check_steps(*map(str, steps)),
         otherwise=tuple(map(str, alike)),
     )
-
-
-def _step(text: str) -> CheckStep:
-    level, _, said = text.partition(": ")
-    return CheckStep(IsolationLevel[level.upper()], said)
