@@ -46,7 +46,7 @@ class TrainingRecord:
 
     @property
     def limits(self) -> tuple[float, float, float, float, float, float]:
-        """Where runs are clamped, in units of ``se``: low and high of error, increment, position."""
+        """Where runs are clamped, in units of ``se``: error, increment, position; low, high."""
         return limits(self.ranges, self.scaling)
 
     @property
