@@ -21,6 +21,7 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
 )
 from stemwatch.models.screening_result import Indicator, Residual, Screening
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
 from stemwatch.service.presenter.wording import finite, printable

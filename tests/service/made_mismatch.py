@@ -22,6 +22,7 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.recording import Recording
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 COLUMNS = ("stick", "slip", "settling", "moving", "reversal")
 EDGES = (30.0, 38.0, 46.0, 54.0, 62.0)
@@ -173,6 +174,7 @@ def of_every_kind(recording: Recording | None = None) -> list[Mismatch]:
         finding=Finding.CANDIDATES,
         sentence="A dead time or an actuator lag: this recording cannot tell them apart.",
         effects=(second_effect(),),
+        stroke_curve=StrokeCurve(op=(50.0, 75.0, 100.0), travel=(0.0, 52.0, 100.0)),
     )
     unknown = replace(
         whole,

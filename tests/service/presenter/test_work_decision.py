@@ -12,6 +12,7 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter import work_decision as k
 from tests.service.made_mismatch import named
@@ -40,7 +41,6 @@ HALF_FROZEN = np.where(T > 1200, MV[1200], MV)
     [
         (recording(None), k.NO_POSITION),
         (recording(OP), k.WRONG),
-        (recording(100.0 - MV), k.WRONG),
         (recording(50.0 + np.roll(np.cumsum(RNG.normal(0, 0.3, T.size)), 77)), k.WRONG),
         (recording(MV * 3.7, unit="mm"), k.WRONG),
         (recording(np.full(T.size, 47.25)), k.FROZEN),
@@ -49,13 +49,19 @@ HALF_FROZEN = np.where(T > 1200, MV[1200], MV)
         (recording(MANY_BAD), k.BAD),
         (recording(MV).part(0, 90), k.RECORDING),
     ],
-    ids=["none", "op", "reversed", "foreign", "mm", "constant", "noise", "frozen", "bad", "short"],
+    ids=["none", "op", "foreign", "mm", "constant", "noise", "frozen", "bad", "short"],
 )
 def test_an_obstacle_is_known_by_the_sentence_that_the_models_give_it(made, kind):
     """A stored screening has the sentence only; a new wording there must not lose the kind."""
     obstacles = assess(made, Limits()).obstacles
     assert obstacles
     assert k.obstacle_kind(f"Cannot tell: {obstacles[0].reason}.") == kind
+
+
+def test_a_position_against_op_that_no_curve_follows_is_the_wrong_one():
+    """The sentence is the models' own here too, where only a fit could find it."""
+    (found,) = reversed_obstacles(recording(100.0 - MV))
+    assert k.obstacle_kind(f"Cannot tell: {found.reason}.") == k.WRONG
 
 
 def sticky(**changes) -> Screening:

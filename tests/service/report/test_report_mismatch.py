@@ -56,6 +56,11 @@ def test_the_contract_holds_it(written):
     jsonschema.validate(list(objects.values()), SCHEMA)
     assert objects["FV-9"]["mismatch"] is None
     assert objects["FV-0"]["mismatch"]["effects"][0]["slug"] == "asymmetric_rate_limit"
+    assert objects["FV-0"]["mismatch"]["stroke_curve"] is None
+    curve = objects["FV-1"]["mismatch"]["stroke_curve"]
+    assert curve["op_percent"] == [50.0, 75.0, 100.0]
+    assert curve["slope"] == 2.0
+    assert "OP 50 to 100 %" in curve["sentence"]
 
 
 def test_csv_and_workbook_have_its_columns(written):
