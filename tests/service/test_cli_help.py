@@ -12,6 +12,7 @@ COMMANDS = {
     "simulate": "truth beside it",
     "demo": "leave a report",
     "trial": "Count right and wrong verdicts",
+    "robustness": "Count right and wrong answers",
     "maintenance": "new baseline",
 }
 
