@@ -19,7 +19,7 @@ from stemwatch.service.scheduler import Alarm, Planner, Runner
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.collector_process import CollectorProcess
 from stemwatch.service.serve.page_server import PageServer, address_of, listen
-from stemwatch.service.serve.periodic_tasks import LEASE, duties, repeat
+from stemwatch.service.serve.periodic_tasks import LEASE, periodic_tasks, repeat
 from stemwatch.service.serve.startup_server import StartupServer
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store, open_store
@@ -99,9 +99,9 @@ class Service:
             hosts=self._where.hosts,
         )
         working.append(threading.Thread(target=runner.work, args=(halt,), name="runner"))
-        for name, every_s, duty in duties(store, plant, runner.owner):
+        for name, every_s, task in periodic_tasks(store, plant, runner.owner):
             working.append(
-                threading.Thread(target=repeat, args=(name, every_s, duty, halt), name=name)
+                threading.Thread(target=repeat, args=(name, every_s, task, halt), name=name)
             )
         for thread in working:
             thread.start()
@@ -123,7 +123,7 @@ class Service:
             runner.wake()
             for thread in working:
                 thread.join()
-            _let_go(store, runner.owner)
+            _release_lease(store, runner.owner)
 
     def _open(self, stop: threading.Event) -> Store | None:
         """The store, as soon as it is there; ``None`` where ``stop`` came first."""
@@ -144,7 +144,7 @@ class Service:
         self._threads.append(thread)
 
 
-def _let_go(store: Store, owner: str) -> None:
+def _release_lease(store: Store, owner: str) -> None:
     try:
         store.leases.let_go(LEASE, owner)
     except StoreError as error:
