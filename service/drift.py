@@ -20,7 +20,7 @@ from stemwatch.models.narx.training import train
 from stemwatch.models.plant import PlantLoop, Valve, draw_healthy, simulate_loop
 from stemwatch.models.plant.parts import some_setpoints
 from stemwatch.models.recording import Recording
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 WINDOWS, WINDOW_S = 6, 600.0
 JUDGED = 3  # the last scored windows, whose median ratio is the valve's score
@@ -109,7 +109,7 @@ def run_drift(
         for first in range(0, valves, BATCH)
     ]
     done: dict[int, list[Followed]] = {}
-    for place, followed in executor.map(follow_batch, batches):
+    for place, followed in map_items(executor, follow_batch, batches):
         done[place] = followed
         tell(sum(map(len, done.values())) // len(ways))
     return [one for place in sorted(done) for one in done[place]]

@@ -12,7 +12,7 @@ from stemwatch.models.findings import Screening
 from stemwatch.models.plant import PlantLoop, Truth, draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 BATCH = 12
 
@@ -67,7 +67,7 @@ def run_trial(
         Batch(tuple(seeded[first : first + BATCH]), narx) for first in range(0, len(seeded), BATCH)
     ]
     done: dict[int, list[Marked]] = {}
-    for place, marked in executor.map(mark_batch, batches):
+    for place, marked in map_items(executor, mark_batch, batches):
         done[place] = marked
         tell(sum(map(len, done.values())))
     return [one for place in sorted(done) for one in done[place]]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from stemwatch.models.mismatch.explain import scores
 from stemwatch.models.plant.hidden import HiddenCase, draw_nulls, simulate_hidden
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 from stemwatch.service.proof.nulls import Scores
 
 BATCH = 4
@@ -25,7 +25,7 @@ def calibrate(cases: int, seed: int, executor: Executor, tell: Callable[[int], N
     drawn = draw_nulls(cases, seed)
     batches = [tuple(drawn[first : first + BATCH]) for first in range(0, len(drawn), BATCH)]
     done: dict[int, list[Mapping[str, tuple[float, float]]]] = {}
-    for place, rows in executor.map(_scored, batches):
+    for place, rows in map_items(executor, _scored, batches):
         done[place] = rows
         tell(sum(map(len, done.values())))
     return _aligned([row for place in sorted(done) for row in done[place]])

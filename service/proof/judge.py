@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 from stemwatch.service.proof.said import Said, read_said
 
 CHUNK = 12  # files of one process, so that its start costs little
@@ -50,7 +50,7 @@ def judge(
         for first in range(0, len(names), CHUNK)
     ]
     said: list[Said] = []
-    for _, answers in executor.map(_explain, chunks):
+    for _, answers in map_items(executor, _explain, chunks):
         said += answers
         tell(len(said))
     return sorted(said, key=lambda one: one.file)
