@@ -183,6 +183,21 @@ class Screening:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class PreviousFinding:
+    """What was said of a valve before: the last screening of an earlier window, for the trend.
+
+    ``S`` and ``J`` in percent of OP span, ``None`` where they were not known. ``at`` is the instant
+    that screening speaks for, ``None`` where nothing tells.
+    """
+
+    verdict: Verdict
+    S: float | None = None
+    J: float | None = None
+    severity: float = 0.0  # 0 to 100
+    at: datetime | None = None
+
+
 def _copy(trace: Floats, first: int, last: int) -> Floats:
     """A part that does not hold on to the whole."""
     return trace[first:last].copy()

@@ -123,7 +123,7 @@ def test_the_wheel_carries_the_licences(wheel: zipfile.ZipFile) -> None:
     """Our licence and that of the chart library go wherever the wheel goes."""
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
-    assert "stemwatch/service/report/vendor/uPlot-LICENSE.txt" in names
+    assert "stemwatch/service/report/scripts/vendor/uPlot-LICENSE.txt" in names
     assert "stemwatch/service/maintenance/fonts/DejaVu-LICENSE.txt" in names
 
 

@@ -22,6 +22,9 @@ class Table(StrEnum):
     INPUT = "input"  # function 4
 
 
+FUNCTION = {Table.HOLDING: 3, Table.INPUT: 4}
+
+
 class AddressError(ValueError):
     """An address that cannot be understood. ``found`` and ``expected`` are halves of a sentence."""
 

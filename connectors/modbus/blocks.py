@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -52,12 +52,30 @@ class Block:
         A hole comes first: devices refuse what is not there rather than what a map names. ``None``
         where there is nothing to divide: registers that all begin at one address.
         """
+        return max(self._cuts(), key=self._natural, default=None)
+
+    def avoiding(self, counts: Collection[int]) -> tuple[Block, ...]:
+        """The block in as few pieces as bear none of ``counts`` as their ``count``.
+
+        A piece that bears one of them all the same has registers that cannot be divided.
+        """
+        cuts = self._cuts() if self.count in counts else []
+        if not cuts:
+            return (self,)
+
+        def better(halves: tuple[Block, Block]) -> tuple[int, int, float]:
+            return sum(half.count not in counts for half in halves), *self._natural(halves)
+
+        left, right = max(cuts, key=better)
+        return left.avoiding(counts) + right.avoiding(counts)
+
+    def _cuts(self) -> list[tuple[Block, Block]]:
         places = [i for i in range(1, len(self.registers)) if self._apart(i)]
-        if not places:
-            return None
-        middle = len(self.registers) / 2
-        cut = max(places, key=lambda i: (max(self._hole(i), 0), -abs(i - middle)))
-        return Block(self.registers[:cut]), Block(self.registers[cut:])
+        return [(Block(self.registers[:cut]), Block(self.registers[cut:])) for cut in places]
+
+    def _natural(self, halves: tuple[Block, Block]) -> tuple[int, float]:
+        cut = len(halves[0].registers)
+        return max(self._hole(cut), 0), -abs(cut - len(self.registers) / 2)
 
     def _hole(self, place: int) -> int:
         return self.registers[place].first - max(r.stop for r in self.registers[:place])

@@ -93,7 +93,7 @@ async def _try_block(line: Line, block: Block) -> list[Tried]:
         halves = block.halves() if fault.splits else None
         if halves is not None:
             return [one for half in halves for one in await _try_block(line, half)]
-        if not line.connected:
+        if not await line.reopen():
             raise
         return [Tried(register, fault=fault.reason) for register in block.registers]
     tried = []

@@ -27,6 +27,8 @@ class Link:
     ``target`` is a host name or address, or the name of a serial port; ``port`` is used for TCP,
     the line settings for serial ports. ``timeout_s`` is how long one answer is waited for,
     ``retries`` how often one request is repeated, ``pause_s`` the rest between two requests.
+    ``latest_answer_s`` is how long after its request an answer may still come; 0 stands for ten
+    seconds, or five times ``timeout_s`` where that is longer.
     """
 
     kind: LinkKind
@@ -39,11 +41,17 @@ class Link:
     timeout_s: float = 1.0
     retries: int = 0
     pause_s: float = 0.0
+    latest_answer_s: float = 0.0
 
     @property
     def is_rtu(self) -> bool:
         """Whether frames are RTU: without a number that ties an answer to its request."""
         return self.kind is not LinkKind.TCP
+
+    @property
+    def answers_until_s(self) -> float:
+        """Seconds after its request until which an answer may still come."""
+        return max(self.latest_answer_s or max(10.0, 5 * self.timeout_s), self.timeout_s)
 
     def __str__(self) -> str:
         if self.kind is LinkKind.SERIAL:

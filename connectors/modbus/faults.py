@@ -12,6 +12,7 @@ class FaultKind(StrEnum):
     SILENT = "no answer"
     REFUSED = "refused"  # an exception reply
     NONSENSE = "nonsense"  # an answer that is none
+    NOT_ASKED = "not asked"  # an earlier answer, still to come, could be taken for this one
 
 
 EXCEPTIONS = {
@@ -44,6 +45,11 @@ class ReadFault(Exception):
         return self.code in _SPLITTING
 
     @property
+    def answer_may_come(self) -> bool:
+        """Whether the answer may still be on its way."""
+        return self.kind in (FaultKind.SILENT, FaultKind.NONSENSE)
+
+    @property
     def unit_is_silent(self) -> bool:
         """Whether every further request to this unit would cost another wait."""
         return self.kind is FaultKind.SILENT or self.code in _SILENT_BEHIND_GATEWAY
@@ -68,3 +74,13 @@ def nonsense(what: str) -> ReadFault:
 def no_connection(why: str) -> ReadFault:
     """The fault that there is no line to ask on; ``why`` is empty where nobody knows."""
     return ReadFault(FaultKind.NO_CONNECTION, f"no connection: {why}" if why else "no connection")
+
+
+def not_asked(timeout_s: float) -> ReadFault:
+    """The fault that an earlier request found no answer within ``timeout_s`` seconds, and that its
+    answer would look like the answer to this one."""
+    return ReadFault(
+        FaultKind.NOT_ASKED,
+        f"not asked: an answer that did not come within {timeout_s:g} s may still come, and could "
+        "not be told from the answer to this request",
+    )

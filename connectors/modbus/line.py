@@ -7,21 +7,23 @@ functions 3 and 4 through, whatever is called above it.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import os
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from stemwatch.connectors.modbus.address import Table
+from stemwatch.connectors.modbus.address import FUNCTION, Table
 from stemwatch.connectors.modbus.device import Link, LinkKind
 from stemwatch.connectors.modbus.faults import (
     FaultKind,
     ReadFault,
     no_connection,
     nonsense,
+    not_asked,
     refused,
     silent,
 )
+from stemwatch.connectors.modbus.unanswered import REFUSAL, Request, Unanswered
 
 if TYPE_CHECKING:
     from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
@@ -29,8 +31,8 @@ if TYPE_CHECKING:
 
     Client = AsyncModbusTcpClient | AsyncModbusSerialClient
 
-READING = frozenset({3, 4})
-FUNCTION = {Table.HOLDING: 3, Table.INPUT: 4}
+READING = frozenset(FUNCTION.values())
+_REFUSAL_BYTES = 5  # unit, function, code, checksum: an RTU answer without data
 # A peer that lost our connection without saying so would otherwise be asked in vain for ever.
 _SILENCES_BEFORE_CLOSING = 3
 _LOST = "the connection was closed by the other side"
@@ -58,15 +60,21 @@ class Line:
     """A connection that is opened, asked, and opened again after it was lost.
 
     Not for two askers at a time: Modbus knows one open request for each line.
+
+    RTU frames bear no number that ties an answer to its request. Nothing is asked for whose answer
+    could be one that is still to come, on a connection made anew no less than on the old one: there
+    are serial servers that hand what arrives late to whoever is connected then.
     """
 
     def __init__(self, link: Link) -> None:
         self.link = link
         self._client: Client | None = None
         self._why = ""  # the last opening failed
-        self._asking = False
         self._heard = 0  # bytes since the last request
         self._silences = 0
+        self._request: Request | None = None  # the open one
+        self._unanswered = Unanswered(link.answers_until_s)
+        self._closed_in_doubt = False
 
     @property
     def connected(self) -> bool:
@@ -77,16 +85,32 @@ class Line:
         """Connect. Raises ``ReadFault`` with what stood in the way."""
         if self._client is None:
             self._client = _new_client(self.link, self)
-            _listen_in(self._client, self._note_opening, self._fail)
+            _listen_in(self._client, self)
         self._why = f"no answer within {self.link.timeout_s:g} s"
         self._silences = 0
+        self._closed_in_doubt = False
+        if self.link.kind is LinkKind.TCP:
+            self._unanswered.forget()
         if not await self._client.connect():
             raise no_connection(self._why)
+
+    async def reopen(self) -> bool:
+        """Connect at once where the connection was given up because an answer may come late, so
+        that the other units are asked on. Whether there is a connection now."""
+        if self._closed_in_doubt and not self.connected:
+            with contextlib.suppress(ReadFault):
+                await self.open()
+        return self.connected
 
     def close(self) -> None:
         """Hang up; ``open`` connects again."""
         if self._client is not None:
             self._client.close()
+
+    def doubtful(self, unit_id: int, table: Table) -> frozenset[int]:
+        """How many words must not be asked for of this unit and table now: answers of that length
+        may still come, and could not be told apart."""
+        return self._unanswered.counts(unit_id, table) if self.link.is_rtu else frozenset()
 
     async def read(self, unit_id: int, table: Table, first: int, count: int) -> list[int]:
         """``count`` words of ``table`` from protocol address ``first`` on.
@@ -94,49 +118,68 @@ class Line:
         Repeats the request ``link.retries`` times where nothing or nonsense was heard. Raises
         ``ReadFault`` with the reason where no words came.
         """
+        request = Request(unit_id, table, first, count)
+        # Answers to this same request are not meant: one that was asked for again is as good.
+        alike = any(request.looks_alike(other) for other in self._unanswered)
+        if alike and self.link.is_rtu:
+            raise not_asked(self.link.timeout_s)
         for attempt in range(self.link.retries + 1):
             try:
-                return await self._ask(unit_id, table, first, count)
+                words = await self._ask(request, alike)
             except ReadFault as fault:
-                once_more = fault.kind in (FaultKind.SILENT, FaultKind.NONSENSE) and self.connected
-                if not once_more or attempt == self.link.retries:
+                if fault.answer_may_come and self.link.kind is LinkKind.RTU_OVER_TCP:
+                    self._hang_up(fault)
+                    self._closed_in_doubt = True
+                last = attempt == self.link.retries or not fault.answer_may_come
+                if last or not await self.reopen():
                     self._hang_up_after(fault)
                     raise
+            else:
+                return words
         raise AssertionError  # the loop above returns or raises
 
-    async def _ask(self, unit_id: int, table: Table, first: int, count: int) -> list[int]:
+    async def _ask(self, request: Request, alike: bool) -> list[int]:
         from pymodbus.exceptions import ConnectionException, ModbusException
 
         client = self._client
         if client is None or not client.connected:
             raise no_connection(self._why)
-        ask = (
-            client.read_holding_registers if table is Table.HOLDING else client.read_input_registers
-        )
-        self._heard, self._asking = 0, True
+        holding = request.table is Table.HOLDING
+        ask = client.read_holding_registers if holding else client.read_input_registers
+        self._unanswered.sent(request)
+        self._heard, self._request = 0, request
         try:
-            reply = await ask(first, count=count, device_id=unit_id)
+            reply = await ask(request.first, count=request.count, device_id=request.unit_id)
         except ConnectionException as error:
             raise no_connection(_LOST) from error
         except ModbusException as error:
-            raise self._unanswered() from error
+            raise self._no_answer() from error
         finally:
-            self._asking = False
+            self._request = None
         if self.link.pause_s:
             await asyncio.sleep(self.link.pause_s)
-        return self._words(reply, table, count)
+        return self._words(reply, request, alike)
 
-    def _words(self, reply: ModbusPDU, table: Table, count: int) -> list[int]:
+    def _words(self, reply: ModbusPDU, request: Request, alike: bool) -> list[int]:
+        """The words of ``reply``; ``alike``: an earlier answer that looks so may still come."""
         self._silences = 0
+        numbered = self.link.kind is LinkKind.TCP and reply.transaction_id != 0
         if reply.isError():
+            open_ones = self._unanswered.counts(request.unit_id, request.table)
+            if not numbered and len(open_ones) > 1:
+                raise nonsense("a refusal that may be the answer to an earlier request")
+            self._unanswered.answered(request)
             raise refused(reply.exception_code)
-        if reply.function_code != FUNCTION[table]:
+        if reply.function_code != FUNCTION[request.table]:
             raise nonsense("an answer to another function")
-        if len(reply.registers) != count:
+        if len(reply.registers) != request.count:
             raise nonsense("an answer of another length than asked for")
+        if alike and not numbered:
+            raise nonsense("an answer without a number that may be to an earlier request")
+        self._unanswered.answered(request)
         return list(reply.registers)
 
-    def _unanswered(self) -> ReadFault:
+    def _no_answer(self) -> ReadFault:
         if self._heard:
             return nonsense("bytes that are no answer (another framing, speed or parity?)")
         self._silences += 1
@@ -145,14 +188,38 @@ class Line:
     def _hang_up_after(self, fault: ReadFault) -> None:
         """Begin anew where nothing more can be hoped for on this connection.
 
-        A TCP stream in which something was misread has lost its beat. An RTU line finds it again at
-        the next silence, and other units answer on it.
+        A TCP stream in which something was misread has lost its beat. A serial line finds it again
+        at the next silence, and other units answer on it.
         """
         out_of_step = fault.kind is FaultKind.NONSENSE and self.link.kind is LinkKind.TCP
-        deaf = self._silences >= _SILENCES_BEFORE_CLOSING and self.link.kind is not LinkKind.SERIAL
+        deaf = self._silences >= _SILENCES_BEFORE_CLOSING and self.link.kind is LinkKind.TCP
         if out_of_step or deaf:
-            self._why = fault.reason
-            self.close()
+            self._hang_up(fault)
+
+    def _hang_up(self, fault: ReadFault) -> None:
+        self._why = fault.reason
+        self.close()
+
+    def take_late_answers(self, data: bytes) -> int:
+        """How many bytes at the start of ``data`` are answers to earlier requests. They are noted:
+        what they were mistaken for until now may be asked for again."""
+        taken = 0
+        while frame := self._first_frame(data[taken:]):
+            answered = self._unanswered.answered_by(frame)
+            if answered is None or (self._request and answered.looks_alike(self._request)):
+                break
+            self._unanswered.answered(answered)
+            taken += len(frame)
+        return taken
+
+    def _first_frame(self, data: bytes) -> bytes:
+        """The RTU answer that ``data`` begins with; empty where it begins with no sound one."""
+        if len(data) < _REFUSAL_BYTES or data[1] & ~REFUSAL not in READING:
+            return b""
+        size = _REFUSAL_BYTES + (0 if data[1] & REFUSAL else data[2])
+        frame = data[:size]
+        sound = len(frame) == size and _checksum(frame[:-2]) == frame[-2:]
+        return frame if sound else b""
 
     def pass_through(self, sending: bool, frame: bytes) -> bytes:
         """Every frame on its way out and every byte on its way in comes through here."""
@@ -161,16 +228,23 @@ class Line:
         self._heard += len(frame)
         return frame
 
-    def _note_opening(self, error: OSError) -> None:
+    def note_opening(self, error: OSError) -> None:
+        """The opening failed with ``error``."""
         plain = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
         self._why = plain or type(error).__name__
 
-    def _fail(self, error: Exception) -> None:
+    def fail(self, error: Exception) -> None:
         """End the open request at once, rather than at its timeout."""
-        if self._client is None or not self._asking:
+        if self._client is None or self._request is None:
             return
         if not self._client.ctx.response_future.done():
             self._client.ctx.response_future.set_exception(error)
+
+
+def _checksum(frame: bytes) -> bytes:
+    from pymodbus.framer import FramerRTU
+
+    return FramerRTU.compute_CRC(frame).to_bytes(2, "big")
 
 
 def _new_client(link: Link, line: Line) -> Client:
@@ -184,7 +258,7 @@ def _new_client(link: Link, line: Line) -> Client:
 
     def changed(connected: bool) -> None:
         if not connected:
-            line._fail(ConnectionException(_LOST))
+            line.fail(ConnectionException(_LOST))
 
     # We repeat and reconnect ourselves: with chance in the waits, and with a reason for each.
     shared: dict[str, Any] = {
@@ -212,10 +286,9 @@ def _new_client(link: Link, line: Line) -> Client:
     return client
 
 
-def _listen_in(
-    client: Client, note: Callable[[OSError], None], fail: Callable[[Exception], None]
-) -> None:
-    """Learn why an opening failed, and that bytes made no sense, which pymodbus keeps to itself."""
+def _listen_in(client: Client, line: Line) -> None:
+    """Learn why an opening failed, which answers came late, and that bytes made no sense, which
+    pymodbus keeps to itself."""
     from pymodbus.exceptions import ModbusException
 
     create, receive = client.ctx.call_create, client.ctx.callback_data
@@ -224,15 +297,18 @@ def _listen_in(
         try:
             return await create()
         except OSError as error:
-            note(error)
+            line.note_opening(error)
             raise
 
     def receiving(data: bytes, addr: tuple[Any, ...] | None = None) -> int:
+        late = line.take_late_answers(data) if line.link.is_rtu else 0
+        if late == len(data):
+            return late
         try:
-            return receive(data, addr)
+            return late + receive(data[late:], addr)
         except ModbusException as error:
             # Raised into the event loop it would be logged there and help nobody.
-            fail(error)
+            line.fail(error)
             return len(data)
 
     client.ctx.call_create = opening

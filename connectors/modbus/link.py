@@ -8,7 +8,7 @@ from stemwatch.connectors.modbus.tables import DeviceTable
 
 _OF_TCP = ("host", "port")
 _OF_SERIAL = ("serial_port", "baudrate", "bytesize", "parity", "stopbits")
-_OF_BOTH = ("timeout_s", "retries", "pause_s")
+_OF_BOTH = ("timeout_s", "retries", "pause_s", "latest_answer_s")
 
 
 def link_of(table: DeviceTable) -> Link:
@@ -36,6 +36,7 @@ def link_of(table: DeviceTable) -> Link:
         timeout_s=table.timeout_s,
         retries=table.retries,
         pause_s=table.pause_s,
+        latest_answer_s=table.latest_answer_s,
     )
 
 

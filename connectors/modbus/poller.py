@@ -59,7 +59,7 @@ class _Poll:
     def mark(self, reader: BlockReader, fault: ReadFault, *, known: bool = False) -> None:
         """No words for a block; ``known`` where that is no news of this poll."""
         self.fault = self.fault or ("" if known else fault.reason)
-        missing = fault.kind in (FaultKind.NO_CONNECTION, FaultKind.SILENT)
+        missing = fault.kind in (FaultKind.NO_CONNECTION, FaultKind.SILENT, FaultKind.NOT_ASKED)
         quality = Quality.MISSING if missing else Quality.BAD
         self.columns.mark(reader.places, quality, fault.reason)
 
@@ -97,19 +97,25 @@ class DevicePoller:
 
     async def run(self) -> None:
         """Poll until cancelled."""
-        opening = self._reconnect()
         try:
-            # The first poll waits for its connection; every later one keeps its instant.
-            await asyncio.wait([opening], timeout=self.device.link.timeout_s)
+            await self.start()
             while True:
                 slot = await self._schedule.next()
                 self._account_for(slot)
                 self._deliver(await self._guarded(slot.at_us))
                 _stop_if_cancelled()
         finally:
-            if self._opening is not None:
-                self._opening.cancel()
-            self._line.close()
+            await self.stop()
+
+    async def start(self) -> None:
+        """Connect. The first poll waits for its connection; every later one keeps its instant."""
+        await asyncio.wait([self._reconnect()], timeout=self.device.link.timeout_s)
+
+    async def stop(self) -> None:
+        """Hang up, and try no further to connect."""
+        if self._opening is not None:
+            self._opening.cancel()
+        self._line.close()
 
     async def poll(self, at_us: int) -> SampleBatch:
         """One poll, whose samples bear the time ``at_us`` (microseconds since 1970)."""
@@ -143,7 +149,8 @@ class DevicePoller:
         self.state.took_s.append((ended_us - began_us) / 1e6)
         return batch
 
-    async def _read(self, block: Block, poll: _Poll) -> None:
+    async def _read(self, block: Block, poll: _Poll, *, piece: bool = False) -> None:
+        """Ask for ``block``; ``piece`` where it is divided for this poll only."""
         reader = self._reader(block)
         if fault := self._not_now(block):
             poll.mark(reader, fault)
@@ -151,10 +158,15 @@ class DevicePoller:
         if fault := self._plan.resting(block):
             poll.mark(reader, fault, known=True)
             return
+        pieces = block.avoiding(self._line.doubtful(block.unit_id, block.table))
+        if len(pieces) > 1:
+            for each in pieces:
+                await self._read(each, poll, piece=True)
+            return
         try:
             words = await self._line.read(block.unit_id, block.table, block.first, block.count)
         except ReadFault as fault:
-            await self._after(fault, block, poll)
+            await self._after(fault, block, poll, piece=piece)
             return
         self._units.pop(block.unit_id, None)
         self._backoff.succeeded()
@@ -166,8 +178,10 @@ class DevicePoller:
             reader = self._readers[block] = BlockReader(block, self._place_of)
         return reader
 
-    async def _after(self, fault: ReadFault, block: Block, poll: _Poll) -> None:
-        if fault.splits and poll.splits_left > 0:
+    async def _after(
+        self, fault: ReadFault, block: Block, poll: _Poll, *, piece: bool = False
+    ) -> None:
+        if fault.splits and poll.splits_left > 0 and not piece:
             poll.splits_left -= 1
             if halves := self._plan.split(block):
                 for half in halves:
@@ -178,7 +192,7 @@ class DevicePoller:
             log.warning("device %s: %s: %s", self.device.name, block, fault.reason, extra=about)
         elif fault.unit_is_silent:
             self._leave_alone(block.unit_id, fault)
-        if not self._line.connected:
+        if not await self._line.reopen():
             self._why = fault
         poll.mark(self._reader(block), fault)
 

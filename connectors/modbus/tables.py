@@ -113,6 +113,11 @@ class DeviceTable(_Table):
     pause_s: Annotated[float, Field(ge=0.0, le=5.0)] = Field(
         default=0.0, description="seconds of rest between two requests, 0 to 5"
     )
+    latest_answer_s: Annotated[float, Field(ge=0.0, le=600.0)] = Field(
+        default=0.0,
+        description="seconds after a request in which its answer may still come, 0 to 600; 0 is "
+        "ten seconds, or five times timeout_s where that is longer",
+    )
     max_words: Annotated[int, Field(ge=4, le=MAX_WORDS)] = Field(
         default=MAX_WORDS, description=f"the most registers in one request, 4 to {MAX_WORDS}"
     )

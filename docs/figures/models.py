@@ -21,7 +21,7 @@ from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.zoo.model import ValveModel, values_of
 from stemwatch.models.zoo.networks.fit import fit_network
 from stemwatch.models.zoo.networks.network import Network
-from stemwatch.service.comparison.rows import NETWORKS
+from stemwatch.service.comparison.compare_models import NETWORKS
 
 HERE = Path(__file__).parent
 SAMPLES = 360

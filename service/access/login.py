@@ -9,7 +9,7 @@ from datetime import datetime
 from stemwatch.service.access import throttle
 from stemwatch.service.access.passwords import LONGEST, hash_password, is_dated, matches
 from stemwatch.service.access.sessions import IDLE, begin_session
-from stemwatch.service.store.access_records import Entry, Outcome, User
+from stemwatch.service.store.accounts.records import Entry, Outcome, User
 from stemwatch.service.store.store import Store
 
 ACTION = "sign in"

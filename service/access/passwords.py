@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerificationError
 
-from stemwatch.service.store.accounts import name_key
+from stemwatch.service.store.accounts.users import name_key
 
 SHORTEST, LONGEST = 12, 200
 FEWEST_SIGNS = 5

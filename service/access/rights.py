@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from stemwatch.service.store.access_records import Role, Scope
+from stemwatch.service.store.accounts.records import Role, Scope
 
 
 class Operation(StrEnum):

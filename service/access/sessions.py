@@ -11,7 +11,7 @@ from datetime import datetime, timedelta
 
 from stemwatch.service.access.rights import Visitor
 from stemwatch.service.access.secret import digest_of, new_secret
-from stemwatch.service.store.access_records import WebSession
+from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.store import Store
 
 IDLE = timedelta(hours=12)  # a shift: longer unused, and a session has ended

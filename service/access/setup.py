@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 from stemwatch.service.access.links import address_of, check_name, make_link
 from stemwatch.service.access.passwords import check_password, hash_password
-from stemwatch.service.store.access_records import LinkKind, Role
+from stemwatch.service.store.accounts.records import LinkKind, Role
 from stemwatch.service.store.store import Store
 
 

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from datetime import timedelta
 
 from stemwatch.service.access.secret import digest_of
-from stemwatch.service.store.accounts import name_key
-from stemwatch.service.store.attempts import Wait
+from stemwatch.service.store.accounts.login_attempts import Wait
+from stemwatch.service.store.accounts.users import name_key
 
 FORGET = timedelta(hours=1)  # without an attempt, and counting begins anew
 FREE_OF_NAME, FREE_OF_ADDRESS = 5, 20

@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 from stemwatch.service.access.links import BadName, check_name
 from stemwatch.service.access.rights import Visitor, scopes_of
 from stemwatch.service.access.secret import digest_of, new_secret
-from stemwatch.service.store.access_records import Role, Scope, User
+from stemwatch.service.store.accounts.records import Role, Scope, User
 from stemwatch.service.store.store import Store
 
 BEGINS = "stw_"  # by which scanners of repositories and people know a token

@@ -16,10 +16,10 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.columns import clean_text
-from stemwatch.service.store.live_tables import SampleReasonRow, SampleRow, TagRow
-from stemwatch.service.store.samples import EPOCH, microseconds
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.database.columns import clean_text
+from stemwatch.service.store.samples.samples import EPOCH, microseconds
+from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
 from stemwatch.service.store.store import Store
 
 VALVE, MANY = f"{AlertKind.NO_DATA.value}:valve:", f"{AlertKind.NO_DATA.value}:many:"

@@ -7,7 +7,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.alerts import AlertSeverity, StoredAlert
+from stemwatch.service.store.alerts.alerts import AlertSeverity, StoredAlert
 from stemwatch.service.store.store import Store
 
 _ORDER = list(AlertSeverity)

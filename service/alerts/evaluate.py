@@ -6,11 +6,11 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from stemwatch.service.alerts.aftermath import note_aftermath
+from stemwatch.service.alerts.after_maintenance import note_result_of_work
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
-from stemwatch.service.alerts.rules import look
+from stemwatch.service.alerts.rules import apply_rules
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
 from stemwatch.service.store.store import Store
 
 _NAMED = 12  # valves of a common alert that are listed
@@ -42,11 +42,11 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     raised: list[Raised] = []
     over: list[str] = []
     for seen in gathered(store, plant, done):
-        of_valve, closed = look(seen, plant.alerts)
+        of_valve, closed = apply_rules(seen, plant.alerts)
         raised += of_valve
         over += [cause for cause in closed if cause in open_before]
     for valve in awaiting_aftermath(store, done):
-        note_aftermath(store, valve)
+        note_result_of_work(store, valve)
     groups = _groups(raised, plant)
     common = [_common(group, found, run_id) for group, found in groups.items()]
     still = {one.cause for one in common}

@@ -14,16 +14,15 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.alerts.aftermath import WRITER
-from stemwatch.service.alerts.rules import RATIO, Judged, Seen
+from stemwatch.service.alerts.after_maintenance import WRITER
+from stemwatch.service.alerts.rules import RATIO, JudgedScreening, ValveRecord
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.baselines import BASELINE
-from stemwatch.service.store.held_back import remark_column
-from stemwatch.service.store.packed import mismatch_of
-from stemwatch.service.store.records import StoredValve
-from stemwatch.service.store.screenings import latest_screening_id
-from stemwatch.service.store.store import Store
-from stemwatch.service.store.tables import (
+from stemwatch.service.store.screenings.baselines import BASELINE
+from stemwatch.service.store.screenings.held_back import remark_column
+from stemwatch.service.store.screenings.mismatch_json import mismatch_of
+from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import (
     IndicatorRow,
     MaintenanceRow,
     NetworkRow,
@@ -31,6 +30,7 @@ from stemwatch.service.store.tables import (
     ScreeningRow,
     ValveRow,
 )
+from stemwatch.service.store.store import Store
 
 AT_ONCE = 250  # valves of one round of queries; times the depth, what one statement may name
 _NAMED = Finding.NAMED.value
@@ -53,7 +53,7 @@ _COLUMNS = (
 )
 
 
-def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[Seen]:
+def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[ValveRecord]:
     """What is known of each of ``valves``, in their order. Raises ``StoreError``."""
     depth = max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3
     for first in range(0, len(valves), AT_ONCE):
@@ -66,7 +66,7 @@ def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[Seen
             worked_at = _worked_at(session, part)
         for valve in part:
             many = judged.get(valve, [])
-            yield Seen(
+            yield ValveRecord(
                 valve=_facts(plant, valve),
                 screenings=many,
                 at_baseline=before.get(valve),
@@ -114,7 +114,7 @@ def _facts(plant: Plant, valve: str) -> StoredValve:
     )
 
 
-def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list[Judged]]:
+def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list[JudgedScreening]]:
     """The last ``depth`` screenings of each valve, newest first.
 
     Their numbers come from the index, one short look for each, so that the time does not grow with
@@ -151,8 +151,8 @@ def _named(session: Session, numbers: Sequence[int]) -> dict[int, Mismatch]:
     return {number: mismatch for number, mismatch in read if mismatch is not None}
 
 
-def _judged(row: Any, mismatch: Mismatch | None) -> Judged:
-    return Judged(
+def _judged(row: Any, mismatch: Mismatch | None) -> JudgedScreening:
+    return JudgedScreening(
         id=row.id,
         run_id=row.run_id,
         window=(row.window_start, row.window_end),

@@ -14,10 +14,10 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.fleet import stands
-from stemwatch.service.report.discoveries import Discoveries
-from stemwatch.service.store.held_back import KEY as KEY
+from stemwatch.service.report.false_discoveries import Discoveries
+from stemwatch.service.store.screenings.held_back import KEY as KEY
+from stemwatch.service.store.screenings.tables import ScreeningRow
 from stemwatch.service.store.store import Store
-from stemwatch.service.store.tables import ScreeningRow
 
 
 @dataclass(frozen=True, kw_only=True)

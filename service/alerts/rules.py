@@ -16,13 +16,13 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.plantfile.live import AlertRules
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.screenings.records import StoredValve
 
 RATIO = "baseline_ratio"
 
 
-class Standing(Enum):
+class AlertDecision(Enum):
     """What the last runs say of a finding."""
 
     RAISE = "raise"
@@ -31,7 +31,7 @@ class Standing(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
+class JudgedScreening:
     """What the rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
 
     ``named``: an effect beside S and J has a name and stands among all valves of the run;
@@ -51,7 +51,7 @@ class Judged:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class ValveRecord:
     """What is known of a valve when the rules look at it.
 
     ``screenings`` newest first; ``at_baseline`` S in the baseline's window, percent of OP span;
@@ -60,46 +60,46 @@ class Seen:
     """
 
     valve: StoredValve
-    screenings: Sequence[Judged]
+    screenings: Sequence[JudgedScreening]
     at_baseline: Estimate | None = None
     ratios: Mapping[int, float] = field(default_factory=dict)
     ratio_limit: float = 3.0
     worked_at: Sequence[datetime] = ()
 
 
-def standing(present: Sequence[bool | None], rules: AlertRules) -> Standing:
+def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDecision:
     """What a finding's presence in the last judged screenings (newest first) asks for.
 
     ``None`` is a screening that cannot tell and counts for neither; while the newest cannot, what
     is open stays open and nothing is raised.
     """
     if not present or present[0] is None:
-        return Standing.LEAVE
+        return AlertDecision.LEAVE
     told = [one for one in present if one is not None]
     if told[0] and sum(told[: rules.of_runs]) >= rules.raise_after_runs:
-        return Standing.RAISE
+        return AlertDecision.RAISE
     last = told[: rules.clear_after_runs]
     if len(last) == rules.clear_after_runs and not any(last):
-        return Standing.CLEAR
-    return Standing.LEAVE
+        return AlertDecision.CLEAR
+    return AlertDecision.LEAVE
 
 
-def look(seen: Seen, rules: AlertRules) -> tuple[list[Raised], list[str]]:
+def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[Raised], list[str]]:
     """What to raise, and the causes to close, of one valve."""
     judged = [one for one in seen.screenings if one.verdict is not Verdict.UNDETERMINED]
     raised: list[Raised] = []
     closed: list[str] = []
     for kind, present, text in _findings(seen, rules):
         told = [None if _worked_on(seen, one) else present(one) for one in judged]
-        verdict = standing(told, rules)
-        if verdict is Standing.RAISE:
+        verdict = alert_decision(told, rules)
+        if verdict is AlertDecision.RAISE:
             raised.append(_raised(seen.valve, kind, text(judged[0]), judged[0]))
-        elif verdict is Standing.CLEAR:
+        elif verdict is AlertDecision.CLEAR:
             closed.append(cause(kind, seen.valve.id))
     return raised, closed
 
 
-def _worked_on(seen: Seen, one: Judged) -> bool:
+def _worked_on(seen: ValveRecord, one: JudgedScreening) -> bool:
     """True where the window holds two valves: the one before the work and the one after it."""
     start, end = one.window
     if start is None or end is None:
@@ -112,10 +112,12 @@ def cause(kind: AlertKind, valve: str) -> str:
     return f"{kind.value}:{valve}"
 
 
-_Finding = tuple[AlertKind, Callable[[Judged], bool | None], Callable[[Judged], str]]
+_Finding = tuple[
+    AlertKind, Callable[[JudgedScreening], bool | None], Callable[[JudgedScreening], str]
+]
 
 
-def _findings(seen: Seen, rules: AlertRules) -> list[_Finding]:
+def _findings(seen: ValveRecord, rules: AlertRules) -> list[_Finding]:
     return [
         (AlertKind.STICKY, lambda one: one.verdict is Verdict.STICKY, _sticky),
         (
@@ -142,11 +144,11 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
     return now.value - before.value >= least_percent and now.low > before.high
 
 
-def _sticky(one: Judged) -> str:
+def _sticky(one: JudgedScreening) -> str:
     return f"It sticks: S is {one.S} of OP span. {one.advice}"
 
 
-def _grown(one: Judged, before: Estimate | None) -> str:
+def _grown(one: JudgedScreening, before: Estimate | None) -> str:
     return f"S has grown from {before} at its baseline to {one.S} of OP span. {one.advice}"
 
 
@@ -157,14 +159,14 @@ def _departed(ratio: float) -> str:
     )
 
 
-def _mismatch(one: Judged) -> str:
+def _mismatch(one: JudgedScreening) -> str:
     if one.mismatch is None or not one.mismatch.effects:
         return "Something beside stiction was found."
     effect = one.mismatch.effects[0]
     return f"{effect.sentence} {effect.check}".strip()
 
 
-def _raised(valve: StoredValve, kind: AlertKind, text: str, one: Judged) -> Raised:
+def _raised(valve: StoredValve, kind: AlertKind, text: str, one: JudgedScreening) -> Raised:
     name = f"{valve.id} ({valve.description})" if valve.description else valve.id
     evidence = {
         "S": one.S.value,

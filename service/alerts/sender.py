@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 
 from stemwatch.service.alerts.notifiers.notifier import Notifier, NotSent
-from stemwatch.service.store.address import masked
-from stemwatch.service.store.deliveries import StoredDelivery
+from stemwatch.service.store.alerts.deliveries import StoredDelivery
+from stemwatch.service.store.database_url import masked
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)

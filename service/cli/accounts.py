@@ -17,7 +17,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from stemwatch.service.store.access_records import LinkKind, Role, User
+    from stemwatch.service.store.accounts.records import LinkKind, Role, User
     from stemwatch.service.store.store import Store
 
 accounts_app = typer.Typer(
@@ -72,7 +72,7 @@ def add(
     address: Address = PAGES,
 ) -> None:
     """Print a one-time link at which a new user chooses name and password."""
-    from stemwatch.service.store.access_records import LinkKind
+    from stemwatch.service.store.accounts.records import LinkKind
 
     with _store(plant, db) as store:
         link = _link(store, address, LinkKind.INVITATION, _role(role), note)
@@ -83,7 +83,7 @@ def add(
 @accounts_app.command("reset")
 def reset(name: Name, plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
     """Print a one-time link at which a user chooses a new password."""
-    from stemwatch.service.store.access_records import LinkKind
+    from stemwatch.service.store.accounts.records import LinkKind
 
     with _store(plant, db) as store:
         user = _user(store, name)
@@ -146,7 +146,7 @@ def _user(store: Store, name: str) -> User:
 
 
 def _role(word: str) -> Role:
-    from stemwatch.service.store.access_records import Role
+    from stemwatch.service.store.accounts.records import Role
 
     if word not in list(Role):
         raise typer.BadParameter(f"{', '.join(Role)} is expected, received {word!r}")
@@ -171,7 +171,7 @@ def _show(link: str) -> None:
 
 def _note(store: Store, action: str, about: str) -> None:
     """An entry in the audit log: by whom this machine is used, and what for."""
-    from stemwatch.service.store.access_records import Entry
+    from stemwatch.service.store.accounts.records import Entry
 
     try:
         who = getpass.getuser()

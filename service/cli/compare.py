@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from stemwatch.models.recording import Recording
     from stemwatch.models.zoo.scores import Score
-    from stemwatch.service.comparison.rows import Comparison, Row
+    from stemwatch.service.comparison.compare_models import Comparison, ModelRow
     from stemwatch.service.run.plan import Request
 
 TAGS = "Which tag is what"
@@ -103,7 +103,7 @@ def _compared(recording: Recording, train_share: float, network: bool) -> Compar
     from rich.progress import Progress
 
     from stemwatch.service.cli import views
-    from stemwatch.service.comparison.rows import compare as compare_models
+    from stemwatch.service.comparison.compare_models import compare as compare_models
 
     train_until = max(round(train_share * len(recording)), 1)
     with Progress(console=views.err, transient=True) as progress:
@@ -129,7 +129,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
         text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")
     if out is not None:
-        from stemwatch.service.comparison.page import html_bytes
+        from stemwatch.service.comparison.comparison_html import html_bytes
 
         out.mkdir(parents=True, exist_ok=True)
         (out / PAGE).write_bytes(html_bytes(comparison))
@@ -168,7 +168,7 @@ def _table(comparison: Comparison) -> Table:
     return table
 
 
-def _parameters(row: Row) -> str:
+def _parameters(row: ModelRow) -> str:
     named = row.parameters.items()
     return ", ".join(f"{name} {one}" for name, one in named if one.value is not None)
 

@@ -11,7 +11,7 @@ from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
     from stemwatch.service.plantfile.plant import Plant
-    from stemwatch.service.store.address import Address
+    from stemwatch.service.store.database_url import Address
 
 db_app = typer.Typer(
     name="db",
@@ -44,9 +44,9 @@ def _db() -> None:
 def version(plant: PlantFile = None, db: Url = "") -> None:
     """Say which schema the database has, and which this program writes. Changes nothing."""
     from stemwatch.service.cli import db_views
-    from stemwatch.service.store.engine import existing_engine
-    from stemwatch.service.store.migrate import current_revision, newest_revision
-    from stemwatch.service.store.transfer.carry import disposing, one_instant
+    from stemwatch.service.store.administration.backup import disposing, one_instant
+    from stemwatch.service.store.administration.migrate import current_revision, newest_revision
+    from stemwatch.service.store.database.engine import existing_engine
 
     address = _address(plant, db)
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
@@ -61,10 +61,10 @@ def upgrade(plant: PlantFile = None, db: Url = "") -> None:
     Takes its time on PostgreSQL where many samples have to be moved. Make a backup first.
     """
     from stemwatch.service.cli import db_views
-    from stemwatch.service.store.engine import make_engine
-    from stemwatch.service.store.migrate import newest_revision
-    from stemwatch.service.store.migrate import upgrade as bring_up
-    from stemwatch.service.store.transfer.carry import disposing
+    from stemwatch.service.store.administration.backup import disposing
+    from stemwatch.service.store.administration.migrate import newest_revision
+    from stemwatch.service.store.administration.migrate import upgrade as bring_up
+    from stemwatch.service.store.database.engine import make_engine
 
     address = _address(plant, db)
     with disposing(make_engine(address)) as engine:
@@ -81,9 +81,9 @@ def downgrade(
 ) -> None:
     """Take the schema back, for an older program. What only newer schemas hold is LOST."""
     from stemwatch.service.cli import db_views
-    from stemwatch.service.store.engine import existing_engine
-    from stemwatch.service.store.migrate import take_back
-    from stemwatch.service.store.transfer.carry import disposing
+    from stemwatch.service.store.administration.backup import disposing
+    from stemwatch.service.store.administration.migrate import take_back
+    from stemwatch.service.store.database.engine import existing_engine
 
     address = _address(plant, db)
     if not yes:
@@ -104,7 +104,7 @@ def check(plant: PlantFile = None, db: Url = "") -> None:
     Changes nothing. Exit status 1 where something needs to be done.
     """
     from stemwatch.service.cli import db_views, views
-    from stemwatch.service.store.checking import check as look
+    from stemwatch.service.store.administration.check import check as look
 
     address = _address(plant, db)
     health = look(address)
@@ -130,7 +130,7 @@ def backup(
     passwords: only its owner may read it.
     """
     from stemwatch.service.cli import db_views, views
-    from stemwatch.service.store.transfer.carry import backup as carry
+    from stemwatch.service.store.administration.backup import backup as carry
 
     address = _address(plant, db)
     told = carry(address, file)
@@ -148,7 +148,7 @@ def restore(
     A database that holds anything is left alone: give a new one.
     """
     from stemwatch.service.cli import db_views, views
-    from stemwatch.service.store.transfer.carry import restore as carry
+    from stemwatch.service.store.administration.backup import restore as carry
 
     address = _address(plant, db)
     told = carry(o.need_file(file, "FILE"), address)
@@ -175,8 +175,8 @@ def copy(
     first: what it writes meanwhile is not copied. The first database stays as it is.
     """
     from stemwatch.service.cli import db_views, views
-    from stemwatch.service.store.address import Address
-    from stemwatch.service.store.transfer.carry import copy as carry
+    from stemwatch.service.store.administration.backup import copy as carry
+    from stemwatch.service.store.database_url import Address
 
     origin, target = _address(plant, db), Address(to)
     told = carry(origin, target)
@@ -207,7 +207,7 @@ def prune(
     The running service removes old samples by itself. Baselines, notes and maintenance stay.
     """
     from stemwatch.service.cli import db_views, views
-    from stemwatch.service.store import pruning
+    from stemwatch.service.store.administration import prune as pruning
     from stemwatch.service.store.store import open_store
 
     address = _address(plant, db)
@@ -228,7 +228,7 @@ def prune(
 def _address(plant: Path | None, db: str) -> Address:
     import os
 
-    from stemwatch.service.store.address import Address
+    from stemwatch.service.store.database_url import Address
 
     if db:
         return Address(db)
@@ -247,7 +247,7 @@ def _plant(path: Path) -> Plant:
 
 def _existing(address: Address) -> Address:
     """The address, where there is a database already."""
-    from stemwatch.service.store.engine import existing_engine
+    from stemwatch.service.store.database.engine import existing_engine
 
     existing_engine(address).dispose()
     return address

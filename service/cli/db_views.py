@@ -10,9 +10,9 @@ from rich.table import Table
 from stemwatch.service.cli import views
 
 if TYPE_CHECKING:
-    from stemwatch.service.store.checking import Health
-    from stemwatch.service.store.pruning import Pruned
-    from stemwatch.service.store.transfer.archive import Told
+    from stemwatch.service.store.administration.backup_file import Told
+    from stemwatch.service.store.administration.check import Health
+    from stemwatch.service.store.administration.prune import Pruned
 
 
 def say(sentence: str) -> None:

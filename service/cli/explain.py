@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from stemwatch.models.limits import Limits
-    from stemwatch.service.explain.asked import Asked
     from stemwatch.service.explain.explained import Explained
+    from stemwatch.service.explain.to_explain import ToExplain
     from stemwatch.service.run.plan import Request
 
 TAGS = "Which tag is what (one valve per file)"
@@ -84,12 +84,12 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
     """An explanation of everything that was asked for, in that order."""
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
-    from stemwatch.service.explain.asked import asked
+    from stemwatch.service.explain.to_explain import what_to_explain
 
     plant = request.plant
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
-    everything = asked(request)
+    everything = what_to_explain(request)
     for place, reason in everything.left_out:
         views.say(f"left out: {place}: {reason}")
     limits = plant.limits if plant else Limits()
@@ -97,7 +97,7 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
 
 
 def _worked(
-    wanted: Sequence[Asked], narx: bool, limits: Limits, workers: int | None
+    wanted: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
 ) -> list[Explained]:
     from rich.progress import Progress
 
@@ -126,7 +126,7 @@ def _report(
     if len(found) > 1:
         views.out.print(tally(found), highlight=False)
     if json_file is not None:
-        from stemwatch.service.explain.contract import to_json
+        from stemwatch.service.explain.explain_json import to_json
 
         json_file.write_text(to_json(found), encoding="utf-8")
     if out is not None:
@@ -143,9 +143,9 @@ def _write(found: Sequence[Explained], request: Request, out: Path) -> Path:
     """The page's folder; times in the plant's zone, else in the zone that was given, else UTC."""
     from datetime import UTC, datetime
 
-    from stemwatch.service.explain.write import write_pages
+    from stemwatch.service.explain.write_explanation import write_pages
     from stemwatch.service.report import ReportContext
-    from stemwatch.service.store.address import masked_command
+    from stemwatch.service.store.database_url import masked_command
 
     plant = request.plant
     context = ReportContext(

@@ -20,7 +20,7 @@ from stemwatch.service.report.mismatch_words import (
     effect_names,
     others,
 )
-from stemwatch.service.report.words import beyond, figure, finite, interval, share, span_percent
+from stemwatch.service.report.wording import beyond, figure, finite, interval, share, span_percent
 
 STYLE = {
     Finding.NAMED: "bold red",

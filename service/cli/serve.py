@@ -14,7 +14,7 @@ from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
     from stemwatch.service.plantfile import Plant
-    from stemwatch.service.store.records import StoredRun
+    from stemwatch.service.store.screenings.records import StoredRun
     from stemwatch.service.store.store import Store
 
 PlantFile = Annotated[Path, typer.Option(help="plant.toml with sources, valves and schedules.")]
@@ -80,7 +80,7 @@ def run_now(
     from stemwatch.service.cli import views
     from stemwatch.service.run.queue_worker import QueueWorker
     from stemwatch.service.serve.duties import LEASE
-    from stemwatch.service.store.queue import Wanted
+    from stemwatch.service.store.runs.queue import Wanted
     from stemwatch.service.store.store import open_store
 
     loaded = _load(plant)

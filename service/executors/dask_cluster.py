@@ -74,6 +74,8 @@ class DaskCluster:
         other batches too, unless it is ``alone``. Only a few batches for each worker are at the
         cluster at a time, so that neither the scheduler nor a worker holds more than that.
         """
+        if stop.is_set():
+            return
         with self._client() as client:
             ahead = 1 if alone else AHEAD * max(sum(_threads(client)), 1)
             yield from _HandedOut(client, work, batches, ahead).answers(stop)

@@ -16,7 +16,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats, Recording
-from stemwatch.service.explain.asked import Asked
+from stemwatch.service.explain.to_explain import ToExplain
 from stemwatch.service.run.task import Task, open_file
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Explained:
 class Job:
     """What travels to a worker."""
 
-    asked: Asked
+    asked: ToExplain
     narx: bool = True  # train the network that says how much is systematic at all
     limits: Limits = field(default_factory=Limits)
 
@@ -70,7 +70,7 @@ def not_testable(reason: str) -> Mismatch:
     return Mismatch(finding=Finding.NOT_TESTABLE, sentence=reason, naive=nothing, restated=nothing)
 
 
-def _without(asked: Asked, reason: str) -> Explained:
+def _without(asked: ToExplain, reason: str) -> Explained:
     mismatch = not_testable(reason or "there is nothing to explain")
     return Explained(source=asked.source, valve=asked.valve, mismatch=mismatch)
 

@@ -1,6 +1,16 @@
 """The maintenance report: one page per valve for those who do the work, and the work orders."""
 
-from stemwatch.service.maintenance.background import NOTHING_KNOWN, Background, Past
-from stemwatch.service.maintenance.write import MaintenanceFiles, write_maintenance
+from stemwatch.service.maintenance.valve_history import (
+    NOTHING_KNOWN,
+    EarlierScreening,
+    ValveHistory,
+)
+from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
 
-__all__ = ["NOTHING_KNOWN", "Background", "MaintenanceFiles", "Past", "write_maintenance"]
+__all__ = [
+    "NOTHING_KNOWN",
+    "EarlierScreening",
+    "MaintenanceFiles",
+    "ValveHistory",
+    "write_maintenance",
+]

@@ -15,7 +15,7 @@ from importlib.resources import files
 MOST_STEPS = 9  # a page holds no more, and nobody reads more at the valve
 
 
-class Level(IntEnum):
+class IsolationLevel(IntEnum):
     """How far one must go for a step, from the cheapest to the dearest."""
 
     DESK = 0
@@ -26,33 +26,33 @@ class Level(IntEnum):
 
 
 LEVEL_NAME = {
-    Level.DESK: "desk",
-    Level.LOOK: "at the valve, in service",
-    Level.MANUAL: "loop in manual",
-    Level.AIR: "air off",
-    Level.LINE: "line isolated",
+    IsolationLevel.DESK: "desk",
+    IsolationLevel.LOOK: "at the valve, in service",
+    IsolationLevel.MANUAL: "loop in manual",
+    IsolationLevel.AIR: "air off",
+    IsolationLevel.LINE: "line isolated",
 }
 HINT = (
     "Hints by kind of finding, not a work permit: the permit, lock-out and line-breaking rules of "
     "the site and the instructions of the makers decide."
 )
 ISOLATION = {
-    Level.DESK: "No isolation: this is work at the desk.",
-    Level.LOOK: (
+    IsolationLevel.DESK: "No isolation: this is work at the desk.",
+    IsolationLevel.LOOK: (
         "Valve in service: it may move at any time and without warning. Keep hands and tools out "
         "of yoke, stem and linkage."
     ),
-    Level.MANUAL: (
+    IsolationLevel.MANUAL: (
         "Loop in manual, agreed with the control room; think of cascades, interlocks and what a "
         "move of 5 % does to the process; somebody stands at the bypass where it bears none."
     ),
-    Level.AIR: (
+    IsolationLevel.AIR: (
         "Air shut and vented, locked and tagged: the valve goes to its fail position, so agree on "
         "bypass or safe state first. Volume tanks, boosters and lock-up valves keep pressure. The "
         "actuator's spring holds energy: release it as the maker says before anything is opened, "
         "and never hang on the coupling to hold the plug."
     ),
-    Level.LINE: (
+    IsolationLevel.LINE: (
         "Pressure boundary: bypass open, block valves before and after the valve shut, locked and "
         "tagged; depressurise, drain, flush, and prove it at vent and bonnet. Medium may be "
         "trapped between the block valves, in the bonnet and behind the packing; mind heat and "
@@ -62,10 +62,10 @@ ISOLATION = {
 
 
 @dataclass(frozen=True)
-class Step:
+class CheckStep:
     """One thing to check or do."""
 
-    level: Level
+    level: IsolationLevel
     text: str
 
 
@@ -83,7 +83,7 @@ class Advice:
     damage: str
     cause: str
     part: str
-    steps: tuple[Step, ...]
+    steps: tuple[CheckStep, ...]
     otherwise: tuple[str, ...] = ()  # what looks alike, a sentence each
 
 
@@ -100,7 +100,7 @@ def advice_for(kind: str) -> Advice:
     return known.get(kind, known["unknown"])
 
 
-def steps_for(kinds: Iterable[str]) -> tuple[Step, ...]:
+def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:
     """The steps of several kinds together, the cheapest first, none twice, ``MOST_STEPS`` at most.
 
     All of the first kind's are there; the others fill what room is left, in turn.
@@ -122,10 +122,10 @@ def parts_for(kinds: Iterable[str]) -> tuple[str, ...]:
     return tuple(needed or every[:1])
 
 
-def isolation_for(steps: Iterable[Step]) -> tuple[tuple[Level, str], ...]:
+def isolation_for(steps: Iterable[CheckStep]) -> tuple[tuple[IsolationLevel, str], ...]:
     """What each level that ``steps`` reach asks for, the cheapest first; the desk only alone."""
     levels = sorted({step.level for step in steps})
-    beyond = [level for level in levels if level > Level.DESK]
+    beyond = [level for level in levels if level > IsolationLevel.DESK]
     return tuple((level, ISOLATION[level]) for level in beyond or levels)
 
 
@@ -146,6 +146,6 @@ def _advice(kind: str, table: Mapping[str, object]) -> Advice:
     )
 
 
-def _step(text: str) -> Step:
+def _step(text: str) -> CheckStep:
     level, _, said = text.partition(": ")
-    return Step(Level[level.upper()], said)
+    return CheckStep(IsolationLevel[level.upper()], said)

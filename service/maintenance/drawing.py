@@ -1,20 +1,28 @@
 """``Drawing``: lines, areas and words in points, which HTML and PDF draw alike.
 
-Everything is black or grey. What tells two things apart is the width and the dash of a line, a
-hatch, a mark or a word, so that a copy of a copy still reads.
+With it the axes of its panels, and the drawing as SVG for a page. Everything is black or grey. What
+tells two things apart is the width and the dash of a line, a hatch, a mark or a word, so that a
+copy of a copy still reads.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from stemwatch.models.recording import Floats
+from stemwatch.service.report.wording import printable
 
 Point = tuple[float, float]  # points, y downwards from the top
 Anchor = Literal["start", "middle", "end"]
 
 
 @dataclass(frozen=True)
-class Line:
+class DrawnLine:
     """A polyline. ``dash`` is lengths of strokes and gaps; empty is solid. ``grey`` 0 is black."""
 
     points: tuple[Point, ...]
@@ -24,7 +32,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Area:
+class DrawnArea:
     """A polygon filled with thin parallel lines ``hatch`` points apart, or with grey without."""
 
     points: tuple[Point, ...]
@@ -33,7 +41,7 @@ class Area:
 
 
 @dataclass(frozen=True)
-class Label:
+class DrawnText:
     """One line of words whose baseline is at ``at``."""
 
     at: Point
@@ -43,7 +51,7 @@ class Label:
     bold: bool = False
 
 
-Mark = Line | Area | Label
+Mark = DrawnLine | DrawnArea | DrawnText
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +64,7 @@ class Drawing:
     says: str
 
 
-def hatching(area: Area) -> tuple[Line, ...]:
+def hatching(area: DrawnArea) -> tuple[DrawnLine, ...]:
     """The lines of a hatched area, from lower left to upper right, clipped to its polygon.
 
     A line of slope -1 meets the edges in an even number of points; every other piece is inside.
@@ -67,7 +75,7 @@ def hatching(area: Area) -> tuple[Line, ...]:
     while area.hatch > 0.0 and level < max(sums):
         crossings = sorted(_crossings(area.points, level))
         lines += [
-            Line(points=((a, level - a), (b, level - b)), width=0.35, grey=0.45)
+            DrawnLine(points=((a, level - a), (b, level - b)), width=0.35, grey=0.45)
             for a, b in zip(crossings[::2], crossings[1::2], strict=False)
         ]
         level += area.hatch
@@ -82,3 +90,147 @@ def _crossings(points: tuple[Point, ...], level: float) -> list[float]:
         if (here < 0.0) != (there < 0.0):
             found.append(x0 + (x1 - x0) * here / (here - there))
     return found
+
+
+def svg_of(drawing: Drawing) -> Markup:
+    """The picture as an element; every text is escaped."""
+    inside = Markup("").join(_mark(mark) for mark in drawing.marks)
+    return Markup(
+        '<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{says}">{inside}</svg>'
+    ).format(
+        width=drawing.width, height=drawing.height, says=printable(drawing.says), inside=inside
+    )
+
+
+def _mark(mark: Mark) -> Markup:
+    if isinstance(mark, DrawnLine):
+        return _line(mark)
+    if isinstance(mark, DrawnArea):
+        return (
+            Markup("").join(_line(line) for line in hatching(mark)) if mark.hatch else _area(mark)
+        )
+    return _label(mark)
+
+
+def _points(mark: DrawnLine | DrawnArea) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in mark.points)
+
+
+def _line(line: DrawnLine) -> Markup:
+    dash = f' stroke-dasharray="{" ".join(f"{one:g}" for one in line.dash)}"' if line.dash else ""
+    return Markup(
+        f'<polyline points="{_points(line)}" fill="none" stroke="{_grey(line.grey)}" '
+        f'stroke-width="{line.width:g}"{dash}/>'
+    )
+
+
+def _area(area: DrawnArea) -> Markup:
+    return Markup(f'<polygon points="{_points(area)}" fill="{_grey(area.grey)}"/>')
+
+
+def _label(label: DrawnText) -> Markup:
+    weight = ' font-weight="700"' if label.bold else ""
+    start = (
+        f'<text x="{label.at[0]:.1f}" y="{label.at[1]:.1f}" font-size="{label.size:g}" '
+        f'text-anchor="{label.anchor}"{weight}>'
+    )
+    return Markup(start) + escape(printable(label.text)) + Markup("</text>")
+
+
+def _grey(grey: float) -> str:
+    level = round(255 * grey)
+    return f"#{level:02x}{level:02x}{level:02x}"
+
+
+TICK_SIZE = 6.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """A frame from (``left``, ``top``) of ``width`` x ``height`` points that shows the data from
+    (``x0``, ``y0``) to (``x1``, ``y1``)."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+
+    def x(self, value: float) -> float:
+        """Where ``value`` lies across, in points."""
+        return self.left + self.width * (value - self.x0) / (self.x1 - self.x0)
+
+    def y(self, value: float) -> float:
+        """Where ``value`` lies downwards, in points."""
+        return self.top + self.height * (self.y1 - value) / (self.y1 - self.y0)
+
+    def at(self, x: float, y: float) -> Point:
+        """A point of the data on paper, no further out than the frame."""
+        across = min(max(self.x(x), self.left), self.left + self.width)
+        down = min(max(self.y(y), self.top), self.top + self.height)
+        return round(across, 1), round(down, 1)
+
+    def lines(
+        self, x: Floats, y: Floats, width: float, dash: tuple[float, ...] = (), grey: float = 0.0
+    ) -> list[DrawnLine]:
+        """Polylines through ``x`` and ``y`` (n,), broken where either is not known."""
+        known = np.isfinite(x) & np.isfinite(y)
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(np.int8), [0]))))
+        return [
+            DrawnLine(
+                tuple(self.at(float(a), float(b)) for a, b in zip(x[i:j], y[i:j], strict=True)),
+                width=width,
+                dash=dash,
+                grey=grey,
+            )
+            for i, j in edges.reshape(-1, 2)
+            if j - i > 1
+        ]
+
+    def frame(self, x_title: str, y_title: str) -> list[Mark]:
+        """Frame, ticks and titles."""
+        right, foot = self.left + self.width, self.top + self.height
+        box = ((self.left, self.top), (right, self.top), (right, foot), (self.left, foot))
+        marks: list[Mark] = [DrawnLine((*box, box[0]), width=0.5, grey=0.3)]
+        for value in ticks(self.x0, self.x1):
+            x = self.x(value)
+            marks.append(DrawnLine(((x, foot), (x, foot + 2.5)), width=0.5, grey=0.3))
+            marks.append(DrawnText((x, foot + 9.5), tick_text(value), TICK_SIZE, "middle"))
+        for value in ticks(self.y0, self.y1, most=5):
+            y = self.y(value)
+            marks.append(DrawnLine(((self.left - 2.5, y), (self.left, y)), width=0.5, grey=0.3))
+            marks.append(DrawnText((self.left - 4.0, y + 2.3), tick_text(value), TICK_SIZE, "end"))
+        marks.append(
+            DrawnText((self.left + self.width / 2, foot + 18.0), x_title, TICK_SIZE, "middle")
+        )
+        marks.append(DrawnText((self.left - 22.0, self.top - 4.0), y_title, TICK_SIZE))
+        return marks
+
+
+def span(*traces: Floats) -> tuple[float, float]:
+    """The range of all finite values with a twentieth to spare; something to draw on where it is
+    a point or nothing."""
+    known = np.concatenate([one[np.isfinite(one)] for one in traces]) if traces else np.zeros(0)
+    if not known.size:
+        return 0.0, 1.0
+    low, high = float(known.min()), float(known.max())
+    spare = max(0.05 * (high - low), 0.5 if high - low < 0.5 else 0.0, 1e-6 * abs(high))
+    return low - spare, high + spare
+
+
+def ticks(low: float, high: float, most: int = 6) -> list[float]:
+    """At most ``most`` round numbers between ``low`` and ``high``, evenly apart."""
+    rough = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * k for k in (1, 2, 2.5, 5, 10) if power * k >= rough)
+    first = math.ceil(low / step)
+    last = math.floor(high / step)
+    return [k * step for k in range(first, last + 1)]
+
+
+def tick_text(value: float) -> str:
+    """A tick's number."""
+    return f"{value:.6g}".replace("-", "−")

@@ -13,12 +13,12 @@ from stemwatch.service.maintenance.stored import (
     latest_screenings,
     screenings_of_run,
 )
-from stemwatch.service.maintenance.write import MaintenanceFiles, write_maintenance
+from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import ReportContext, SourceNotRead
-from stemwatch.service.report.discoveries import tested
-from stemwatch.service.restored import Restored
+from stemwatch.service.report.false_discoveries import tested
+from stemwatch.service.report.report_context import ReportContext, SourceNotRead
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.store import Store
 
 

@@ -6,12 +6,12 @@ import io
 from typing import Any
 
 from stemwatch.service.maintenance.advice import HINT
-from stemwatch.service.maintenance.book import Book, Brief
 from stemwatch.service.maintenance.pdf_fonts import REGULAR, fonts
 from stemwatch.service.maintenance.pdf_sheet import FOOT, LEFT, PAGE, TOP, WIDTH, draw_sheet
 from stemwatch.service.maintenance.pdf_text import Writer
-from stemwatch.service.maintenance.sheet import Sheet
-from stemwatch.service.report.words import NOTHING, VERDICT_SYMBOL, instant, printable
+from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
+from stemwatch.service.maintenance.work_sheet import WorkSheet
+from stemwatch.service.report.wording import NOTHING, VERDICT_SYMBOL, instant, printable
 
 SIZE = 8.2
 HEADINGS = ("Page", "Priority", "Valve", "Finding", "S", "Since", "By")
@@ -22,7 +22,7 @@ LEGEND = (
 )
 
 
-def book_pdf(book: Book, *, compress: bool = True) -> bytes:
+def book_pdf(book: WorkList, *, compress: bool = True) -> bytes:
     """The report as PDF, the same for the same book; uncompressed where a test reads it."""
     from reportlab.pdfgen.canvas import Canvas
 
@@ -49,7 +49,7 @@ def book_pdf(book: Book, *, compress: bool = True) -> bytes:
 class _Lists:
     """The front: what is in the report, the valves in their order, and those without a page."""
 
-    def __init__(self, canvas: Any, book: Book) -> None:
+    def __init__(self, canvas: Any, book: WorkList) -> None:
         self._canvas, self._book = canvas, book
         self._w = Writer(canvas, PAGE[1], SIZE)
         self._y = TOP
@@ -82,7 +82,7 @@ class _Lists:
         self._w.rule(LEFT, self._y + 1.0, WIDTH, 0.8)
         self._y += 2.0
 
-    def _row(self, number: int, sheet: Sheet) -> None:
+    def _row(self, number: int, sheet: WorkSheet) -> None:
         context, work = self._book.context, sheet.needs_work
         begins = sheet.since.first.at if sheet.since.first else sheet.screening.window[1]
         cells = (
@@ -126,7 +126,7 @@ class _Lists:
         for one in others:
             self._brief(one)
 
-    def _brief(self, one: Brief) -> None:
+    def _brief(self, one: ValveWithoutPage) -> None:
         self._full(SIZE * 1.24 * 2)
         verdict = f"{VERDICT_SYMBOL[one.verdict]} {one.verdict.value}"
         end = self._w.text(verdict, LEFT, self._y, 76.0, most=1, size=0.9)
@@ -162,7 +162,7 @@ class _Lists:
         self._canvas.showPage()
 
 
-def _folio(writer: Writer, book: Book, page: str) -> None:
+def _folio(writer: Writer, book: WorkList, page: str) -> None:
     day = book.context.started.astimezone(book.context.tz)
     told = f"{book.context.plant or book.context.software} · {day:%Y-%m-%d}"
     text = f"{told} · page {page}" if page else told

@@ -9,9 +9,9 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.advice import HINT, LEVEL_NAME
 from stemwatch.service.maintenance.pdf_fonts import is_whole
 from stemwatch.service.maintenance.pdf_text import Writer
-from stemwatch.service.maintenance.sheet import Sheet
-from stemwatch.service.report.context import ReportContext
-from stemwatch.service.report.words import NOTHING, VERDICT_SYMBOL, span_percent, window
+from stemwatch.service.maintenance.work_sheet import WorkSheet
+from stemwatch.service.report.report_context import ReportContext
+from stemwatch.service.report.wording import NOTHING, VERDICT_SYMBOL, span_percent, window
 
 PAGE = (595.28, 841.89)  # A4 in points
 LEFT, TOP, FOOT = 40.0, 30.0, 34.0
@@ -26,7 +26,7 @@ SEE_HTML = "Shortened to fit the page: maintenance.html has all of it."
 SEE_LETTERS = "□ stands for a letter that this PDF's font lacks: maintenance.html shows it."
 
 
-def draw_sheet(canvas: Any, sheet: Sheet, context: ReportContext) -> None:
+def draw_sheet(canvas: Any, sheet: WorkSheet, context: ReportContext) -> None:
     """Draw ``sheet`` onto the present page of ``canvas``."""
     room = PAGE[1] - FOOT - SIGN_HEIGHT
     size = next(
@@ -42,7 +42,7 @@ def draw_sheet(canvas: Any, sheet: Sheet, context: ReportContext) -> None:
     writer.line(" ".join(notes), LEFT, PAGE[1] - 18.0, 6.5)
 
 
-def _page(w: Writer, sheet: Sheet, context: ReportContext) -> float:
+def _page(w: Writer, sheet: WorkSheet, context: ReportContext) -> float:
     """Everything but the lines to sign on; returns where it ends."""
     y = _head(w, sheet, context)
     y = w.heading("What was found", LEFT, y, WIDTH)
@@ -61,7 +61,7 @@ def _page(w: Writer, sheet: Sheet, context: ReportContext) -> float:
     return _isolation(w, sheet, y)
 
 
-def _head(w: Writer, sheet: Sheet, context: ReportContext) -> float:
+def _head(w: Writer, sheet: WorkSheet, context: ReportContext) -> float:
     facts, screening = sheet.valve.facts, sheet.screening
     width = WIDTH - BOX_WIDTH - 10.0
     y = w.text(screening.valve, LEFT, TOP, width, most=2, size=1.75, bold=True)
@@ -77,7 +77,7 @@ def _head(w: Writer, sheet: Sheet, context: ReportContext) -> float:
     return y
 
 
-def _priority(w: Writer, sheet: Sheet, context: ReportContext) -> None:
+def _priority(w: Writer, sheet: WorkSheet, context: ReportContext) -> None:
     priority, left = sheet.priority, LEFT + WIDTH - BOX_WIDTH
     weight, dash = FRAME[priority.code] if sheet.needs_work else FRAME[4]
     w.box(left, TOP, BOX_WIDTH, BOX_HEIGHT, weight, dash)
@@ -92,7 +92,7 @@ def _priority(w: Writer, sheet: Sheet, context: ReportContext) -> None:
     w.line(due, middle, TOP + 49.5, 7.5, anchor="middle")
 
 
-def _sizes(w: Writer, sheet: Sheet, y: float, width: float) -> float:
+def _sizes(w: Writer, sheet: WorkSheet, y: float, width: float) -> float:
     y = w.heading("Size", LEFT, y, width)
     columns = (0.0, 0.09, 0.32, 0.66)
     rows = [("", "of OP span", "95 %", "travel")]
@@ -112,7 +112,7 @@ def _sizes(w: Writer, sheet: Sheet, y: float, width: float) -> float:
 
 
 def _since(
-    w: Writer, sheet: Sheet, context: ReportContext, x: float, y: float, width: float
+    w: Writer, sheet: WorkSheet, context: ReportContext, x: float, y: float, width: float
 ) -> float:
     y = w.heading("Since when", x, y, width)
     y = w.text(" ".join(sheet.since_said), x, y, width, most=4)
@@ -137,7 +137,7 @@ def _day(when: datetime, context: ReportContext) -> str:
     return f"{when.astimezone(context.tz):%Y-%m-%d}"
 
 
-def _steps(w: Writer, sheet: Sheet, y: float) -> float:
+def _steps(w: Writer, sheet: WorkSheet, y: float) -> float:
     y = w.heading("Check in this order", LEFT, y, WIDTH)
     for number, step in enumerate(sheet.steps, start=1):
         w.text(f"{number}.", LEFT, y, INDENT, most=1, bold=True)
@@ -146,14 +146,14 @@ def _steps(w: Writer, sheet: Sheet, y: float) -> float:
     return y
 
 
-def _hand(w: Writer, sheet: Sheet, y: float, width: float) -> float:
+def _hand(w: Writer, sheet: WorkSheet, y: float, width: float) -> float:
     y = w.heading("Have at hand", LEFT, y, width)
     y = w.text(f"{'; '.join(sheet.parts)}.", LEFT, y, width, most=4)
     y = w.heading("How sure", LEFT, y, width)
     return w.text(" ".join(sheet.sure), LEFT, y, width, most=7)
 
 
-def _doubt(w: Writer, sheet: Sheet, x: float, y: float, width: float) -> float:
+def _doubt(w: Writer, sheet: WorkSheet, x: float, y: float, width: float) -> float:
     y = w.heading("What else it could be", x, y, width)
     said = " ".join(sheet.otherwise) or "Nothing that this recording would show."
     y = w.text(said, x, y, width, most=7)
@@ -161,7 +161,7 @@ def _doubt(w: Writer, sheet: Sheet, x: float, y: float, width: float) -> float:
     return w.text(f"{sheet.priority.reason}.", x, y, width, most=3)
 
 
-def _isolation(w: Writer, sheet: Sheet, y: float) -> float:
+def _isolation(w: Writer, sheet: WorkSheet, y: float) -> float:
     y = w.heading("Isolation", LEFT, y, WIDTH)
     for level, text in sheet.isolation:
         y = w.text(f"[{LEVEL_NAME[level]}] {text}", LEFT, y, WIDTH, most=5)

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
-from stemwatch.service.maintenance.drawing import Area, Drawing, Label, Line, hatching
+from stemwatch.service.maintenance.drawing import Drawing, DrawnArea, DrawnLine, DrawnText, hatching
 from stemwatch.service.maintenance.pdf_fonts import runs, width_of
-from stemwatch.service.report.words import prose
+from stemwatch.service.report.wording import prose
 
 LEADING = 1.24
 CUT = " …"
@@ -72,16 +72,16 @@ class Writer:
 
     def rule(self, x: float, y: float, width: float, weight: float = 0.4) -> None:
         """A level line."""
-        self.stroke(Line(((x, y), (x + width, y)), width=weight, grey=0.4))
+        self.stroke(DrawnLine(((x, y), (x + width, y)), width=weight, grey=0.4))
 
     def box(
         self, x: float, y: float, width: float, height: float, weight: float, dash: Sequence[float]
     ) -> None:
         """A frame from its upper left corner."""
         corners = ((x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y))
-        self.stroke(Line(corners, width=weight, dash=tuple(dash)))
+        self.stroke(DrawnLine(corners, width=weight, dash=tuple(dash)))
 
-    def stroke(self, line: Line) -> None:
+    def stroke(self, line: DrawnLine) -> None:
         """A polyline."""
         if self._canvas is None:
             return
@@ -106,11 +106,11 @@ class Writer:
             self._canvas.restoreState()
         return y + scale * drawing.height
 
-    def mark(self, mark: Line | Area | Label) -> None:
+    def mark(self, mark: DrawnLine | DrawnArea | DrawnText) -> None:
         """One mark of a drawing."""
-        if isinstance(mark, Line):
+        if isinstance(mark, DrawnLine):
             self.stroke(mark)
-        elif isinstance(mark, Label):
+        elif isinstance(mark, DrawnText):
             x, y = mark.at
             self.line(mark.text, x, y, mark.size, bold=mark.bold, anchor=mark.anchor)
         else:

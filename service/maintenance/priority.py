@@ -17,9 +17,9 @@ from datetime import date, datetime, timedelta, tzinfo
 
 from stemwatch.models.findings import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import kinds as k
-from stemwatch.service.report.trend import Trend
-from stemwatch.service.report.words import finite
+from stemwatch.service.maintenance import finding_kinds as k
+from stemwatch.service.report.change_since_last_run import Change
+from stemwatch.service.report.wording import finite
 
 WEIGHT_OF_CRITICALITY = {"1": 0.6, "2": 0.8, "3": 1.0}
 USUAL_CRITICALITY = "2"  # as the plant file has it where a valve says nothing
@@ -47,7 +47,7 @@ class Priority:
 
 
 def priority(
-    screening: Screening, kinds: tuple[str, ...], criticality: str, trend: Trend
+    screening: Screening, kinds: tuple[str, ...], criticality: str, trend: Change
 ) -> Priority:
     """The class of a finding, with the three factors as its reason."""
     severity = severity_of(screening, kinds)

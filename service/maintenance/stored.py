@@ -11,21 +11,21 @@ from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session, defer
 
 from stemwatch.connectors.connector import ConnectorError, Window
-from stemwatch.models.findings import Screening
+from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.background import LOOK_BACK, Background, Past
+from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening, ValveHistory
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import PreviousFinding, ValveFacts
-from stemwatch.service.restored import Restored, screening_of
+from stemwatch.service.report.report_context import ValveFacts
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import StoredValve
-from stemwatch.service.store.rows import stored_screening
-from stemwatch.service.store.screenings import latest_screening_id
+from stemwatch.service.store.samples.connector import StoredSamples
+from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.restored import Restored, screening_of
+from stemwatch.service.store.screenings.rows import stored_screening
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 from stemwatch.service.store.store import Store
-from stemwatch.service.store.stored_samples import StoredSamples
-from stemwatch.service.store.tables import ScreeningRow, ValveRow
 
 # Enough for a typical stretch of the picture; a day of three tags at 1 s is a quarter of a million.
 LONGEST_READ = timedelta(hours=4)
@@ -45,10 +45,10 @@ def latest_screenings(store: Store) -> list[Restored]:
         return _restored(session, ScreeningRow.id.in_(newest))
 
 
-def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> Background:
+def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> ValveHistory:
     """What the store knows beside the screenings; pictures of valves whose samples it keeps."""
 
-    def earlier(screening: Screening) -> Sequence[Past]:
+    def earlier(screening: Screening) -> Sequence[EarlierScreening]:
         with store.access.reading("reading earlier screenings") as session:
             return read_earlier(session, screening)
 
@@ -57,10 +57,12 @@ def background_of(store: Store, plant: Plant | None = None, run: int | None = No
             return screening.recording
         return read_samples(store, plant, screening)
 
-    return Background(earlier=earlier, work=store.maintenance, samples=samples, run=run)
+    return ValveHistory(earlier=earlier, work=store.maintenance, samples=samples, run=run)
 
 
-def read_earlier(session: Session, screening: Screening, limit: int = LOOK_BACK) -> list[Past]:
+def read_earlier(
+    session: Session, screening: Screening, limit: int = LOOK_BACK
+) -> list[EarlierScreening]:
     """The screenings before this one, newest first. One without dates is taken to be the last."""
     one = ScreeningRow
     columns = (one.at, one.run_id, one.verdict, one.severity, one.s_percent, one.j_percent)
@@ -71,7 +73,7 @@ def read_earlier(session: Session, screening: Screening, limit: int = LOOK_BACK)
     # Its own row stands first where nothing tells when it was.
     statement = statement.offset(1) if end is None else statement.where(one.at < end)
     return [
-        Past(
+        EarlierScreening(
             at=row.at,
             run=row.run_id,
             verdict=Verdict(row.verdict),
@@ -119,7 +121,7 @@ def _previous(session: Session, screening: Screening) -> PreviousFinding | None:
         return None
     last = earlier[0]
     return PreviousFinding(
-        verdict=last.verdict, S=last.S, J=last.J, severity=last.severity, started=last.at
+        verdict=last.verdict, S=last.S, J=last.J, severity=last.severity, at=last.at
     )
 
 

@@ -15,7 +15,7 @@ from stemwatch.service.plantfile.contradiction import KIND
 from stemwatch.service.plantfile.lines import Path
 from stemwatch.service.plantfile.nearest import either_of, nearest
 from stemwatch.service.plantfile.problem import Problem
-from stemwatch.service.store.address import masked
+from stemwatch.service.store.database_url import masked
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from stemwatch.service.plantfile.lines import TomlLines
 from stemwatch.service.plantfile.live import NotifierTable
 from stemwatch.service.plantfile.problem import Problem
 from stemwatch.service.plantfile.schema import Source, Valve
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.store.runs.schedule import Schedule
 
 if TYPE_CHECKING:
     from stemwatch.connectors.modbus.device import Device

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from stemwatch.service.plantfile.contradiction import contradiction
 from stemwatch.service.plantfile.cron import CronTimes
 from stemwatch.service.plantfile.schema import Name, Positive, Table
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.store.runs.schedule import Schedule
 
 Severity = Literal["high", "medium", "low"]
 SHORTEST_S = 10.0

@@ -17,8 +17,8 @@ from stemwatch.service.plantfile.archives import ArchiveSource
 from stemwatch.service.plantfile.live import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.plantfile.problem import Problem
 from stemwatch.service.plantfile.schema import Source, Tag, Valve
-from stemwatch.service.store.address import Address
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.runs.schedule import Schedule
 
 if TYPE_CHECKING:
     from stemwatch.connectors.modbus.device import Device

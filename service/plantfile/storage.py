@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from stemwatch.service.store.address import Address
+from stemwatch.service.store.database_url import Address
 
 VARIABLE = "STEMWATCH_STORAGE_URL"
 DEFAULT_NAME = "stemwatch.db"

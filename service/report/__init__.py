@@ -1,13 +1,9 @@
 """The report of one run: a page that stands alone, and the same findings as CSV, XLSX and JSON."""
 
-from stemwatch.service.report.context import (
-    PreviousFinding,
-    ReportContext,
-    SourceNotRead,
-    ValveFacts,
-)
-from stemwatch.service.report.contract import to_contract, to_contracts
-from stemwatch.service.report.write import ReportFiles, ReportNotWritten, write_report
+from stemwatch.models.findings import PreviousFinding
+from stemwatch.service.report.json_contract import to_contract, to_contracts
+from stemwatch.service.report.report_context import ReportContext, SourceNotRead, ValveFacts
+from stemwatch.service.report.write_report import ReportFiles, ReportNotWritten, write_report
 
 __all__ = [
     "PreviousFinding",

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import BinaryIO
 
-from stemwatch.service.report.columns import Cell, header_and_rows
-from stemwatch.service.report.context import ReportContext
 from stemwatch.service.report.ranking import RankedValve
+from stemwatch.service.report.report_context import ReportContext
+from stemwatch.service.report.spreadsheet_columns import Cell, header_and_rows
 
 # A spreadsheet takes a cell that begins so for a formula (OWASP, "CSV injection").
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")

@@ -1,4 +1,6 @@
-"""What a page shows of one mismatch, worked out before the template writes it."""
+"""What a page shows of one mismatch, worked out before the template writes it: pictures, bars, and
+where the residual lives, facet by facet, before and after.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +8,13 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from stemwatch.models.mismatch.findings import Finding, HeldOut, Mismatch
+from stemwatch.models.mismatch.findings import Cell, Finding, HeldOut, Mismatch
 from stemwatch.models.recording import Recording
+from stemwatch.service.report.charts.traces import Chart
+from stemwatch.service.report.charts.valve_charts import overlay_of
 from stemwatch.service.report.heatmap import heat_map, largest
-from stemwatch.service.report.overlay import overlay_of
-from stemwatch.service.report.panels import Chart
-from stemwatch.service.report.places import Facet, facets
-from stemwatch.service.report.words import finite
+from stemwatch.service.report.mismatch_words import facet_title
+from stemwatch.service.report.wording import finite
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +30,7 @@ class MismatchView:
     before: Markup | None
     after: Markup | None
     top: float  # rms in percent of span at the full colour of both maps
-    facets: tuple[Facet, ...]
+    facets: tuple[FacetBars, ...]
     overlay: Chart | None
     held_back: str = ""
 
@@ -66,7 +68,7 @@ def mismatch_view(
         before=heat_map(found.before, top, f"Residual of S and J alone, {tag}"),
         after=heat_map(found.after, top, f"Residual of the extended model, {tag}"),
         top=top,
-        facets=tuple(facets(found)),
+        facets=tuple(facet_bars(found)),
         overlay=overlay_of(recording, found.runs) or overlay,
         held_back=held_back,
     )
@@ -92,3 +94,64 @@ def left_over_bars(heldout: HeldOut) -> list[LeftOver]:
         )
         for kind, name, rmse, fit in known
     ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceBar:
+    """One cell: rms before and after in percent of span, and both as percent of a full bar.
+
+    ``share`` of the squared residual before and ``weight`` of the samples, 0 to 1; ``hot`` where
+    the place holds significantly more of the residual than its size.
+    """
+
+    label: str
+    before: float | None
+    after: float | None
+    before_length: float
+    after_length: float
+    share: float | None
+    weight: float | None
+    hot: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class FacetBars:
+    """All places of one facet, under its heading."""
+
+    title: str
+    places: tuple[PlaceBar, ...]
+
+
+def facet_bars(mismatch: Mismatch) -> list[FacetBars]:
+    """The facets in the order of the map; the longest bar of all is the largest rms before."""
+    before = mismatch.before.cells
+    after = {(cell.facet, cell.label): cell for cell in mismatch.after.cells}
+    hot = {(place.facet, place.label) for place in mismatch.before.hot}
+    every = [finite(cell.rms) or 0.0 for cell in (*before, *after.values())]
+    top = max(every, default=0.0)
+    found: dict[str, list[PlaceBar]] = {}
+    for cell in before:
+        key = (cell.facet, cell.label)
+        found.setdefault(cell.facet, []).append(_place(cell, after.get(key), key in hot, top))
+    return [
+        FacetBars(title=facet_title(facet), places=tuple(places)) for facet, places in found.items()
+    ]
+
+
+def _place(before: Cell, after: Cell | None, hot: bool, top: float) -> PlaceBar:
+    rms = finite(before.rms)
+    rms_after = None if after is None else finite(after.rms)
+    return PlaceBar(
+        label=before.label,
+        before=rms,
+        after=rms_after,
+        before_length=_length(rms, top),
+        after_length=_length(rms_after, top),
+        share=finite(before.share),
+        weight=finite(before.weight),
+        hot=hot,
+    )
+
+
+def _length(rms: float | None, top: float) -> float:
+    return 0.0 if rms is None or top <= 0.0 else round(100.0 * min(rms / top, 1.0), 1)

@@ -1,4 +1,4 @@
-"""The order of the report: worst first, each valve with its facts, its trend and its anchor."""
+"""The order of the report: worst first, each valve with its facts, trend and anchor."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import overload
 from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Mismatch, ResidualMap
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.context import ReportContext, ValveFacts
-from stemwatch.service.report.discoveries import Discoveries, discoveries
-from stemwatch.service.report.evidence import Evidence
-from stemwatch.service.report.trend import Trend, trend
-from stemwatch.service.report.words import WORST_FIRST, finite, printable
+from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
+from stemwatch.service.report.charts.valve_plots import ValvePlots
+from stemwatch.service.report.false_discoveries import Discoveries, discoveries
+from stemwatch.service.report.report_context import ReportContext, ValveFacts
+from stemwatch.service.report.wording import WORST_FIRST, finite, printable
 
 LONGEST_ANCHOR = 60
 
@@ -33,12 +33,12 @@ class RankedValve:
     anchor: str
     screening: Screening
     facts: ValveFacts
-    trend: Trend
+    trend: Change
     stands: bool | None = None
-    plots: Callable[[], Evidence | None] = lambda: None
+    plots: Callable[[], ValvePlots | None] = lambda: None
 
     @property
-    def evidence(self) -> Evidence | None:
+    def evidence(self) -> ValvePlots | None:
         """What its plots draw, where its samples were let go; read when it is asked for."""
         return self.plots()
 
@@ -56,7 +56,7 @@ class Ranking(Sequence[RankedValve]):
         self,
         screenings: Sequence[Screening],
         context: ReportContext,
-        evidence: Callable[[int], Evidence | None] = lambda _: None,
+        evidence: Callable[[int], ValvePlots | None] = lambda _: None,
     ) -> None:
         self._screenings, self._context, self._evidence = screenings, context, evidence
         notes = [(worst_first(one), one.valve, light(one.mismatch)) for one in screenings]
@@ -90,7 +90,7 @@ class Ranking(Sequence[RankedValve]):
             anchor=self._anchors[at],
             screening=screening,
             facts=facts,
-            trend=trend(screening, facts.previous),
+            trend=change_since_last_run(screening, facts.previous),
             stands=self.discovered.standing[at],
             plots=partial(self._evidence, place),
         )
@@ -99,7 +99,7 @@ class Ranking(Sequence[RankedValve]):
 def rank_valves(
     screenings: Sequence[Screening],
     context: ReportContext,
-    evidence: Callable[[int], Evidence | None] = lambda _: None,
+    evidence: Callable[[int], ValvePlots | None] = lambda _: None,
 ) -> Ranking:
     """By verdict (sticky, watch, undetermined, healthy), then severity, then tag."""
     return Ranking(screenings, context, evidence)

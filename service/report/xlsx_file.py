@@ -9,10 +9,10 @@ from typing import Any, BinaryIO
 from xlsxwriter import Workbook
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.columns import Cell, Column, header_and_rows
-from stemwatch.service.report.context import ReportContext
 from stemwatch.service.report.ranking import RankedValve, discovered
-from stemwatch.service.report.words import VERDICT_MEANING, finite, printable
+from stemwatch.service.report.report_context import ReportContext
+from stemwatch.service.report.spreadsheet_columns import Cell, SpreadsheetColumn, header_and_rows
+from stemwatch.service.report.wording import VERDICT_MEANING, finite, printable
 
 LONGEST_TEXT = 32_767  # Excel's limit for one cell
 
@@ -60,7 +60,9 @@ def _header(book: Any, sheet: Any, titles: Sequence[str], widths: Sequence[int],
     sheet.fit_to_pages(1, 0)
 
 
-def _ranking(book: Any, ranked: Sequence[RankedValve], context: ReportContext) -> Sequence[Column]:
+def _ranking(
+    book: Any, ranked: Sequence[RankedValve], context: ReportContext
+) -> Sequence[SpreadsheetColumn]:
     sheet = book.add_worksheet("Ranking")
     shown, rows = header_and_rows(ranked, context)
     titles = [column.header for column in shown]
@@ -74,7 +76,7 @@ def _ranking(book: Any, ranked: Sequence[RankedValve], context: ReportContext) -
     return shown
 
 
-def _style(book: Any, column: Column) -> dict[type, Any]:
+def _style(book: Any, column: SpreadsheetColumn) -> dict[type, Any]:
     wrap = {"valign": "top", "text_wrap": column.width >= 30}
     return {
         str: book.add_format(wrap),
@@ -136,7 +138,9 @@ def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
             write_cell(sheet, line, index, cell, styles)
 
 
-def _read_me(book: Any, shown: Sequence[Column], context: ReportContext, physics: str) -> None:
+def _read_me(
+    book: Any, shown: Sequence[SpreadsheetColumn], context: ReportContext, physics: str
+) -> None:
     sheet = book.add_worksheet("Read me")
     sheet.set_column(0, 0, 34)
     sheet.set_column(1, 1, 90)
@@ -152,7 +156,7 @@ def _read_me(book: Any, shown: Sequence[Column], context: ReportContext, physics
 
 
 def _read_me_parts(
-    shown: Sequence[Column], context: ReportContext, physics: str
+    shown: Sequence[SpreadsheetColumn], context: ReportContext, physics: str
 ) -> list[tuple[str, list[tuple[str, str]]]]:
     started = context.started.astimezone(context.tz).isoformat(timespec="minutes")
     run = [

@@ -25,9 +25,9 @@ from stemwatch.service.report import ReportFiles
 from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
 from stemwatch.service.run.finish import NotRead, finish
 from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
-from stemwatch.service.store.address import masked_command
+from stemwatch.service.store.database_url import masked_command
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
 
 

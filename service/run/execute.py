@@ -10,13 +10,12 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.limits import Limits
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.report.context import PreviousFinding
-from stemwatch.service.report.evidence import Evidence, packed
-from stemwatch.service.report.page import MOST_PLOTTED
+from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
+from stemwatch.service.report.html_page import MOST_PLOTTED
 from stemwatch.service.run.chunking import make_chunks
 from stemwatch.service.run.saving import Found, Saving, previous_finding, with_baselines
 from stemwatch.service.run.spill import ResultSpill
@@ -108,18 +107,18 @@ def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threa
 
 def _screened(
     run: Run, tasks: Sequence[Task], stop: threading.Event
-) -> Iterator[list[Outcome[Task, tuple[Screening, Evidence]]]]:
+) -> Iterator[list[Outcome[Task, tuple[Screening, ValvePlots]]]]:
     chunks = make_chunks(tasks, run.executor.workers, CHUNK, parsed=lambda task: task.text_file)
     return outcomes(run.executor, partial(screen_packed, run.limits, os.getcwd()), chunks, stop)
 
 
 def _put(
-    results: ResultSpill, outcome: Outcome[Task, tuple[Screening, Evidence]], first: int = 0
+    results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
 ) -> Found:
     """The outcome of a task on the disk, and what is saved of it."""
     place = first + outcome.place
     if outcome.result is None:
-        screening, evidence = packed(given_up(outcome.item, outcome.reason))
+        screening, evidence = plots_instead_of_samples(given_up(outcome.item, outcome.reason))
     else:
         screening, evidence = outcome.result
     results.add(place, screening, evidence)

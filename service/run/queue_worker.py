@@ -25,8 +25,8 @@ from stemwatch.service.run.execute import Run
 from stemwatch.service.run.finish import finish
 from stemwatch.service.run.plan import Request
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.queue import SILENT_AFTER
-from stemwatch.service.store.records import RunState, StoredRun, ValveState
+from stemwatch.service.store.runs.queue import SILENT_AFTER
+from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)

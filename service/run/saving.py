@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.context import PreviousFinding
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.restored import finding_of
 from stemwatch.service.store.store import Store
 
 JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
@@ -184,10 +184,4 @@ def previous_finding(store: Store, screening: Screening, now: datetime) -> Previ
         return None
     if end is None and kept.provenance.digest == screening.provenance.digest:
         return None  # the same file without dates again is not a change
-    return PreviousFinding(
-        verdict=kept.verdict,
-        S=kept.S.value,
-        J=kept.J.value,
-        severity=kept.severity,
-        started=kept.at,
-    )
+    return finding_of(kept)

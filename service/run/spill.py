@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, overload
 
 from stemwatch.models.findings import Screening
-from stemwatch.service.report.evidence import Evidence
+from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import worst_first
 
 _Key = tuple[int, float, str]
@@ -45,7 +45,7 @@ class ResultSpill(Sequence[Screening]):
         self._worst: list[tuple[_Worse, int]] = []
         self._order: list[int] | None = None
 
-    def add(self, place: int, screening: Screening, evidence: Evidence) -> None:
+    def add(self, place: int, screening: Screening, evidence: ValvePlots) -> None:
         """Keep the screening at ``place``; its plots while it is among the worst."""
         self._where[place] = self._write(screening)
         self._badness[place] = (-screening.severity, screening.valve)
@@ -57,7 +57,7 @@ class ResultSpill(Sequence[Screening]):
         if gone is not None:
             self._plots.pop(gone, None)
 
-    def evidence(self, at: int) -> Evidence | None:
+    def evidence(self, at: int) -> ValvePlots | None:
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
         return self.evidence_at(self._places()[at])
 
@@ -66,7 +66,7 @@ class ResultSpill(Sequence[Screening]):
         screening: Screening = self._read(self._where[place])
         return screening
 
-    def evidence_at(self, place: int) -> Evidence | None:
+    def evidence_at(self, place: int) -> ValvePlots | None:
         """The plots of the screening at ``place``, where they are kept."""
         offset = self._plots.get(place)
         return None if offset is None else self._read(offset)
@@ -112,7 +112,7 @@ class Worst(Sequence[Screening]):
     def __init__(self, spill: ResultSpill, places: list[int]) -> None:
         self._spill, self._places = spill, places
 
-    def evidence(self, at: int) -> Evidence | None:
+    def evidence(self, at: int) -> ValvePlots | None:
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
         return self._spill.evidence_at(self._places[at])
 

@@ -26,7 +26,7 @@ from stemwatch.models.recording import Provenance, Recording
 from stemwatch.service.store import Address, StoreError
 
 if TYPE_CHECKING:
-    from stemwatch.service.report.evidence import Evidence
+    from stemwatch.service.report.charts.valve_plots import ValvePlots
     from stemwatch.service.store.store import Store
 
 
@@ -104,7 +104,7 @@ def _open_store(address: Address) -> Store:
 
     A worker makes none: where a SQLite file is not, it is on another machine.
     """
-    from stemwatch.service.store.engine import existing_engine
+    from stemwatch.service.store.database.engine import existing_engine
     from stemwatch.service.store.store import open_store
 
     try:
@@ -134,7 +134,7 @@ def _recording(task: Task) -> Recording:
 def _connector(task: Task) -> Connector:
     if task.stored is None:
         return open_file(task.path, task.read_options)
-    from stemwatch.service.store.stored_samples import StoredSamples
+    from stemwatch.service.store.samples.connector import StoredSamples
 
     store = _open_store(task.stored.address)
     return StoredSamples(store.samples, task.stored.source, str(task.stored.address))
@@ -142,18 +142,18 @@ def _connector(task: Task) -> Connector:
 
 def screen_packed(
     limits: Limits, folder: str, tasks: Sequence[Task]
-) -> list[tuple[Screening, Evidence]]:
+) -> list[tuple[Screening, ValvePlots]]:
     """What ``screen_tasks`` finds, as it travels: plots instead of samples.
 
     ``folder`` is where relative paths begin, for a worker that was started elsewhere.
     """
-    from stemwatch.service.report.evidence import packed
+    from stemwatch.service.report.charts.valve_plots import plots_instead_of_samples
 
     _stand_in(folder)
     screenings = screen_tasks(tasks, limits)
     found = []
     while screenings:  # the samples of one are let go before the next is drawn
-        found.append(packed(screenings.pop(0)))
+        found.append(plots_instead_of_samples(screenings.pop(0)))
     return found
 
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 from stemwatch.service.plantfile.cron import CronTimes
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.store.runs.schedule import Schedule
 
 # Intervals are counted from a fixed midnight, so that a restart does not shift them.
 _ANCHOR = datetime(2000, 1, 3)

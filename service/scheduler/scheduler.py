@@ -11,8 +11,8 @@ from datetime import UTC, datetime, timedelta
 from stemwatch.service import __version__
 from stemwatch.service.scheduler.instants import Missed, due_between, jitter, next_due
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.schedules import StoredSchedule
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.schedules import StoredSchedule
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.notifiers import notifiers_of
 from stemwatch.service.alerts.sender import Sender
-from stemwatch.service.alerts.silence import watch_sources
+from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_END_S = 5
+_END_S = 10  # answers that are being made, and the end of the thread
 
 
 class CannotListen(OSError):
@@ -63,10 +63,9 @@ class Pages:
         wake: Callable[[], None],
         hosts: Sequence[str] = (),
     ) -> None:
-        import uvicorn
-
         from stemwatch.service.access.tokens import ENVIRONMENT
         from stemwatch.service.serve.actions import WakingActions
+        from stemwatch.service.serve.http_server import http_server
         from stemwatch.service.web.app import create_app
         from stemwatch.service.web.site import LOOPBACK, Site
 
@@ -80,14 +79,7 @@ class Pages:
             hosts=tuple(dict.fromkeys((*hosts, *own))),
             token=os.environ.get(ENVIRONMENT, ""),
         )
-        config = uvicorn.Config(
-            create_app(site),
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            timeout_graceful_shutdown=_END_S,
-        )
-        self._server = uvicorn.Server(config)
+        self._server = http_server(create_app(site))
         self._listening = listening
         self._thread = threading.Thread(target=self._run, name="pages")
 
@@ -98,7 +90,7 @@ class Pages:
     def stop(self) -> None:
         """Answer what was asked, then serve no more."""
         self._server.should_exit = True
-        self._thread.join(timeout=_END_S + 5)
+        self._thread.join(timeout=_END_S)
 
     def _run(self) -> None:
         self._server.run(sockets=[self._listening])

@@ -10,8 +10,8 @@ from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Recording
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.run.task import open_archive, open_file
+from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.store import Store
-from stemwatch.service.store.stored_samples import StoredSamples
 
 
 def reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | None]:

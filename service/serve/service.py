@@ -97,7 +97,7 @@ class Service:
             wake=worker.wake,
             hosts=self._where.hosts,
         )
-        working.append(threading.Thread(target=worker.work, args=(halt,), name="queue worker"))
+        working.append(threading.Thread(target=worker.work, args=(halt,), name="runner"))
         for name, every_s, duty in duties(store, plant, worker.owner):
             working.append(
                 threading.Thread(target=repeat, args=(name, every_s, duty, halt), name=name)

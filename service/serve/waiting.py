@@ -16,7 +16,7 @@ from typing import Any, Self
 from stemwatch.service import __version__
 
 REASON = "the database does not answer yet, or its tables are being brought up to date"
-_END_S = 2
+_END_S = 10
 
 _Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
@@ -25,17 +25,9 @@ class WaitingRoom:
     """Answers on ``listening`` inside a ``with`` block, and leaves the socket open behind it."""
 
     def __init__(self, listening: socket.socket) -> None:
-        import uvicorn
+        from stemwatch.service.serve.http_server import http_server
 
-        config = uvicorn.Config(
-            _answer,
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            lifespan="off",
-            timeout_graceful_shutdown=_END_S,
-        )
-        self._server = uvicorn.Server(config)
+        self._server = http_server(_answer, lifespan=False)
         self._own = listening.dup()  # the server closes what it was given
         self._thread = threading.Thread(target=self._run, name="waiting room")
 
@@ -50,7 +42,7 @@ class WaitingRoom:
         trace: TracebackType | None,
     ) -> None:
         self._server.should_exit = True
-        self._thread.join(timeout=_END_S + 5)
+        self._thread.join(timeout=_END_S)
 
     def _run(self) -> None:
         self._server.run(sockets=[self._own])

@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from stemwatch.service.store.address import Address as Address
+from stemwatch.service.store.database_url import Address as Address
 from stemwatch.service.store.errors import StoreError as StoreError
 
 if TYPE_CHECKING:

@@ -12,21 +12,25 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from stemwatch.models.findings import Screening
-from stemwatch.service.store import baselines, screenings
-from stemwatch.service.store.access import Access
-from stemwatch.service.store.access_links import AccessLinks
-from stemwatch.service.store.accounts import Accounts
-from stemwatch.service.store.address import Address, masked_command
-from stemwatch.service.store.alerts import Alerts
-from stemwatch.service.store.api_tokens import ApiTokens
-from stemwatch.service.store.attempts import Attempts
-from stemwatch.service.store.audit import AuditLog
-from stemwatch.service.store.deliveries import Deliveries
-from stemwatch.service.store.engine import make_engine, plainly
+from stemwatch.service.store.accounts.api_tokens import ApiTokens
+from stemwatch.service.store.accounts.audit import AuditLog
+from stemwatch.service.store.accounts.browser_sessions import WebSessions
+from stemwatch.service.store.accounts.login_attempts import Attempts
+from stemwatch.service.store.accounts.one_time_links import AccessLinks
+from stemwatch.service.store.accounts.users import Accounts
+from stemwatch.service.store.alerts.alerts import Alerts
+from stemwatch.service.store.alerts.deliveries import Deliveries
+from stemwatch.service.store.database.engine import make_engine, plainly
+from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database_url import Address, masked_command
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.leases import Leases, Settings
-from stemwatch.service.store.queue import RunQueue
-from stemwatch.service.store.records import (
+from stemwatch.service.store.runs.leases import Leases, Settings
+from stemwatch.service.store.runs.queue import RunQueue
+from stemwatch.service.store.runs.schedules import Schedules
+from stemwatch.service.store.samples.samples import Samples
+from stemwatch.service.store.samples.sources import Sources
+from stemwatch.service.store.screenings import baselines, screenings
+from stemwatch.service.store.screenings.records import (
     Baseline,
     Ranked,
     Remark,
@@ -39,12 +43,8 @@ from stemwatch.service.store.records import (
     TrendPoint,
     ValveFacts,
 )
-from stemwatch.service.store.run_rows import stored_run
-from stemwatch.service.store.samples import Samples
-from stemwatch.service.store.schedules import Schedules
-from stemwatch.service.store.sources import Sources
-from stemwatch.service.store.tables import MaintenanceRow, NoteRow, RunRow
-from stemwatch.service.store.web_sessions import WebSessions
+from stemwatch.service.store.screenings.rows import stored_run
+from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
 _Window = tuple[datetime | None, datetime | None]
 _GIVE_UP_AFTER = 3  # saves in a row for which the database did not answer
@@ -56,7 +56,7 @@ def open_store(url: str | Address) -> Store:
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
     version of the program.
     """
-    from stemwatch.service.store.migrate import upgrade
+    from stemwatch.service.store.administration.migrate import upgrade
 
     address = url if isinstance(url, Address) else Address(url)
     engine = make_engine(address)

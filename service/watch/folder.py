@@ -11,7 +11,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from stemwatch.service.plantfile import Plant
-from stemwatch.service.store.sources import SourceState, TakenFile
+from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.store.store import Store
 from stemwatch.service.watch.intake import Rejected, take_in
 

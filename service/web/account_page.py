@@ -19,7 +19,7 @@ from stemwatch.service.access.passwords import (
 )
 from stemwatch.service.access.rights import Visitor, scopes_of
 from stemwatch.service.access.sessions import begin_session, sessions_of
-from stemwatch.service.store.access_records import Scope, User
+from stemwatch.service.store.accounts.records import Scope, User
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent

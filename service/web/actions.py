@@ -10,7 +10,7 @@ from datetime import datetime
 
 from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.queue import Wanted
+from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.store import Store
 
 LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL

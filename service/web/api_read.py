@@ -10,9 +10,9 @@ from fastapi import APIRouter, HTTPException, Query
 from pydantic import AwareDatetime
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.service.store.alerts import StoredAlert
-from stemwatch.service.store.records import StoredRun
-from stemwatch.service.store.screenings import read_last
+from stemwatch.service.store.alerts.alerts import StoredAlert
+from stemwatch.service.store.screenings.records import StoredRun
+from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web import history, phase, shapes, signals
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk

@@ -13,24 +13,24 @@ from fastapi import APIRouter, HTTPException, Request, Response
 
 BUNDLES = {
     "pages.css": (
-        "report/vendor/uPlot.min.css",
-        "report/report.css",
-        "report/mismatch.css",
-        "report/print.css",
+        "report/scripts/vendor/uPlot.min.css",
+        "report/styles/report.css",
+        "report/styles/mismatch.css",
+        "report/styles/print.css",
         "web/static/pages.css",
         "web/static/valve.css",
     ),
-    "theme.js": ("report/theme.js",),
+    "theme.js": ("report/scripts/theme.js",),
     "pages.js": ("web/static/pages.js",),
     "valve.js": (
-        "report/vendor/uPlot.iife.min.js",
-        "report/axes.js",
-        "report/loop.js",
+        "report/scripts/vendor/uPlot.iife.min.js",
+        "report/scripts/axes.js",
+        "report/scripts/loop.js",
         "web/static/signals.js",
         "web/static/months.js",
         "web/static/valve.js",
     ),
-    "uplot-licence.txt": ("report/vendor/uPlot-LICENSE.txt",),
+    "uplot-licence.txt": ("report/scripts/vendor/uPlot-LICENSE.txt",),
 }
 TYPES = {"css": "text/css", "js": "text/javascript", "txt": "text/plain"}
 A_YEAR = "public, max-age=31536000, immutable"

@@ -11,8 +11,8 @@ from fastapi.responses import HTMLResponse
 from pydantic import AwareDatetime
 from starlette.datastructures import QueryParams
 
-from stemwatch.service.store.access_records import Outcome, StoredEntry
-from stemwatch.service.store.audit import Wanted
+from stemwatch.service.store.accounts.audit import Wanted
+from stemwatch.service.store.accounts.records import Outcome, StoredEntry
 from stemwatch.service.web import shapes
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk

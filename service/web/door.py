@@ -20,7 +20,7 @@ from starlette.types import Scope
 from stemwatch.service.access.rights import RIGHTS, SCOPE_OF, Operation, Visitor
 from stemwatch.service.access.sessions import visitor_of_cookie
 from stemwatch.service.access.tokens import visitor_of_environment, visitor_of_token
-from stemwatch.service.store.access_records import Entry, Outcome
+from stemwatch.service.store.accounts.records import Entry, Outcome
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.web.permits import Permits
 from stemwatch.service.web.session_cookie import cookie_name

@@ -11,8 +11,8 @@ from fastapi import Request
 from fastapi.responses import HTMLResponse
 
 from stemwatch.service.access.sessions import mark_of
-from stemwatch.service.report.context import ReportContext, software_name
-from stemwatch.service.report.page import environment
+from stemwatch.service.report.html_page import environment
+from stemwatch.service.report.report_context import ReportContext, software_name
 from stemwatch.service.web import assets, forms
 from stemwatch.service.web.site import Site
 from stemwatch.service.web.visit import may, visitor_of
@@ -98,7 +98,7 @@ def valve_link(valve: str) -> str:
 @cache
 def _template(name: str) -> str:
     """A template of this package, or the report's of the same name."""
-    for place in ("web/templates", "report"):
+    for place in ("web/templates", "report/templates"):
         found = files("stemwatch.service").joinpath(place, name)
         if found.is_file():
             return found.read_text("utf-8")

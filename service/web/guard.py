@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import Request
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -20,6 +21,11 @@ from stemwatch.service.web.door import SAFE, Door
 log = logging.getLogger(__name__)
 
 LARGEST_BODY = 64 * 1024
+TOO_LONG = f"A body of known length, at most {LARGEST_BODY} bytes, is expected."
+AMBIGUOUS = (
+    "This request gives the length of its body twice, by Content-Length and by Transfer-Encoding. "
+    "Exactly one Content-Length is expected."
+)
 
 # Styles of elements come from files; attributes hold the lengths of bars, worked out by us.
 POLICY = (
@@ -84,7 +90,9 @@ class Guard:
 
         try:
             refusal = self._refusal(scope) or await self._door.admit(scope)
-            await (refusal or self._app)(scope, receive, with_headers)
+            await (refusal or self._app)(scope, _counted(receive), with_headers)
+        except ClientDisconnect:
+            log.info("%s %s: the client went away", scope["method"], scope["path"])
         except Exception:
             log.exception("%s %s failed", scope["method"], scope["path"])
             if begun:
@@ -99,6 +107,9 @@ class Guard:
                 "under a name it was started with, or add this one where it is started."
             )
             return PlainTextResponse(text, 421)
+        if "transfer-encoding" in headers:  # its length is known only when all of it is here
+            twice = "content-length" in headers
+            return PlainTextResponse(AMBIGUOUS if twice else TOO_LONG, 400 if twice else 411)
         return None if scope["method"] in SAFE else _unsafe_refusal(headers)
 
     def _knows(self, host: str) -> bool:
@@ -115,6 +126,20 @@ def _unsafe_refusal(headers: Headers) -> PlainTextResponse | None:
         return PlainTextResponse("This request came from another site's page.", 403)
     length = headers.get("content-length", "")
     if not length.isdigit() or int(length) > LARGEST_BODY:
-        text = f"A body of known length, at most {LARGEST_BODY} bytes, is expected."
-        return PlainTextResponse(text, 413 if length.isdigit() else 411)
+        return PlainTextResponse(TOO_LONG, 413 if length.isdigit() else 411)
     return None
+
+
+def _counted(receive: Receive) -> Receive:
+    """``receive``, which ends a body that is too long while it comes, whatever its headers say."""
+    taken = 0
+
+    async def count() -> Message:
+        nonlocal taken
+        message = await receive()
+        taken += len(message.get("body", b""))
+        if taken > LARGEST_BODY:
+            raise HTTPException(413, TOO_LONG)
+        return message
+
+    return count

@@ -6,8 +6,8 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.baselines import read_remarks
-from stemwatch.service.store.tables import MaintenanceRow, NoteRow
+from stemwatch.service.store.screenings.baselines import read_remarks
+from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow
 from stemwatch.service.web.desk import Desk
 from stemwatch.service.web.queries.valve import HistoryPoint, read_baselines, read_history
 from stemwatch.service.web.shapes import HistoryAnswer, HistoryLine, Mark

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from stemwatch.models.findings import Indicator
-from stemwatch.service.store.records import TrendPoint
+from stemwatch.service.store.screenings.records import TrendPoint
 
 _MODELS = {
     "stiction": "the stick-slip model",

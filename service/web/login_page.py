@@ -11,8 +11,8 @@ from stemwatch.service.access.links import BadName, LinkIsOver, find_link, use_l
 from stemwatch.service.access.login import LoginRefused, TooMany, sign_in
 from stemwatch.service.access.passwords import LONGEST, SHORTEST, Busy, WeakPassword
 from stemwatch.service.access.sessions import begin_session
-from stemwatch.service.store.access_records import Entry, Link, LinkKind
-from stemwatch.service.store.accounts import NameTaken
+from stemwatch.service.store.accounts.records import Entry, Link, LinkKind
+from stemwatch.service.store.accounts.users import NameTaken
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import OpenSent, Sent
 from stemwatch.service.web.session_cookie import drop_session, set_session

@@ -18,10 +18,10 @@ from prometheus_client.registry import CollectorRegistry
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.collector.backlog import backlog
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import RunState
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.queries.figures import NOT_SCREENED, Figures, read_figures
 

@@ -8,8 +8,8 @@ from datetime import timedelta
 import numpy as np
 
 from stemwatch.models.recording import Floats, Recording, Role
-from stemwatch.service.report.decimate import telling_samples
-from stemwatch.service.report.stretch import stretch_of
+from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 from stemwatch.service.web.fitted import fitted_run
 from stemwatch.service.web.shapes import LoopAnswer, LoopTrace
 from stemwatch.service.web.signals import Asked, json_numbers, read_recording
@@ -62,7 +62,7 @@ def _typical(recording: Recording, fitted: Floats | None) -> tuple[slice, str]:
     whole = slice(0, len(recording))
     if len(recording) <= LOOP_POINTS // 3:
         return whole, ""
-    stretch = stretch_of(recording, fitted, None)
+    stretch = typical_stretch_of(recording, fitted, None)
     if stretch is None:
         return whole, ""
     return slice(stretch.first, stretch.last), stretch.why

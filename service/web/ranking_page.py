@@ -13,8 +13,8 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.trend import trend
-from stemwatch.service.report.words import WORST_FIRST
+from stemwatch.service.report.change_since_last_run import change_since_last_run
+from stemwatch.service.report.wording import WORST_FIRST
 from stemwatch.service.web.desk import AtDesk
 from stemwatch.service.web.queries import alerts
 from stemwatch.service.web.queries.ranking import (
@@ -61,7 +61,10 @@ def ranking(request: Request, desk: AtDesk) -> HTMLResponse:
         here="ranking",
         wanted=wanted,
         found=found,
-        trends=[trend(line, line.previous) if line.verdict else None for line in found.lines],
+        trends=[
+            change_since_last_run(line, line.previous) if line.verdict else None
+            for line in found.lines
+        ],
         alerted=alerted,
         open_alerts=open_alerts,
         verdicts={word: Verdict(word) if word != NOT_SCREENED else None for word in _VERDICTS},

@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
-from stemwatch.service.store.records import RunState, StoredRun
+from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent

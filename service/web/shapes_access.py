@@ -6,7 +6,7 @@ from datetime import datetime
 
 from pydantic import BaseModel, Field
 
-from stemwatch.service.store.access_records import Outcome, Role, Scope
+from stemwatch.service.store.accounts.records import Outcome, Role, Scope
 
 
 class MeAnswer(BaseModel):

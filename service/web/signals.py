@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.service.plantfile.schema import Tag
-from stemwatch.service.report.decimate import Grid, lowest_and_highest
+from stemwatch.service.report.charts.thinning import ThinningGrid, lowest_and_highest
 from stemwatch.service.web.queries import samples
 from stemwatch.service.web.queries.samples import Drawn
 from stemwatch.service.web.shapes import SignalsAnswer, Trace
@@ -100,7 +100,7 @@ def _from_source(site: Site, asked: Asked) -> SignalsAnswer:
     recording, says = read_recording(site, asked)
     if recording is None or recording.start is None:
         return _answer(asked, [], None, 0.0, says or NOTHING)
-    grid = Grid.of(len(recording), POINTS)
+    grid = ThinningGrid.of(len(recording), POINTS)
     count = lowest_and_highest(recording.op.values, grid).size
     since_s = recording.interval_s * (grid.first + grid.step * np.arange(count, dtype=np.float64))
     at = np.asarray(recording.start.timestamp() + since_s)

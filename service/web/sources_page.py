@@ -7,8 +7,8 @@ from datetime import datetime, timedelta
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 
-from stemwatch.service.report.words import NOTHING, figure
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.report.wording import NOTHING, figure
+from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.web.desk import AtDesk
 
 SILENT_AFTER = timedelta(minutes=2)  # a collector speaks far more often than this

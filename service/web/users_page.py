@@ -8,8 +8,8 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.service.access.links import address_of, make_link
-from stemwatch.service.store.access_records import Link, LinkKind, Role, User
-from stemwatch.service.store.accounts import LastAdmin
+from stemwatch.service.store.accounts.records import Link, LinkKind, Role, User
+from stemwatch.service.store.accounts.users import LastAdmin
 from stemwatch.service.web.account_page import back
 from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
 from stemwatch.service.web.desk import AtDesk, Desk

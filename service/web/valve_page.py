@@ -13,14 +13,14 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Role
-from stemwatch.service.maintenance.kinds import kinds_of, needs_work
-from stemwatch.service.maintenance.page import page_anchor
-from stemwatch.service.report.fits import MODEL_NAMES
+from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
+from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.report.bars import MODEL_NAMES
+from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
-from stemwatch.service.report.trend import Trend, trend
-from stemwatch.service.restored import finding_of, screening_of
-from stemwatch.service.store.records import StoredScreening, StoredValve
-from stemwatch.service.store.screenings import read_last
+from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
+from stemwatch.service.store.screenings.restored import finding_of, screening_of
+from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent
 from stemwatch.service.web.history import read_marks
@@ -47,7 +47,7 @@ class Shown:
 
     screening: Screening
     stored: StoredScreening
-    trend: Trend
+    trend: Change
     mismatch: MismatchView | None
 
 
@@ -144,7 +144,7 @@ def _shown(session: Session, name: str) -> Shown | None:
     return Shown(
         screening=screening,
         stored=stored,
-        trend=trend(screening, finding_of(latest[1]) if len(latest) > 1 else None),
+        trend=change_since_last_run(screening, finding_of(latest[1]) if len(latest) > 1 else None),
         mismatch=None
         if found is None
         else mismatch_view(found, None, ANCHOR, name, stored.held_back),

@@ -21,14 +21,14 @@ from sqlalchemy import event, insert
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.held_back import hold_back
-from stemwatch.service.alerts.silence import watch_sources
+from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.plantfile import Plant, load_plant
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.queue_tables import RunValveRow
-from stemwatch.service.store.samples import microseconds
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.tables import RunValveRow
+from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.screenings.tables import IndicatorRow, NetworkRow, ScreeningRow
 from stemwatch.service.store.store import Store, open_store
-from stemwatch.service.store.tables import IndicatorRow, NetworkRow, ScreeningRow
 
 NOW = datetime(2026, 3, 30, 12, 0, tzinfo=UTC)
 DEVICES = 10

@@ -22,12 +22,12 @@ from sqlalchemy import insert
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.access.sessions import begin_session
-from stemwatch.service.store.access_records import Role
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.records import StoredValve
-from stemwatch.service.store.samples import microseconds
+from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.tables import IndicatorRow, ScreeningRow
 from stemwatch.service.store.store import Store, open_store
-from stemwatch.service.store.tables import IndicatorRow, ScreeningRow
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.session_cookie import NAME
 from stemwatch.service.web.site import Site

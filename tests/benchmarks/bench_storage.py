@@ -25,11 +25,11 @@ import numpy as np
 from sqlalchemy import Connection, text
 
 from stemwatch.connectors.modbus.samples import SampleBatch
-from stemwatch.service.store import samples as samples_module
-from stemwatch.service.store.address import Address
-from stemwatch.service.store.sample_load import SampleColumns, insert_samples
+from stemwatch.service.store.administration.backup import backup
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.samples import samples as samples_module
+from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
 from stemwatch.service.store.store import Store, open_store
-from stemwatch.service.store.transfer.carry import backup
 
 VALVES = 500
 NAMES = [f"FIC-{valve:03}.{role}" for valve in range(VALVES) for role in ("OP", "MV", "PV")]

@@ -46,7 +46,7 @@ PLACES = {
     "NARX": ("stemwatch.models.screening", "_train"),
     "explain": ("stemwatch.models.screening", "explain"),
     "verdict": ("stemwatch.models.screening", "_with_verdict"),
-    "plots": ("stemwatch.service.report.evidence", "packed"),
+    "plots": ("stemwatch.service.report.charts.valve_plots", "packed"),
     "store": ("stemwatch.service.store.store", "Store.save_many"),
     "networks": ("stemwatch.service.run.engine", "_keep_networks"),
     "report": ("stemwatch.service.run.engine", "write_report"),

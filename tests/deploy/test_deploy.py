@@ -140,3 +140,12 @@ def test_the_unit_is_one_that_systemd_accepts(tmp_path: Path) -> None:
         [analyze, "verify", str(unit)], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr.strip()) == (0, "")
+
+
+def test_descriptors_and_memory_are_bounded_wherever_it_runs(compose: dict) -> None:
+    """The unit and the container say how many files and how much memory the service may have."""
+    unit = (DEPLOY / "systemd" / "stemwatch.service").read_text("utf-8").splitlines()
+    assert "LimitNOFILE=8192" in unit
+    assert "MemoryMax=80%" in unit
+    assert compose["services"]["stemwatch"]["ulimits"] == {"nofile": 8192}
+    assert compose["services"]["stemwatch"]["mem_limit"]

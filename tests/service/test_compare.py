@@ -16,8 +16,8 @@ from stemwatch.models.zoo.canonical import CANONICAL
 from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.zoo.model import values_of
 from stemwatch.service.cli.compare import compare as command
-from stemwatch.service.comparison.page import html_bytes
-from stemwatch.service.comparison.rows import NETWORKS, compare
+from stemwatch.service.comparison.compare_models import NETWORKS, compare
+from stemwatch.service.comparison.comparison_html import html_bytes
 
 
 @pytest.fixture(scope="module")

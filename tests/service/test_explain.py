@@ -13,7 +13,7 @@ import typer
 from typer.testing import CliRunner
 
 from stemwatch.service.cli.explain import explain as command
-from stemwatch.service.explain.asked import asked
+from stemwatch.service.explain.to_explain import what_to_explain
 from stemwatch.service.plantfile import load_plant
 from stemwatch.service.run.plan import Request
 
@@ -123,7 +123,7 @@ def test_wrong_usage_is_a_sentence(run, arguments, words):
 
 def test_a_plant_file_names_its_valves(plant):
     """With --plant alone, each valve of its sources is asked for once."""
-    found = asked(Request(plant=load_plant(plant))).valves
+    found = what_to_explain(Request(plant=load_plant(plant))).valves
     assert [one.valve for one in found] == ["FIC-107", "FIC-104", "FIC-113"]
     assert {one.reason for one in found} == {""}
 
@@ -131,7 +131,7 @@ def test_a_plant_file_names_its_valves(plant):
 def test_a_file_that_is_named_twice_is_explained_once(folder):
     """By itself and through its folder; its own spelling comes first."""
     one = folder / "fv101.csv"
-    found = asked(Request(sources=(str(one), str(folder), str(one)))).valves
+    found = what_to_explain(Request(sources=(str(one), str(folder), str(one)))).valves
     assert [each.source for each in found if each.valve == "FV101"] == [str(one)]
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import HeldOut
-from stemwatch.service.explain.contract import to_json, to_object
+from stemwatch.service.explain.explain_json import to_json, to_object
 from stemwatch.service.explain.explained import Explained, not_testable
 from tests.service.made_mismatch import effect, named, of_every_kind
 

@@ -32,8 +32,8 @@ from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml
 from stemwatch.service.modbus_plant.serve import PlantServer
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import RunState
-from stemwatch.service.store.samples import Stretch as Samples
+from stemwatch.service.store.samples.samples import Stretch as Samples
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 
 ROUNDS = int(os.environ.get("STEMWATCH_FAULT_ROUNDS", "1"))

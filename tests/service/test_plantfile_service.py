@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.plantfile import Plant, PlantFileError, load_plant
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.store.runs.schedule import Schedule
 
 VALVES = """
 [[sources]]

@@ -8,7 +8,7 @@ from stemwatch.service.alerts.notifiers.file import FileNotifier
 from stemwatch.service.alerts.notifiers.mail import MailNotifier
 from stemwatch.service.alerts.notifiers.notifier import Notifier as Notifier
 from stemwatch.service.alerts.notifiers.notifier import NotSent as NotSent
-from stemwatch.service.alerts.notifiers.secret import Secret
+from stemwatch.service.alerts.notifiers.secret import NotifierSecret
 from stemwatch.service.alerts.notifiers.webhook import WebhookNotifier
 from stemwatch.service.plantfile import Plant
 from stemwatch.service.plantfile.live import NotifierTable
@@ -21,7 +21,7 @@ def notifiers_of(plant: Plant) -> Mapping[str, Notifier]:
 
 def _notifier(table: NotifierTable, plant: Plant) -> Notifier:
     file = None if table.secret_file is None else plant.beside(table.secret_file)
-    secret = Secret(variable=table.secret_variable, file=file)
+    secret = NotifierSecret(variable=table.secret_variable, file=file)
     if table.kind == "mail":
         return MailNotifier(
             host=table.host or "",

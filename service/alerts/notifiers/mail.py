@@ -11,7 +11,7 @@ from email.utils import formatdate
 from typing import Any
 
 from stemwatch.service.alerts.notifiers.notifier import NotSent
-from stemwatch.service.alerts.notifiers.secret import Secret
+from stemwatch.service.alerts.notifiers.secret import NotifierSecret
 
 TIMEOUT_S = 20.0
 _PORTS = {"starttls": 587, "tls": 465, "none": 25}
@@ -29,7 +29,7 @@ class MailNotifier:
     port: int | None
     security: str
     user: str | None
-    secret: Secret
+    secret: NotifierSecret
     sender: str
     to: tuple[str, ...]
 

@@ -1,4 +1,4 @@
-"""``Secret``: a password that stands in the environment or in a file, and nowhere else."""
+"""``NotifierSecret``: a password that stands in the environment or in a file, and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from stemwatch.service.alerts.notifiers.notifier import NotSent
 
 
 @dataclass(frozen=True, kw_only=True)
-class Secret:
+class NotifierSecret:
     """Where a secret is. It is read anew each time, so that a changed one needs no restart."""
 
     variable: str | None = None

@@ -8,17 +8,17 @@ import os
 from alembic import context
 from sqlalchemy import Connection
 
-from stemwatch.service.store.address import Address
-from stemwatch.service.store.engine import for_writing, make_engine
-from stemwatch.service.store.migrate import is_compared
-from stemwatch.service.store.tables import Base
+from stemwatch.service.store.administration.migrate import is_compared
+from stemwatch.service.store.all_tables import metadata
+from stemwatch.service.store.database.engine import for_writing, make_engine
+from stemwatch.service.store.database_url import Address
 
 
 def run(connection: Connection) -> None:
     """Run the migrations that were asked for."""
     context.configure(
         connection=connection,
-        target_metadata=Base.metadata,
+        target_metadata=metadata,
         compare_type=True,
         include_object=is_compared,
     )

@@ -7,8 +7,8 @@ from datetime import datetime
 from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.alert_tables import AlertRow
-from stemwatch.service.store.alerts import AlertSeverity, StoredAlert, stored_alert
+from stemwatch.service.store.alerts.alerts import AlertSeverity, StoredAlert, stored_alert
+from stemwatch.service.store.alerts.tables import AlertRow
 
 MOST_ALERTS = 200
 STATES = ("open", "acknowledged", "snoozed", "closed", "false", "all")

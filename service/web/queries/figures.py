@@ -9,10 +9,10 @@ from typing import Any
 from sqlalchemy import case, func, select
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.alert_tables import AlertRow, DeliveryRow
-from stemwatch.service.store.records import RunState
-from stemwatch.service.store.screenings import latest_screening_id
-from stemwatch.service.store.tables import RunRow, ScreeningRow, ValveRow
+from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
+from stemwatch.service.store.screenings.records import RunState
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
 
 NOT_SCREENED = "none"
 _GOING = (RunState.WAITING.value, RunState.RUNNING.value)

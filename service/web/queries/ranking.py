@@ -11,13 +11,13 @@ from sqlalchemy import ColumnElement, Select, and_, case, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.context import PreviousFinding
-from stemwatch.service.report.words import WORST_FIRST
-from stemwatch.service.store.held_back import remark_column
-from stemwatch.service.store.screenings import latest_screening_id
-from stemwatch.service.store.tables import ScreeningRow, ValveRow
+from stemwatch.service.report.wording import WORST_FIRST
+from stemwatch.service.store.screenings.held_back import remark_column
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 
 PAGE = 50
 MOST_PAGE = 500
@@ -225,7 +225,7 @@ def _previous(session: Session, screenings: Sequence[int]) -> dict[int, Previous
         before, and_(before.valve == now.valve, before.id == earlier)
     )
     return {
-        number: PreviousFinding(verdict=Verdict(verdict), S=S, J=J, severity=severity, started=at)
+        number: PreviousFinding(verdict=Verdict(verdict), S=S, J=J, severity=severity, at=at)
         for number, verdict, S, J, severity, at in session.execute(
             statement.where(now.id.in_(screenings))
         )

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.queue_tables import RunValveRow
-from stemwatch.service.store.records import StoredRun
-from stemwatch.service.store.run_rows import stored_run
-from stemwatch.service.store.tables import RunRow
+from stemwatch.service.store.runs.tables import RunValveRow
+from stemwatch.service.store.screenings.records import StoredRun
+from stemwatch.service.store.screenings.rows import stored_run
+from stemwatch.service.store.screenings.tables import RunRow
 
 MOST_SET_ASIDE = 500
 

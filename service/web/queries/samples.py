@@ -11,9 +11,9 @@ from sqlalchemy import ColumnElement, and_, func, literal_column, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.recording import Floats, Quality
-from stemwatch.service.store.columns import clean_text
-from stemwatch.service.store.live_tables import SampleReasonRow, SampleRow, TagRow
-from stemwatch.service.store.samples import microseconds
+from stemwatch.service.store.database.columns import clean_text
+from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
 
 # A step this many times the usual one is a hole, and a line over it would be invented.
 HOLE_STEPS = 2.5

@@ -10,10 +10,15 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.store.baselines import BASELINE
-from stemwatch.service.store.records import StoredValve, TrendPoint
-from stemwatch.service.store.rows import stored_valve
-from stemwatch.service.store.tables import IndicatorRow, NetworkRow, ScreeningRow, ValveRow
+from stemwatch.service.store.screenings.baselines import BASELINE
+from stemwatch.service.store.screenings.records import StoredValve, TrendPoint
+from stemwatch.service.store.screenings.rows import stored_valve
+from stemwatch.service.store.screenings.tables import (
+    IndicatorRow,
+    NetworkRow,
+    ScreeningRow,
+    ValveRow,
+)
 
 MOST_POINTS = 3000
 

@@ -122,3 +122,21 @@ def test_a_block_is_read_as_its_registers_are(registers, memory) -> None:
         expected = one.read(memory[one.first : one.stop])
         assert (found.quality[place], found.reasons[place]) == expected[1:]
         np.testing.assert_array_equal(found.values[place], expected.value)
+
+
+@pytest.mark.parametrize(
+    ("avoided", "counts"),
+    [
+        ({3}, [4]),
+        ({4}, [2, 2]),
+        ({4, 2}, [1, 3]),
+        ({4, 3, 2}, [1, 1, 1, 1]),
+        ({4, 1, 2, 3}, [1, 1, 1, 1]),  # nothing is left; each piece is what cannot be divided
+    ],
+)
+def test_a_block_is_divided_so_that_no_piece_has_a_length_to_avoid(avoided, counts) -> None:
+    """As few pieces as will do, in the order of the addresses, with every register once."""
+    (block,) = plan_blocks([register(f"T{i}", i) for i in range(4)])
+    pieces = block.avoiding(avoided)
+    assert [piece.count for piece in pieces] == counts
+    assert [one.tag for piece in pieces for one in piece.registers] == ["T0", "T1", "T2", "T3"]

@@ -18,7 +18,7 @@ from stemwatch.models.zoo.networks import training
 from stemwatch.models.zoo.networks.fit import fit_network
 from stemwatch.models.zoo.networks.ours import OURS
 from stemwatch.models.zoo.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
-from stemwatch.service.comparison.rows import NETWORKS
+from stemwatch.service.comparison.compare_models import NETWORKS
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = re.sub(r"\s+", " ", (DOCS / "models.md").read_text("utf-8"))

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import pytest
 
 from stemwatch.service.access.passwords import hash_password
-from stemwatch.service.store.access_records import Role, User
+from stemwatch.service.store.accounts.records import Role, User
 from stemwatch.service.store.store import Store
 from tests.service.store.conftest import postgres_server as postgres_server
 from tests.service.store.conftest import pytest_generate_tests as pytest_generate_tests

@@ -10,8 +10,8 @@ import pytest
 
 from stemwatch.service.access.links import use_link
 from stemwatch.service.access.setup import make_user
-from stemwatch.service.store.access_records import Role
-from stemwatch.service.store.audit import Wanted
+from stemwatch.service.store.accounts.audit import Wanted
+from stemwatch.service.store.accounts.records import Role
 from stemwatch.service.store.store import open_store
 from tests.service.access.conftest import PASSWORD
 from tests.service.conftest import stemwatch as stemwatch

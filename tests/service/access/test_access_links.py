@@ -19,8 +19,8 @@ from stemwatch.service.access.login import check
 from stemwatch.service.access.passwords import WeakPassword
 from stemwatch.service.access.sessions import begin_session, visitor_of_cookie
 from stemwatch.service.access.setup import first_link, make_user
-from stemwatch.service.store.access_records import LinkKind, Role, User
-from stemwatch.service.store.accounts import LastAdmin, NameTaken
+from stemwatch.service.store.accounts.records import LinkKind, Role, User
+from stemwatch.service.store.accounts.users import LastAdmin, NameTaken
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW, PASSWORD
 

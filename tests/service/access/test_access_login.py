@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from stemwatch.service.access import throttle
 from stemwatch.service.access.login import WRONG, LoginRefused, TooMany, confirm, sign_in
 from stemwatch.service.access.sessions import visitor_of_cookie
-from stemwatch.service.store.access_records import Role, User
-from stemwatch.service.store.audit import Wanted
+from stemwatch.service.store.accounts.audit import Wanted
+from stemwatch.service.store.accounts.records import Role, User
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW, PASSWORD
 

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.service.access.rights import RIGHTS, Operation, Visitor, scopes_of
-from stemwatch.service.store import audit
-from stemwatch.service.store.access_records import Entry, Outcome, Role, Scope
-from stemwatch.service.store.audit import AuditLog, Wanted
+from stemwatch.service.store.accounts import audit
+from stemwatch.service.store.accounts.audit import AuditLog, Wanted
+from stemwatch.service.store.accounts.records import Entry, Outcome, Role, Scope
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW
 

@@ -23,7 +23,7 @@ from stemwatch.service.access.tokens import (
     visitor_of_environment,
     visitor_of_token,
 )
-from stemwatch.service.store.access_records import Role, Scope, User
+from stemwatch.service.store.accounts.records import Role, Scope, User
 from stemwatch.service.store.store import Store, open_store
 from tests.service.access.conftest import NOW
 

@@ -12,11 +12,11 @@ import pytest
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Quality
-from stemwatch.service.alerts.silence import BACK, JOINED, watch_sources
+from stemwatch.service.alerts.silent_sources import BACK, JOINED, watch_sources
 from stemwatch.service.plantfile import Plant, load_plant
-from stemwatch.service.store.alerts import AlertKind, StoredAlert
-from stemwatch.service.store.samples import microseconds
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
+from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 
 NOW = datetime(2026, 3, 2, 12, tzinfo=UTC)

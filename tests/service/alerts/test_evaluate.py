@@ -16,12 +16,12 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.silence import watch_sources
+from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.plantfile import Plant, load_plant
-from stemwatch.service.store.alerts import AlertKind
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import ValveState
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.alerts.alerts import AlertKind
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.screenings.records import ValveState
 from stemwatch.service.store.store import Store, open_store
 
 START = datetime(2026, 3, 2, tzinfo=UTC)

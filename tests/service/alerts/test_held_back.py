@@ -18,9 +18,9 @@ from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
 from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
 from stemwatch.service.plantfile import Plant, load_plant
-from stemwatch.service.store.alerts import AlertKind
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import ValveState
+from stemwatch.service.store.alerts.alerts import AlertKind
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.screenings.records import ValveState
 from stemwatch.service.store.store import Store
 
 START = datetime(2026, 3, 2, tzinfo=UTC)

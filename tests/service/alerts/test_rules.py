@@ -11,10 +11,17 @@ from hypothesis import strategies as st
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, Evidence, Finding, Mismatch, Stiction
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.alerts.rules import Judged, Seen, Standing, has_grown, look, standing
+from stemwatch.service.alerts.rules import (
+    AlertDecision,
+    JudgedScreening,
+    ValveRecord,
+    alert_decision,
+    apply_rules,
+    has_grown,
+)
 from stemwatch.service.plantfile.live import AlertRules
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity
-from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
+from stemwatch.service.store.screenings.records import StoredValve
 
 NOW = datetime(2026, 3, 2, tzinfo=UTC)
 RULES = AlertRules()
@@ -26,7 +33,7 @@ def percent(value: float, half: float = 0.2) -> Estimate:
     return Estimate(value=value, low=value - half, high=value + half, unit="%")
 
 
-def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> Judged:
+def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> JudgedScreening:
     fields = {
         "id": number,
         "run_id": 1,
@@ -37,15 +44,15 @@ def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> Jud
         "S": percent(2.0),
         "J": None,
     }
-    return Judged(**fields | changes)
+    return JudgedScreening(**fields | changes)
 
 
-def kinds(*newest_first: Verdict | Judged, **seen) -> tuple[list, list]:
+def kinds(*newest_first: Verdict | JudgedScreening, **seen) -> tuple[list, list]:
     screenings = [
-        one if isinstance(one, Judged) else screening(99 - place, one)
+        one if isinstance(one, JudgedScreening) else screening(99 - place, one)
         for place, one in enumerate(newest_first)
     ]
-    raised, closed = look(Seen(valve=VALVE, screenings=screenings, **seen), RULES)
+    raised, closed = apply_rules(ValveRecord(valve=VALVE, screenings=screenings, **seen), RULES)
     return [one.kind for one in raised], [cause.split(":")[0] for cause in closed]
 
 
@@ -80,11 +87,11 @@ def test_two_of_three_raise_and_three_without_close(verdicts, raised: bool, clos
 def test_nothing_is_raised_and_closed_at_once(present, n: int, more: int, k: int) -> None:
     """Whatever the rules are, what raises contains the finding now and what closes does not."""
     rules = AlertRules(raise_after_runs=n, of_runs=n + more, clear_after_runs=k)
-    found = standing(present, rules)
-    if found is Standing.RAISE:
+    found = alert_decision(present, rules)
+    if found is AlertDecision.RAISE:
         assert present[0]
         assert sum(present[: n + more]) >= n
-    if found is Standing.CLEAR:
+    if found is AlertDecision.CLEAR:
         assert not any(present[:k])
 
 
@@ -108,7 +115,9 @@ def test_growth_must_be_large_and_certain(now, before, grown: bool) -> None:
 def test_growth_is_told_with_both_intervals() -> None:
     """The text names what was and what is."""
     many = [screening(n, S=percent(4.0)) for n in (2, 1)]
-    raised, _ = look(Seen(valve=VALVE, screenings=many, at_baseline=percent(1.0)), RULES)
+    raised, _ = apply_rules(
+        ValveRecord(valve=VALVE, screenings=many, at_baseline=percent(1.0)), RULES
+    )
     (alert,) = raised
     assert alert.kind is AlertKind.GROWN
     assert "from 1" in alert.text
@@ -119,8 +128,8 @@ def test_growth_is_told_with_both_intervals() -> None:
 def test_leaving_the_baseline() -> None:
     """Following the baseline network worse than the limit in two of three runs."""
     many = [screening(n) for n in (3, 2, 1)]
-    seen = Seen(valve=VALVE, screenings=many, ratios={3: 4.0, 1: 5.0}, ratio_limit=3.0)
-    raised, _ = look(seen, RULES)
+    seen = ValveRecord(valve=VALVE, screenings=many, ratios={3: 4.0, 1: 5.0}, ratio_limit=3.0)
+    raised, _ = apply_rules(seen, RULES)
     assert [one.kind for one in raised] == [AlertKind.BASELINE]
     assert "4.0 times worse" in raised[0].text
 
@@ -138,7 +147,9 @@ def test_leaving_the_baseline() -> None:
 def test_a_run_that_was_not_compared_tells_nothing(ratios, raised: bool, closed: bool) -> None:
     """A valve that moves beyond what its baseline has seen is not back at its baseline."""
     many = [screening(n) for n in (6, 5, 4, 3, 2, 1)]
-    found, over = look(Seen(valve=VALVE, screenings=many, ratios=ratios, ratio_limit=3.0), RULES)
+    found, over = apply_rules(
+        ValveRecord(valve=VALVE, screenings=many, ratios=ratios, ratio_limit=3.0), RULES
+    )
     assert (AlertKind.BASELINE in [one.kind for one in found]) is raised
     assert ("baseline:FIC-1" in over) is closed
 
@@ -159,7 +170,7 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
     assert raised == []
     assert "mismatch" in closed
     many = [screening(n, mismatch=found, named=True) for n in (2, 1)]
-    raised, _ = look(Seen(valve=VALVE, screenings=many), RULES)
+    raised, _ = apply_rules(ValveRecord(valve=VALVE, screenings=many), RULES)
     assert raised[0].text == "FIC-1 (Feed): There is play. Look at the linkage."
 
 
@@ -167,8 +178,8 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
 def test_urgency_follows_the_valve(criticality: int, severity: str) -> None:
     """The valve that the plant can least do without is the most urgent."""
     many = [screening(n, STICKY) for n in (2, 1)]
-    seen = Seen(valve=StoredValve(id="V", criticality=criticality), screenings=many)
-    assert look(seen, RULES)[0][0].severity is AlertSeverity(severity)
+    seen = ValveRecord(valve=StoredValve(id="V", criticality=criticality), screenings=many)
+    assert apply_rules(seen, RULES)[0][0].severity is AlertSeverity(severity)
 
 
 def test_a_window_that_the_work_lies_in_tells_nothing() -> None:

@@ -7,10 +7,10 @@ from datetime import UTC, datetime, timedelta
 
 from stemwatch.models.findings import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import Background, Past
+from stemwatch.service.maintenance import EarlierScreening, ValveHistory
 from stemwatch.service.maintenance.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
-from stemwatch.service.store.records import Remark
+from stemwatch.service.store.screenings.records import Remark
 from tests.service.made_mismatch import named
 from tests.service.report.conftest import context_of, plant, screening
 
@@ -45,11 +45,13 @@ def context(screenings: list[Screening], **changes: object) -> ReportContext:
     return replace(made, valves=facts, **changes)
 
 
-def earlier(found: Screening) -> list[Past]:
+def earlier(found: Screening) -> list[EarlierScreening]:
     """Sticky for two weeks, healthy before."""
     verdicts = (Verdict.STICKY, Verdict.STICKY, Verdict.HEALTHY)
     return [
-        Past(at=BEGAN - timedelta(days=7 * week), run=40 - week, verdict=verdict, S=4.0, J=1.5)
+        EarlierScreening(
+            at=BEGAN - timedelta(days=7 * week), run=40 - week, verdict=verdict, S=4.0, J=1.5
+        )
         for week, verdict in enumerate(verdicts)
     ]
 
@@ -60,10 +62,10 @@ def work(valve: str) -> list[Remark]:
     return [Remark(valve=valve, at=at, note="packing renewed", who="M. Weiß")]
 
 
-BACKGROUND = Background(earlier=earlier, work=work, run=41)
+BACKGROUND = ValveHistory(earlier=earlier, work=work, run=41)
 
 
-def longest() -> tuple[list[Screening], ReportContext, Background]:
+def longest() -> tuple[list[Screening], ReportContext, ValveHistory]:
     """Pages that ask for more room than there is: every kind, every text far too long."""
     kinds = list(catalogue())
     found = []

@@ -8,11 +8,11 @@ import re
 import pytest
 
 from stemwatch.models.mismatch import terms
-from stemwatch.service.maintenance import kinds as k
+from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.advice import (
     ISOLATION,
     MOST_STEPS,
-    Level,
+    IsolationLevel,
     advice_for,
     catalogue,
     isolation_for,
@@ -66,13 +66,15 @@ def test_isolation_covers_exactly_the_levels_that_the_steps_reach():
     """No line is broken for a look, and no step goes further than what is said of it."""
     steps = steps_for(["stiction_undershoot"])
     levels = [level for level, _ in isolation_for(steps)]
-    assert levels == [Level.LOOK, Level.MANUAL, Level.LINE]
-    assert isolation_for(steps_for([k.RECORDING])) == ((Level.DESK, ISOLATION[Level.DESK]),)
+    assert levels == [IsolationLevel.LOOK, IsolationLevel.MANUAL, IsolationLevel.LINE]
+    assert isolation_for(steps_for([k.RECORDING])) == (
+        (IsolationLevel.DESK, ISOLATION[IsolationLevel.DESK]),
+    )
 
 
 def test_the_line_is_isolated_only_with_the_energies_named():
     """Bypass, block valves, air and spring, trapped medium, hazards."""
-    said = ISOLATION[Level.LINE] + ISOLATION[Level.AIR]
+    said = ISOLATION[IsolationLevel.LINE] + ISOLATION[IsolationLevel.AIR]
     for word in ("bypass", "block valves", "spring", "trapped", "hazardous", "locked", "vent"):
         assert word in said
 

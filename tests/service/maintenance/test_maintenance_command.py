@@ -16,8 +16,8 @@ from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.plantfile import load_plant
 from stemwatch.service.plantfile.problem import PlantFileError
 from stemwatch.service.plantfile.stroke import Stroke, parse_stroke
-from stemwatch.service.scheduler.runner import Runner
-from stemwatch.service.store.queue import Wanted
+from stemwatch.service.run.queue_worker import QueueWorker
+from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import BLIND, STICKY
 from tests.service.maintenance.made_book import BACKGROUND, context, longest, mixed
@@ -78,7 +78,7 @@ def test_a_scheduled_run_writes_it_beside_its_report(stroked):
     plant = load_plant(stroked, environment={})
     with open_store(plant.storage) as store:
         number = store.queue.put(Wanted(who="Ann"), software_version="1")
-        assert Runner(store, plant).once(threading.Event())
+        assert QueueWorker(store, plant).once(threading.Event())
         folder = Path(store.run(number).report)
         assert background_of(store, plant, number).run == number
     assert {path.name for path in folder.iterdir()} >= set(FILES)

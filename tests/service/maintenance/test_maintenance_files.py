@@ -13,15 +13,20 @@ import pytest
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
-from stemwatch.service.maintenance.book import book_of
-from stemwatch.service.maintenance.orders import FIELDS, LONG_TEXT, SHORT_TEXT
-from stemwatch.service.maintenance.orders_files import orders_csv, orders_xlsx
-from stemwatch.service.maintenance.page import book_html
+from stemwatch.service.maintenance.maintenance_html import book_html
 from stemwatch.service.maintenance.pdf import book_pdf
 from stemwatch.service.maintenance.pdf_fonts import BOX, is_whole, runs, width_of
 from stemwatch.service.maintenance.pdf_sheet import FOOT, PAGE, SIGN_HEIGHT, SIZES, _page
 from stemwatch.service.maintenance.pdf_text import CUT, Writer, wrapped
-from stemwatch.service.report.write import ReportNotWritten
+from stemwatch.service.maintenance.work_list import work_list_of
+from stemwatch.service.maintenance.work_orders import (
+    FIELDS,
+    LONG_TEXT,
+    SHORT_TEXT,
+    orders_csv,
+    orders_xlsx,
+)
+from stemwatch.service.report.write_report import ReportNotWritten
 from tests.service.maintenance.made_book import (
     BACKGROUND,
     HOSTILE,
@@ -36,7 +41,7 @@ from tests.service.report.conftest import screening
 
 def book(screenings, **how):
     """The book of these valves, with a history."""
-    return book_of(screenings, context(screenings), BACKGROUND, **how)
+    return work_list_of(screenings, context(screenings), BACKGROUND, **how)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +103,7 @@ def test_long_texts_are_cut_to_their_page_and_the_page_says_so():
     """Every kind of finding with every text far too long: still one page each, nothing runs into
     the lines to sign."""
     screenings, made, background = longest()
-    found = book_of(screenings, made, background)
+    found = work_list_of(screenings, made, background)
     pdf = book_pdf(found, compress=False)
     assert pages(pdf) == 1 + len(screenings)
     for sheet in found.sheets:
@@ -168,7 +173,7 @@ def test_travel_needs_a_stroke():
     found = [screening("FV-1")]
     made = context(found)
     facts = {"FV-1": replace(made.facts("FV-1"), stroke="")}
-    html = book_html(book_of(found, replace(made, valves=facts))).decode()
+    html = book_html(work_list_of(found, replace(made, valves=facts))).decode()
     assert "The plant file gives no stroke" in html
     assert " mm<" not in html
 
@@ -217,7 +222,7 @@ def test_a_reference_stays_while_the_finding_goes_on():
     assert rows(book([later]))[0]["reference"] == first
     others = [replace(found, valve="FV-2"), with_effects("FV-1")]
     assert first not in {rows(book([one]))[0]["reference"] for one in others}
-    new = book_of([found], context([found]), replace(BACKGROUND, earlier=lambda _: []))
+    new = work_list_of([found], context([found]), replace(BACKGROUND, earlier=lambda _: []))
     assert rows(new)[0]["reference"] != first
 
 

@@ -13,7 +13,7 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.maintenance import kinds as k
+from stemwatch.service.maintenance import finding_kinds as k
 from tests.service.made_mismatch import named
 from tests.service.report.conftest import screening, stick_slip
 

@@ -12,10 +12,17 @@ from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role, Signal
-from stemwatch.service.maintenance.axes import Panel, span, ticks
-from stemwatch.service.maintenance.drawing import Area, Label, Line, hatching
-from stemwatch.service.maintenance.picture import NO_SAMPLES, NOTHING_TO_DRAW, picture_of
-from stemwatch.service.maintenance.svg import svg_of
+from stemwatch.service.maintenance.drawing import (
+    DrawnArea,
+    DrawnLine,
+    DrawnText,
+    Panel,
+    hatching,
+    span,
+    svg_of,
+    ticks,
+)
+from stemwatch.service.maintenance.evidence_picture import NO_SAMPLES, NOTHING_TO_DRAW, picture_of
 from tests.service.report.conftest import recording, screening, unknown, without_mv
 
 
@@ -26,16 +33,16 @@ def drawn(found):
 
 def words(picture) -> list[str]:
     """Everything that is written in it."""
-    return [mark.text for mark in picture.marks if isinstance(mark, Label)]
+    return [mark.text for mark in picture.marks if isinstance(mark, DrawnText)]
 
 
 def test_both_views_are_there_and_told_apart_by_their_lines():
     """OP dashed, MV solid and thick, the model dotted; the stick band hatched."""
     picture, note = drawn(screening("FV-1"))
     assert {"OP", "MV", "model", "stick band of S and J", "OP, %", "MV, %"} <= set(words(picture))
-    styles = {(mark.width, mark.dash) for mark in picture.marks if isinstance(mark, Line)}
+    styles = {(mark.width, mark.dash) for mark in picture.marks if isinstance(mark, DrawnLine)}
     assert len({style for style in styles if style[0] >= 0.7}) >= 4
-    assert any(isinstance(mark, Area) and mark.hatch for mark in picture.marks)
+    assert any(isinstance(mark, DrawnArea) and mark.hatch for mark in picture.marks)
     assert note.startswith("A typical stretch of the record, from 2026-03-02 ")
 
 
@@ -52,7 +59,7 @@ def test_every_mark_lies_inside_the_picture():
     """Nothing is cut off at the edge of the paper."""
     picture, _ = drawn(screening("FV-1", S=9.0, J=4.0))
     for mark in picture.marks:
-        points = (mark.at,) if isinstance(mark, Label) else mark.points
+        points = (mark.at,) if isinstance(mark, DrawnText) else mark.points
         for x, y in points:
             assert -0.1 <= x <= picture.width + 0.1
             assert -0.1 <= y <= picture.height + 0.1
@@ -61,7 +68,9 @@ def test_every_mark_lies_inside_the_picture():
 def corners_of(found) -> tuple[tuple[float, float], ...]:
     """The corners of the stick band, in points."""
     picture, _ = drawn(found)
-    bands = [mark for mark in picture.marks if isinstance(mark, Area) and len(mark.points) == 6]
+    bands = [
+        mark for mark in picture.marks if isinstance(mark, DrawnArea) and len(mark.points) == 6
+    ]
     return bands[0].points if bands else ()
 
 
@@ -133,7 +142,7 @@ def test_a_flat_line_has_room_around_it():
 )
 def test_a_hatch_stays_inside_its_area(points, step):
     """The middle of every line lies inside the polygon, by the crossing rule."""
-    area = Area(tuple(points), hatch=step)
+    area = DrawnArea(tuple(points), hatch=step)
     for line in hatching(area):
         (x0, y0), (x1, y1) = line.points
         if abs(x1 - x0) > 1e-3:

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import kinds as k
-from stemwatch.service.maintenance.background import LOOK_BACK, Past
+from stemwatch.service.maintenance import finding_kinds as k
+from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
 from stemwatch.service.maintenance.priority import (
     CLASSES,
     DAYS,
@@ -24,17 +24,21 @@ from stemwatch.service.maintenance.priority import (
     WEIGHT_OF_TREND,
     priority,
 )
-from stemwatch.service.maintenance.since import sentence, since, work_sentence
-from stemwatch.service.maintenance.sure import FALSE_EFFECT, FALSE_EFFECT_SCATTERED, FALSE_STICKY
-from stemwatch.service.report.trend import Trend
-from stemwatch.service.store.records import Remark
+from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening
+from stemwatch.service.maintenance.work_sheet import (
+    FALSE_EFFECT,
+    FALSE_EFFECT_SCATTERED,
+    FALSE_STICKY,
+)
+from stemwatch.service.report.change_since_last_run import Change
+from stemwatch.service.store.screenings.records import Remark
 from tests.service.report.conftest import screening
 
 REPOSITORY = Path(__file__).parents[3]
 DAY = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 STUCK = ("stiction_undershoot",)
-SAME = Trend(direction="same", words="no change")
-WORSE = Trend(direction="worse", words="worse, S +1.20")
+SAME = Change(direction="same", words="no change")
+WORSE = Change(direction="worse", words="worse, S +1.20")
 BASE = screening("FV-1", samples=60)
 
 
@@ -113,10 +117,12 @@ def test_the_false_alarms_are_those_of_the_readme():
         assert re.search(rf"{row} \| {count} of {of}, .*\({shown}\)", readme)
 
 
-def past(*verdicts: Verdict, **of_each) -> list[Past]:
+def past(*verdicts: Verdict, **of_each) -> list[EarlierScreening]:
     """Weekly screenings, newest first."""
     return [
-        Past(at=DAY - timedelta(days=7 * week), run=50 - week, verdict=verdict, **of_each)
+        EarlierScreening(
+            at=DAY - timedelta(days=7 * week), run=50 - week, verdict=verdict, **of_each
+        )
         for week, verdict in enumerate(verdicts, start=1)
     ]
 
@@ -137,7 +143,7 @@ S, W, H, U = Verdict.STICKY, Verdict.WATCH, Verdict.HEALTHY, Verdict.UNDETERMINE
 )
 def test_a_finding_goes_back_as_far_as_no_verdict_denies_it(earlier, count, first, before):
     """Screenings without a verdict neither confirm nor break it."""
-    found = since("stiction_undershoot", past(*earlier))
+    found = first_seen("stiction_undershoot", past(*earlier))
     assert found.count == count
     assert (found.first and found.first.run) == first
     assert (found.before and found.before.run) == before
@@ -146,29 +152,29 @@ def test_a_finding_goes_back_as_far_as_no_verdict_denies_it(earlier, count, firs
 def test_an_effect_goes_back_by_its_name():
     """Another effect, or the same valve without one, ends it."""
     earlier = [*past(W, W, effects=("lost_motion",)), *past(W, W, W, effects=())[2:]]
-    assert since("lost_motion", earlier).count == 3
-    assert since("zero_shift", earlier).count == 1
+    assert first_seen("lost_motion", earlier).count == 3
+    assert first_seen("zero_shift", earlier).count == 1
 
 
 def test_a_dead_transmitter_goes_back_over_screenings_without_a_verdict():
     """They are what it makes."""
-    assert since(k.FROZEN, past(U, U, H)).count == 3
+    assert first_seen(k.FROZEN, past(U, U, H)).count == 3
 
 
 def test_the_sentence_says_when_how_often_and_what_was_before():
     """In the plant's own time."""
-    said = sentence(since("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin"))
+    said = sentence(first_seen("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin"))
     assert said == (
         "Seen since 2026-02-15 07:00 (run 48), in 3 screenings on end; the one before, of "
         "2026-02-08 07:00, said healthy and did not show it."
     )
-    assert sentence(since("watch", []), UTC).startswith("First screening")
-    assert sentence(since("watch", past(H)), UTC).startswith("New in this screening")
+    assert sentence(first_seen("watch", []), UTC).startswith("First screening")
+    assert sentence(first_seen("watch", past(H)), UTC).startswith("New in this screening")
 
 
 def test_a_record_that_was_not_read_to_its_end_says_at_least():
     """Nobody is told a date that is only where reading stopped."""
-    assert "at least since" in sentence(since("watch", past(*[S] * LOOK_BACK)), UTC)
+    assert "at least since" in sentence(first_seen("watch", past(*[S] * LOOK_BACK)), UTC)
 
 
 def test_work_is_set_against_the_finding():

@@ -16,11 +16,11 @@ import pytest
 
 from stemwatch.models.mismatch.findings import HotPlace, ResidualMap, Runs
 from stemwatch.service.explain.explained import Explained
-from stemwatch.service.explain.write import write_pages
+from stemwatch.service.explain.write_explanation import write_pages
 from stemwatch.service.report import write_report
+from stemwatch.service.report.charts.valve_charts import overlay_of
 from stemwatch.service.report.heatmap import heat_map, largest
-from stemwatch.service.report.overlay import overlay_of
-from stemwatch.service.report.places import facets
+from stemwatch.service.report.mismatch_view import facet_bars
 from tests.service.made_mismatch import effect, named, of_every_kind, residual_map
 
 SCHEMA = json.loads(
@@ -142,7 +142,7 @@ def test_a_map_without_cells_is_no_picture():
 
 def test_bars_pair_each_place_before_and_after():
     """Lengths are of one scale, and a place that is hot is marked."""
-    phase, direction = facets(named())
+    phase, direction = facet_bars(named())
     assert phase.title == "By phase of the motion"
     longest = max(place.before_length for one in (phase, direction) for place in one.places)
     assert longest == 100.0

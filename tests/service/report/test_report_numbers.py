@@ -13,10 +13,15 @@ from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report import PreviousFinding, words
-from stemwatch.service.report.decimate import Grid, lowest_and_highest, telling_samples
-from stemwatch.service.report.gauge import gauge, gauge_top
-from stemwatch.service.report.trend import trend
+from stemwatch.service.report import PreviousFinding
+from stemwatch.service.report import wording as words
+from stemwatch.service.report.bars import gauge, gauge_top
+from stemwatch.service.report.change_since_last_run import change_since_last_run
+from stemwatch.service.report.charts.thinning import (
+    ThinningGrid,
+    lowest_and_highest,
+    telling_samples,
+)
 
 values_or_gaps = st.one_of(st.floats(-1e6, 1e6), st.just(float("nan")))
 traces = st.lists(values_or_gaps, min_size=1, max_size=400).map(np.array)
@@ -26,7 +31,7 @@ traces = st.lists(values_or_gaps, min_size=1, max_size=400).map(np.array)
 @given(trace=traces, points=st.integers(4, 60))
 def test_decimation_keeps_the_extremes_and_bounds_the_points(trace, points):
     """Lowest and highest value survive, no value is made up, and the bound holds."""
-    thin = lowest_and_highest(trace, Grid.of(trace.size, points))
+    thin = lowest_and_highest(trace, ThinningGrid.of(trace.size, points))
     assert thin.size <= points
     known = trace[np.isfinite(trace)]
     if known.size:
@@ -52,7 +57,7 @@ def test_a_jump_of_one_sample_survives_a_hundredfold_decimation():
     trace = np.zeros(100_000)
     trace[70_000:] = 2.0
     trace[12_345] = 9.0
-    grid = Grid.of(trace.size)
+    grid = ThinningGrid.of(trace.size)
     thin = lowest_and_highest(trace, grid)
     assert thin.max() == 9.0
     edge = grid.first + grid.step * int(np.flatnonzero(thin == 2.0)[0])
@@ -63,7 +68,7 @@ def test_gaps_stay_gaps():
     """A bucket without a number is null, not a line through it."""
     trace = np.ones(1000)
     trace[400:600] = np.nan
-    thin = lowest_and_highest(trace, Grid.of(1000, 100))
+    thin = lowest_and_highest(trace, ThinningGrid.of(1000, 100))
     assert np.isnan(thin[40:60]).all()
     assert np.isfinite(thin[:40]).all()
 
@@ -71,7 +76,7 @@ def test_gaps_stay_gaps():
 def test_a_trace_of_another_length_is_refused():
     """The grid belongs to one recording."""
     with pytest.raises(ValueError, match=r"expected a trace of 10 samples, received \(9,\)"):
-        lowest_and_highest(np.zeros(9), Grid.of(10))
+        lowest_and_highest(np.zeros(9), ThinningGrid.of(10))
 
 
 def before(verdict: Verdict, S: float | None = None, severity: float = 0.0) -> PreviousFinding:
@@ -93,7 +98,7 @@ def before(verdict: Verdict, S: float | None = None, severity: float = 0.0) -> P
 )
 def test_the_trend_is_an_arrow_and_words(previous, direction, words_said, make_screening):
     """A change counts by verdict first, then by S beyond its interval, then by severity."""
-    found = trend(make_screening("FV-1", S=5.2, samples=20), previous)
+    found = change_since_last_run(make_screening("FV-1", S=5.2, samples=20), previous)
     assert (found.direction, found.words) == (direction, words_said)
     assert found.arrow
 
@@ -101,15 +106,15 @@ def test_the_trend_is_an_arrow_and_words(previous, direction, words_said, make_s
 def test_a_valve_that_recovered_is_better(make_screening):
     """Watch after sticky is an improvement even if S were larger."""
     now = make_screening("FV-1", Verdict.WATCH, S=6.0, samples=20)
-    assert trend(now, before(Verdict.STICKY, 4.0)).direction == "better"
+    assert change_since_last_run(now, before(Verdict.STICKY, 4.0)).direction == "better"
 
 
 def test_without_an_interval_a_tenth_of_s_is_a_change(make_screening):
     """The step has to be a tenth of the earlier S, and 0.2 % at least."""
     now = make_screening("FV-1", samples=20)
     now = replace(now, S=Estimate(value=5.2, unit="%"))
-    assert trend(now, before(Verdict.STICKY, 4.9)).direction == "same"
-    assert trend(now, before(Verdict.STICKY, 4.4)).direction == "worse"
+    assert change_since_last_run(now, before(Verdict.STICKY, 4.9)).direction == "same"
+    assert change_since_last_run(now, before(Verdict.STICKY, 4.4)).direction == "worse"
 
 
 def test_gauges_share_a_round_scale_that_holds_every_value(make_screening):

@@ -13,8 +13,8 @@ import pytest
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import ReportContext
-from stemwatch.service.report.charts import chart_of
-from stemwatch.service.report.page import (
+from stemwatch.service.report.charts.valve_charts import chart_of
+from stemwatch.service.report.html_page import (
     ALWAYS_PLOTTED,
     MOST_PLOTTED,
     environment,
@@ -213,7 +213,7 @@ def colours(block: str) -> dict[str, str]:
 
 
 def themes() -> dict[str, dict[str, str]]:
-    css = files("stemwatch.service.report").joinpath("report.css").read_text("utf-8")
+    css = files("stemwatch.service.report").joinpath("styles/report.css").read_text("utf-8")
     blocks = re.findall(r":root(?:\[[^]]*\])? \{(.*?)\}", css, re.S)
     return {"light": colours(blocks[0]), "dark": colours(blocks[1])}
 

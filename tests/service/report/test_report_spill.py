@@ -13,8 +13,13 @@ from hypothesis import strategies as st
 from stemwatch.models.findings import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import write_report
-from stemwatch.service.report.evidence import EXCERPT_SAMPLES, evidence_of, may_need_work, packed
-from stemwatch.service.report.page import MOST_PLOTTED, MOST_TOLD
+from stemwatch.service.report.charts.valve_plots import (
+    EXCERPT_SAMPLES,
+    may_need_work,
+    plots_instead_of_samples,
+    plots_of,
+)
+from stemwatch.service.report.html_page import MOST_PLOTTED, MOST_TOLD
 from stemwatch.service.run.spill import ResultSpill
 
 
@@ -22,7 +27,7 @@ def spilled(screenings, plotted: int = MOST_PLOTTED) -> ResultSpill:
     """A spill with every screening, packed, put there last first."""
     spill = ResultSpill(plotted)
     for place in reversed(range(len(screenings))):
-        spill.add(place, *packed(screenings[place]))
+        spill.add(place, *plots_instead_of_samples(screenings[place]))
     return spill
 
 
@@ -56,7 +61,7 @@ def test_the_report_is_the_same_from_a_shelf(mixed_plant, make_context, tmp_path
 def test_plots_are_kept_of_the_worst(make_screening, severities, plotted) -> None:
     """However they come in, the plots of the worst are there, and of no other."""
     model = make_screening("FV", Verdict.STICKY, S=2.0, J=0.0, samples=30)
-    nothing = evidence_of(model.without_samples())
+    nothing = plots_of(model.without_samples())
     spill = ResultSpill(plotted)
     for place, severity in enumerate(severities):
         one = replace(model.without_samples(), valve=f"FV-{place:02}", severity=float(severity))
@@ -81,7 +86,9 @@ def test_an_excerpt_is_the_samples_that_were_there(make_screening) -> None:
 
 def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, tmp_path) -> None:
     """Every valve has its row, the worst have sections and plots, and the files hold all."""
-    model, evidence = packed(make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=6000))
+    model, evidence = plots_instead_of_samples(
+        make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=6000)
+    )
     model = model.without_samples()
     spill = ResultSpill(MOST_PLOTTED)
     for place in range(1000):
@@ -119,7 +126,9 @@ class Watched(ResultSpill):
 
 def test_a_report_holds_few_valves_at_a_time(make_screening, make_context, tmp_path) -> None:
     """While a report of many valves is written, no more than a few are in memory."""
-    model, evidence = packed(make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=100))
+    model, evidence = plots_instead_of_samples(
+        make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=100)
+    )
     spill = Watched(MOST_PLOTTED)
     for place in range(80):
         spill.add(place, replace(model, valve=f"FV-{place:04}"), evidence)

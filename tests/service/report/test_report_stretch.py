@@ -13,9 +13,9 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.findings import DataQuality, Screening, Traces
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.charts import chart_of
-from stemwatch.service.report.decimate import POINTS
-from stemwatch.service.report.stretch import typical_stretch
+from stemwatch.service.report.charts.thinning import POINTS
+from stemwatch.service.report.charts.typical_stretch import typical_stretch
+from stemwatch.service.report.charts.valve_charts import chart_of
 
 CYCLE = 40
 

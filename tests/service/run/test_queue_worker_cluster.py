@@ -14,9 +14,9 @@ from sqlalchemy import text
 
 from stemwatch.service.plantfile import load_plant
 from stemwatch.service.run import chunking
-from stemwatch.service.scheduler import Runner
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import RunState
+from stemwatch.service.run.queue_worker import QueueWorker
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 from tests.service.clusters import Cluster
 
@@ -52,7 +52,7 @@ def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
             store.schedules.take_from_file(loaded.schedules)
             number = store.queue.put(Wanted(schedule="hourly"), software_version="1")
             assert number is not None
-            assert Runner(store, loaded).once(threading.Event())
+            assert QueueWorker(store, loaded).once(threading.Event())
             done = store.run(number)
             assert (done.state, done.done, done.set_aside) == (RunState.DONE, 3, 0), done.reason
             return Kept(

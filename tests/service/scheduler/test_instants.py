@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.service.plantfile.cron import CronTimes
-from stemwatch.service.scheduler.triggers import due_between, jitter, next_due
-from stemwatch.service.store.scheduled import Schedule
+from stemwatch.service.scheduler.instants import due_between, jitter, next_due
+from stemwatch.service.store.runs.schedule import Schedule
 
 BERLIN = "Europe/Berlin"
 NOON = datetime(2026, 3, 2, 12, 0, tzinfo=UTC)  # a Monday

@@ -14,10 +14,10 @@ import sqlalchemy as sa
 from alembic import command
 from sqlalchemy import Connection, Engine, inspect, text
 
-from stemwatch.service.store.address import Address
-from stemwatch.service.store.engine import for_writing, make_engine
-from stemwatch.service.store.migrate import config_for
-from stemwatch.service.store.partitions import is_partition
+from stemwatch.service.store.administration.migrate import config_for
+from stemwatch.service.store.database.engine import for_writing, make_engine
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.samples.partitions import is_partition
 
 AT_US = 1_772_344_800_000_000  # 2026-03-01 06:00 UTC
 DAY_US = 86_400_000_000

@@ -19,7 +19,7 @@ from stemwatch.models.findings import DataQuality, Indicator, Residual, Screenin
 from stemwatch.models.recording import Provenance
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.records import StoredValve
+from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store, open_store
 
 MakeScreening = Callable[..., Screening]

@@ -12,9 +12,9 @@ from sqlalchemy import text
 from sqlalchemy.dialects import sqlite
 
 from stemwatch.models.findings import Screening
-from stemwatch.service.store.address import Address
-from stemwatch.service.store.columns import UtcDateTime
-from stemwatch.service.store.engine import BUSY_TIMEOUT_MS, make_engine
+from stemwatch.service.store.database.columns import UtcDateTime
+from stemwatch.service.store.database.engine import BUSY_TIMEOUT_MS, make_engine
+from stemwatch.service.store.database_url import Address
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
 

@@ -14,7 +14,7 @@ import httpx
 import pytest
 from sqlalchemy import create_engine, make_url, text
 
-from stemwatch.service.store.access_records import Role
+from stemwatch.service.store.accounts.records import Role
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
 from tests.service.store.conftest import postgres_server as postgres_server

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import uvicorn
 
 from stemwatch.connectors.connector import Window
 from stemwatch.connectors.modbus.samples import SampleBatch
@@ -19,9 +18,11 @@ from stemwatch.models.findings import DataQuality, Indicator, Residual, Screenin
 from stemwatch.models.recording import Floats, Provenance, Recording, Role, Signal
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.plantfile import Plant, load_plant
-from stemwatch.service.store.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.records import StoredValve
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.serve.http_server import http_server
+from stemwatch.service.serve.pages import address_of, listen
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.site import Site
@@ -226,16 +227,22 @@ def reader_of(store: Store) -> Any:
 @contextmanager
 def serving(site: Site) -> Iterator[str]:
     """The site on a free port of this machine; gives its address."""
-    config = uvicorn.Config(create_app(site), port=0, log_level="error", ws="none", lifespan="off")
-    server = uvicorn.Server(config)
-    thread = threading.Thread(target=server.run, daemon=True)
-    thread.start()
-    try:
-        while not server.started:
-            thread.join(0.01)
-            assert thread.is_alive(), "the server did not start"
-        port = server.servers[0].sockets[0].getsockname()[1]
-        yield f"http://127.0.0.1:{port}"
-    finally:
-        server.should_exit = True
-        thread.join()
+    with serving_app(create_app(site)) as address:
+        yield address
+
+
+@contextmanager
+def serving_app(app: Any) -> Iterator[str]:
+    """An application behind the server of the product on a free port; gives its address."""
+    with listen("127.0.0.1", 0) as listening:
+        server = http_server(app, lifespan=False)
+        thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
+        thread.start()
+        try:
+            while not server.started:
+                thread.join(0.01)
+                assert thread.is_alive(), "the server did not start"
+            yield address_of(listening).rstrip("/")
+        finally:
+            server.should_exit = True
+            thread.join()

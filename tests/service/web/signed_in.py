@@ -5,7 +5,7 @@ from __future__ import annotations
 from stemwatch.service.access.rights import scopes_of
 from stemwatch.service.access.sessions import begin_session
 from stemwatch.service.access.tokens import make_token
-from stemwatch.service.store.access_records import Role, Scope, User
+from stemwatch.service.store.accounts.records import Role, Scope, User
 from stemwatch.service.web.session_cookie import NAME
 from stemwatch.service.web.site import Site
 

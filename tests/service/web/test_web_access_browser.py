@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from stemwatch.service.access.setup import first_link, make_user
-from stemwatch.service.store.access_records import Entry, Outcome, Role, Scope
+from stemwatch.service.store.accounts.records import Entry, Outcome, Role, Scope
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, serving
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, cookie_of, user_of

@@ -17,7 +17,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from stemwatch.service.access.rights import Operation, Visitor
-from stemwatch.service.store.access_records import Role
+from stemwatch.service.store.accounts.records import Role
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.permits import PERMITS

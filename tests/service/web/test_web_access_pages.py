@@ -12,8 +12,8 @@ import pytest
 from stemwatch.service.access.links import make_link
 from stemwatch.service.access.setup import make_user
 from stemwatch.service.access.tokens import make_token
-from stemwatch.service.store.access_records import LinkKind, Role, Scope
-from stemwatch.service.store.audit import Wanted
+from stemwatch.service.store.accounts.audit import Wanted
+from stemwatch.service.store.accounts.records import LinkKind, Role, Scope
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.login_page import safe_place
 from stemwatch.service.web.session_cookie import NAME, SECURE_NAME

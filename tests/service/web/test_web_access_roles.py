@@ -14,8 +14,8 @@ from starlette.routing import BaseRoute
 from stemwatch.service.access.rights import RIGHTS, Operation, Visitor
 from stemwatch.service.access.sessions import mark_of
 from stemwatch.service.access.tokens import BEGINS
-from stemwatch.service.store.access_records import Role, Scope
-from stemwatch.service.store.audit import Wanted
+from stemwatch.service.store.accounts.audit import Wanted
+from stemwatch.service.store.accounts.records import Role, Scope
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.permits import PERMITS
 from tests.service.web.made_plant import STICKY

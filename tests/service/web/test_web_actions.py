@@ -7,8 +7,8 @@ from datetime import timedelta
 import pytest
 
 from stemwatch.service.access.sessions import mark_of
-from stemwatch.service.store.access_records import Role
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.forms import COOKIE
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
@@ -125,8 +125,8 @@ def test_a_run_is_queued_seen_and_cancelled(live, send, client):
 
 def test_progress_and_time_left_are_seen(live, client):
     """What is done, what was set aside with its reason, and how long it will still take."""
-    from stemwatch.service.store.queue import Wanted
-    from stemwatch.service.store.records import ValveState
+    from stemwatch.service.store.runs.queue import Wanted
+    from stemwatch.service.store.screenings.records import ValveState
 
     number = live.store.queue.put(Wanted(who="K"), software_version="0.1")
     live.store.queue.claim("worker")

@@ -9,8 +9,8 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from stemwatch.service.store.access_records import Role
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, plant_of, serving
 from tests.service.web.signed_in import NAMES, cookie_of
@@ -219,7 +219,7 @@ def test_a_name_that_is_a_script_stays_a_name(opened):
 
 def test_runs_refresh_by_themselves(opened, live):
     """A run that begins while somebody looks appears without a reload."""
-    from stemwatch.service.store.queue import Wanted
+    from stemwatch.service.store.runs.queue import Wanted
 
     page = opened.page("/runs")
     assert "No run waits" in page.locator("#going").inner_text()

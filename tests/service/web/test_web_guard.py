@@ -158,7 +158,7 @@ def test_a_body_that_is_too_long_is_not_read(client):
 
 def test_settings_show_no_secret(store, client_of, tmp_path):
     """The database's password and secrets of sources are masked."""
-    from stemwatch.service.store.address import Address
+    from stemwatch.service.store.database_url import Address
     from tests.service.web.made_plant import plant_of
 
     plant = plant_of(tmp_path, store)

@@ -17,9 +17,9 @@ from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.collector import Spool
 from stemwatch.service.collector.backlog import backlog
 from stemwatch.service.plantfile import load_plant
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import RunState, ValveState
-from stemwatch.service.store.sources import SourceState
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.screenings.records import RunState, ValveState
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.metrics import metrics_text
 from stemwatch.service.web.site import Check, Site

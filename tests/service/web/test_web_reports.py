@@ -9,8 +9,8 @@ import pytest
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.report import ReportContext, write_report
-from stemwatch.service.store.queue import Wanted
-from stemwatch.service.store.records import RunState
+from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.screenings.records import RunState
 from tests.service.web.made_plant import HEALTHY, NOW, STICKY, screening, serving
 from tests.service.web.signed_in import cookie_of
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.screening import Case, screen
-from stemwatch.service.store.samples import microseconds
+from stemwatch.service.store.samples.samples import microseconds
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.fitted import fitted_run
 from stemwatch.service.web.indicator_words import MEANINGS

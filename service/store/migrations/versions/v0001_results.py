@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-from stemwatch.service.store.columns import CleanJson, CleanText, UtcDateTime
+from stemwatch.service.store.database.columns import CleanJson, CleanText, UtcDateTime
 
 revision = "0001"
 down_revision = None

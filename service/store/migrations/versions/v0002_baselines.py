@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-from stemwatch.service.store.columns import CleanText, UtcDateTime
+from stemwatch.service.store.database.columns import CleanText, UtcDateTime
 
 revision = "0002"
 down_revision = "0001"

@@ -7,7 +7,7 @@ from typing import Any
 import sqlalchemy as sa
 from alembic import op
 
-from stemwatch.service.store.columns import CleanJson, CleanText, UtcDateTime
+from stemwatch.service.store.database.columns import CleanJson, CleanText, UtcDateTime
 
 revision = "0003"
 down_revision = "0002"

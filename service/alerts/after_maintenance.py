@@ -1,0 +1,61 @@
+"""After work on a valve: what S was before, what it is now, and whether that is a difference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.records import Remark, StoredScreening
+from stemwatch.service.store.store import Store
+
+WRITER = "stemwatch"
+_LOOK_BACK = 50  # screenings in which the last one before the work is looked for
+
+
+def note_result_of_work(store: Store, valve: str) -> str | None:
+    """Keep a note on ``valve`` that compares before and after its last maintenance, once.
+
+    Returns the note, or ``None`` where there is nothing to compare yet or it was said already.
+    """
+    work = store.maintenance(valve)
+    if not work:
+        return None
+    last = work[-1]
+    if any(note.who == WRITER and note.at == last.at for note in store.notes(valve)):
+        return None
+    said = compare(store.screenings(valve, _LOOK_BACK), last)
+    if said is not None:
+        store.add_note(valve, last.at, said, WRITER)
+    return said
+
+
+def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:
+    """One sentence from the last judged screening before ``work`` and the first after it.
+
+    ``screenings`` newest first. A window that the work lies in counts for neither side.
+    """
+    judged = [one for one in screenings if one.verdict is not Verdict.UNDETERMINED]
+    after = [one for one in judged if one.window[0] is not None and one.window[0] >= work.at]
+    before = [one for one in judged if one.window[1] is not None and one.window[1] <= work.at]
+    if not after or not before:
+        return None
+    was, now = before[0], after[-1]
+    return (
+        f"After the work of {work.at:%Y-%m-%d} ({work.note}): {_verdict(was.S, now.S)} S was "
+        f"{was.S} of OP span before and is {now.S} now; the valve was {was.verdict.value} and is "
+        f"{now.verdict.value}."
+    )
+
+
+def _verdict(was: Estimate, now: Estimate) -> str:
+    """Whether the work helped, as far as both intervals can tell."""
+    ends = (was.low, was.high, now.low, now.high)
+    if any(end is None for end in ends):
+        return "Whether it helped cannot be told in numbers."
+    low, high, now_low, now_high = (float(end) for end in ends if end is not None)
+    if now_high < low:
+        return "It helped: the valve sticks less than before, beyond what chance explains."
+    if now_low > high:
+        return "It got worse: the valve sticks more than before, beyond what chance explains."
+    return "No difference can be told: the intervals before and after overlap."

@@ -1,0 +1,34 @@
+"""The JSON of ``stemwatch explain``, version 1, described by ``explain.schema.json``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from stemwatch.service.explain.explained import Explained
+from stemwatch.service.report.false_discoveries import discoveries
+from stemwatch.service.report.json_contract import mismatch_object
+from stemwatch.service.report.wording import printable
+
+VERSION = 1
+
+
+def to_object(explained: Explained, *, stands: bool | None = None) -> dict[str, Any]:
+    """One explanation as plain JSON types; its fields stand in docs/json.md.
+
+    ``stands`` says whether its effects stand among all that were explained together.
+    """
+    return {
+        "version": VERSION,
+        "recording": printable(explained.source),
+        "valve": printable(explained.valve),
+        **mismatch_object(explained.mismatch, stands=stands),
+    }
+
+
+def to_json(found: Sequence[Explained]) -> str:
+    """All of them as a list, in the order in which they were asked for."""
+    standing = discoveries([one.mismatch for one in found]).standing
+    objects = [to_object(one, stands=stands) for one, stands in zip(found, standing, strict=True)]
+    return json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1) + "\n"

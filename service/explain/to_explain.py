@@ -1,0 +1,64 @@
+"""From what a user typed to tasks, one source at a time: one that names nothing costs no other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.models.recording import Role
+from stemwatch.service.run.plan import Plan, Request, make_plan
+from stemwatch.service.run.task import Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToExplain:
+    """One valve to explain, or a source that gives none. ``source`` is the path as it was given."""
+
+    source: str
+    valve: str
+    task: Task | None = None
+    reason: str = ""  # why there is nothing to explain
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllToExplain:
+    """What was asked for, in its order, and what a folder holds that is no recording: why not."""
+
+    valves: tuple[ToExplain, ...]
+    left_out: tuple[tuple[str, str], ...] = ()
+
+
+def what_to_explain(request: Request) -> AllToExplain:
+    """Everything that ``request`` names; a file that is named twice stands once."""
+    found: dict[tuple[Path, str, str], ToExplain] = {}
+    left_out: dict[str, str] = {}
+    for source, planned in _planned(request):
+        if isinstance(planned, str):
+            named = [ToExplain(source=source, valve=Path(source).stem, reason=planned)]
+        else:
+            named = [_named(task, source) for task in planned.tasks]
+            left_out.update(planned.not_read)
+        for one in named:
+            op = one.task.tags.tags[Role.OP].tag if one.task is not None else ""
+            found.setdefault((Path(one.source), one.valve, op), one)
+    return AllToExplain(valves=tuple(found.values()), left_out=tuple(left_out.items()))
+
+
+def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:
+    """Each source with its tasks, or with the reason why it gives none."""
+    if not request.sources:
+        yield "", make_plan(request)
+        return
+    for source in request.sources:
+        try:
+            yield source, make_plan(replace(request, sources=(source,)))
+        except (ConnectorError, OSError, ValueError) as error:
+            yield source, str(error)
+
+
+def _named(task: Task, source: str) -> ToExplain:
+    """``./a.csv`` stays ``./a.csv``: whoever asked for it looks for that."""
+    path = source if source and Path(source) == Path(task.path) else task.path
+    return ToExplain(source=path, valve=task.tags.valve, task=task, reason=task.reason)

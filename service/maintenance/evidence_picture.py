@@ -1,0 +1,222 @@
+"""The evidence picture: OP and MV over time, and MV against OP with the stick band of S and J."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta, tzinfo
+
+import numpy as np
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.service.maintenance.drawing import (
+    Drawing,
+    DrawnArea,
+    DrawnLine,
+    DrawnText,
+    Mark,
+    Panel,
+    span,
+)
+from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
+from stemwatch.service.report.wording import finite, instant, printable
+
+WIDTH, HEIGHT = 515.0, 172.0
+TOP, FOOT, LEFT = 24.0, 24.0, 26.0
+LOOP_WIDTH = 138.0
+POINTS = 280
+LONGEST_S = 3600.0  # drawn where no stretch is typical
+OP_DASH, MODEL_DASH, LOOP_DASH = (4.0, 2.0), (1.0, 1.6), (5.0, 1.5, 1.0, 1.5)
+NO_SAMPLES = "No picture: the samples of this window are not kept."
+NOTHING_TO_DRAW = "No picture: the recording holds no sample of the controller output."
+
+
+@dataclass(frozen=True)
+class DrawnTrace:
+    """One line over time: its name in the legend, its samples (m,), and how it is drawn."""
+
+    name: str
+    values: Floats
+    width: float
+    dash: tuple[float, ...] = ()
+
+
+def picture_of(
+    screening: Screening, recording: Recording | None, zone: tzinfo
+) -> tuple[Drawing | None, str]:
+    """The picture of ``recording`` and which part of it that is, times in ``zone``; or ``None`` and
+    the reason why there is none."""
+    if recording is None:
+        return None, NO_SAMPLES
+    if not np.isfinite(recording.op.values).sum() > 1:
+        return None, NOTHING_TO_DRAW
+    simulated = _simulated(screening, recording)
+    part, why = _part(recording, simulated)
+    why += _from(recording, part, zone)
+    beside = recording.mv is not None
+    width = WIDTH - LEFT - (LOOP_WIDTH + 44.0 if beside else 0.0) - 6.0
+    marks, says = _over_time(recording, simulated, part, width)
+    if beside:
+        marks += _against_op(screening, recording, part)
+        says += " Beside it MV against OP, with the stick band of S and J."
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says), why
+
+
+def _simulated(screening: Screening, recording: Recording) -> Floats | None:
+    """The model's free run where it was kept, with what was left out where that was named."""
+    found = screening.mismatch
+    run = screening.traces.stiction
+    if found is not None and found.runs is not None and found.effects:
+        run = found.runs.extended
+    return run if run is not None and run.shape == recording.op.values.shape else None
+
+
+def _part(recording: Recording, simulated: Floats | None) -> tuple[slice, str]:
+    """The samples that are drawn, and which ones these are, in words."""
+    stretch = typical_stretch_of(recording, simulated, None)
+    if stretch is not None:
+        return slice(stretch.first, stretch.last), f"{stretch.name} of the record"
+    longest = max(2, round(LONGEST_S / recording.interval_s))
+    if len(recording) <= longest:
+        return slice(0, len(recording)), "The whole record"
+    known = np.flatnonzero(np.isfinite(recording.op.values))
+    last = int(known[-1]) + 1
+    return slice(max(0, last - longest), last), "The last hour of the record"
+
+
+def _over_time(
+    recording: Recording, simulated: Floats | None, part: slice, width: float
+) -> tuple[list[Mark], str]:
+    """OP dashed, MV (or PV on a panel below) solid, the model dotted."""
+    op, mv, pv = recording.op, recording.mv, recording.get(Role.PV)
+    traces = [DrawnTrace("OP", op.values[part], 0.7, OP_DASH)]
+    if simulated is not None:
+        traces.append(DrawnTrace("model", simulated[part], 1.0, MODEL_DASH))
+    if mv is not None:
+        traces.append(DrawnTrace("MV", mv.values[part], 1.2))
+    below = None
+    if mv is None and pv is not None and np.isfinite(pv.values[part]).any():
+        below = pv
+    unit = op.unit if mv is None or mv.unit == op.unit else f"{op.unit}, {mv.unit}"
+    height = HEIGHT - TOP - FOOT - (66.0 if below is not None else 0.0)
+    marks = _panel_over_time(recording, part, traces, unit, TOP, (width, height))
+    if below is not None:
+        shown = [DrawnTrace("PV", below.values[part], 1.2)]
+        marks += _panel_over_time(
+            recording, part, shown, below.unit, TOP + height + 36.0, (width, 30.0)
+        )
+    names = ", ".join(trace.name for trace in traces)
+    return marks, f"{names} over time."
+
+
+def _panel_over_time(
+    recording: Recording,
+    part: slice,
+    traces: Sequence[DrawnTrace],
+    unit: str,
+    top: float,
+    size: tuple[float, float],
+) -> list[Mark]:
+    seconds = recording.time_s[part] - recording.time_s[part.start]
+    scale, what = (60.0, "min") if seconds[-1] > 300.0 else (1.0, "s")
+    low, high = span(*[trace.values for trace in traces])
+    panel = Panel(
+        left=LEFT,
+        top=top,
+        width=size[0],
+        height=size[1],
+        x0=0.0,
+        x1=max(float(seconds[-1]) / scale, recording.interval_s / scale),
+        y0=low,
+        y1=high,
+    )
+    marks = panel.frame(what, printable(unit))
+    picked = telling_samples([trace.values for trace in traces], POINTS * len(traces))
+    for one in traces:
+        marks += panel.lines(seconds[picked] / scale, one.values[picked], one.width, one.dash)
+    return marks + _legend(traces, top)
+
+
+def _from(recording: Recording, part: slice, zone: tzinfo) -> str:
+    if recording.start is None:
+        return "."
+    first = recording.start + timedelta(seconds=part.start * recording.interval_s)
+    return f", from {instant(first, zone)}."
+
+
+def _legend(traces: Sequence[DrawnTrace], top: float) -> list[Mark]:
+    marks: list[Mark] = []
+    x = LEFT + 20.0
+    for one in traces:
+        marks.append(DrawnLine(((x, top - 7.0), (x + 22.0, top - 7.0)), one.width, one.dash))
+        marks.append(DrawnText((x + 25.0, top - 4.7), one.name, 7.0))
+        x += 34.0 + 5.0 * len(one.name)
+    return marks
+
+
+def _against_op(screening: Screening, recording: Recording, part: slice) -> list[Mark]:
+    assert recording.mv is not None
+    op, mv = recording.op.values[part], recording.mv.values[part]
+    band = _band(screening, op, mv) if recording.mv.unit == recording.op.unit else None
+    xs = [op] if band is None else [op, band[:, 0]]
+    ys = [mv] if band is None else [mv, band[:, 1]]
+    (x0, x1), (y0, y1) = span(*xs), span(*ys)
+    panel = Panel(
+        left=WIDTH - LOOP_WIDTH - 4.0,
+        top=TOP,
+        width=LOOP_WIDTH,
+        height=HEIGHT - TOP - FOOT,
+        x0=x0,
+        x1=x1,
+        y0=y0,
+        y1=y1,
+    )
+    marks = panel.frame("OP, %", "MV, %")
+    if band is not None:
+        corners = tuple(panel.at(float(x), float(y)) for x, y in band)
+        marks.append(DrawnArea(corners, hatch=5.0))
+        marks.append(DrawnLine((*corners, corners[0]), width=1.0, dash=LOOP_DASH))
+        marks += _band_legend(panel)
+    picked = telling_samples([op, mv], 2 * POINTS)
+    return marks + panel.lines(op[picked], mv[picked], 0.8)
+
+
+def _band_legend(panel: Panel) -> list[Mark]:
+    x, y = panel.left + 24.0, panel.top - 7.0
+    box = ((x, y - 4.0), (x + 14.0, y - 4.0), (x + 14.0, y + 3.0), (x, y + 3.0))
+    return [
+        DrawnArea(box, hatch=3.0),
+        DrawnLine((*box, box[0]), width=0.8, dash=LOOP_DASH),
+        DrawnText((x + 18.0, y + 2.3), "stick band of S and J", 7.0),
+    ]
+
+
+def _band(screening: Screening, op: Floats, mv: Floats) -> Floats | None:
+    """(6, 2) corners of the loop that S and J alone describe between the turns of OP, percent.
+
+    The stem slides at ``op - (S - J) / 2`` upwards and ``op + (S - J) / 2`` downwards; after a turn
+    it rests until OP has moved S, and then jumps J to the other side. ``None`` where S or J is not
+    known or OP's swing is too small to leave the band.
+    """
+    S, J = finite(screening.S.value), finite(screening.J.value)
+    known = np.isfinite(op) & np.isfinite(mv)
+    if S is None or J is None or not known.any():
+        return None
+    low, high = np.percentile(op[known], [1.0, 99.0])
+    if not 0.0 < S < high - low:
+        return None
+    # Half-way between the two slides, whichever of them the stem spent longer on.
+    zero = 0.5 * float(np.sum(np.percentile(mv[known] - op[known], [2.0, 98.0])))
+    slide = 0.5 * (S - J)
+    top, bottom = high + zero - slide, low + zero + slide
+    corners = (
+        (high, top),
+        (high - S, top),
+        (high - S, top - J),
+        (low, bottom),
+        (low + S, bottom),
+        (low + S, bottom + J),
+    )
+    return np.asarray(corners)

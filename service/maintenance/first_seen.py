@@ -1,0 +1,98 @@
+"""Since when a finding has been seen, and in how many screenings on end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, tzinfo
+
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance import finding_kinds as k
+from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening
+from stemwatch.service.report.wording import instant
+from stemwatch.service.store.screenings.records import Remark
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstSeen:
+    """``count`` screenings on end have shown it, this one included.
+
+    ``first`` is the earliest of them but this one, ``None`` where this is the only one; ``before``
+    the last one that did not show it. ``at_least`` where the record was not read any further back.
+    """
+
+    count: int
+    first: EarlierScreening | None = None
+    before: EarlierScreening | None = None
+    at_least: bool = False
+
+
+def first_seen(kind: str, earlier: Sequence[EarlierScreening]) -> FirstSeen:
+    """How far back ``kind`` goes without a break. Screenings that allowed no verdict neither
+    show nor deny anything of friction, and are passed over."""
+    judged = earlier if _of_signal(kind) else [one for one in earlier if _is_judged(one)]
+    run: list[EarlierScreening] = []
+    for one in judged:
+        if not shows(kind, one):
+            return FirstSeen(count=1 + len(run), first=run[-1] if run else None, before=one)
+        run.append(one)
+    first = run[-1] if run else None
+    return FirstSeen(count=1 + len(run), first=first, at_least=len(earlier) >= LOOK_BACK)
+
+
+def shows(kind: str, past: EarlierScreening) -> bool:
+    """Whether an earlier screening shows the same kind of finding."""
+    if kind in k.STICTION.values():
+        return past.verdict is Verdict.STICKY
+    if kind in (k.WATCH, k.DEPARTED):
+        return past.verdict in (Verdict.WATCH, Verdict.STICKY)
+    if kind == k.HEALTHY:
+        return past.verdict is Verdict.HEALTHY
+    if kind == k.UNKNOWN:
+        return past.finding == Finding.UNKNOWN.value
+    if _of_signal(kind):
+        return past.verdict is Verdict.UNDETERMINED
+    return kind in past.effects
+
+
+def sentence(found: FirstSeen, zone: tzinfo) -> str:
+    """The same for a reader; dates in ``zone``."""
+    if found.first is None:
+        if found.before is None:
+            return "First screening that is known of this valve: nothing to compare with."
+        return f"New in this screening; the one before, {_said(found.before, zone)}."
+    begins = "at least since" if found.at_least else "since"
+    text = (
+        f"Seen {begins} {instant(found.first.at, zone)} (run {found.first.run}), in {found.count} "
+        "screenings on end"
+    )
+    if found.before is None:
+        return f"{text}; nothing earlier is stored." if not found.at_least else f"{text}."
+    return f"{text}; the one before, {_said(found.before, zone)}."
+
+
+def work_sentence(work: Sequence[Remark], began: datetime | None, zone: tzinfo) -> str:
+    """The last work on the valve, against the instant since which it is seen; empty without."""
+    if not work:
+        return ""
+    last = work[-1]
+    text = f"Last work: {instant(last.at, zone)}, {last.note}."
+    if began is None:
+        return text
+    if last.at > began:
+        return f"{text} It was seen before that work already, and is still there."
+    days = (began - last.at).days
+    return f"{text} It came {days} {'day' if days == 1 else 'days'} after that work."
+
+
+def _said(past: EarlierScreening, zone: tzinfo) -> str:
+    return f"of {instant(past.at, zone)}, said {past.verdict.value} and did not show it"
+
+
+def _of_signal(kind: str) -> bool:
+    return kind in k.SIGNAL or kind in (k.UNEXPLAINED, k.RECORDING)
+
+
+def _is_judged(past: EarlierScreening) -> bool:
+    return past.verdict is not Verdict.UNDETERMINED

@@ -1,0 +1,51 @@
+"""The maintenance report as HTML: one file that loads nothing, and prints one page per valve."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+
+from markupsafe import Markup
+
+from stemwatch.service.maintenance.advice import HINT, LEVEL_NAME
+from stemwatch.service.maintenance.drawing import svg_of
+from stemwatch.service.maintenance.work_list import WorkList
+from stemwatch.service.report.html_page import environment
+from stemwatch.service.report.wording import NOTHING
+
+TEMPLATE, STYLE = "maintenance.html", "maintenance.css"
+
+
+def page_anchor(valve: str) -> str:
+    """Where the page of ``valve`` begins: the same in every report, and one for each id."""
+    return f"valve-{sha256(valve.encode('utf-8', 'surrogatepass')).hexdigest()[:16]}"
+
+
+def book_html(book: WorkList) -> bytes:
+    """The page as UTF-8. There is no script in it, and its policy allows none."""
+    env = environment(book.context, _resource)
+
+    def day(when: datetime | None) -> str:
+        return NOTHING if when is None else f"{when.astimezone(book.context.tz):%Y-%m-%d}"
+
+    env.filters["day"] = day
+    env.filters["page_anchor"] = page_anchor
+    text = env.get_template(TEMPLATE).render(
+        book=book,
+        context=book.context,
+        run=book.run,
+        pictures=[
+            Markup("") if sheet.picture is None else svg_of(sheet.picture) for sheet in book.sheets
+        ],
+        levels=LEVEL_NAME,
+        hint=HINT,
+        styles=Markup(_resource(STYLE)),
+    )
+    return text.encode()
+
+
+@cache
+def _resource(name: str) -> str:
+    return files("stemwatch.service.maintenance").joinpath(name).read_text("utf-8")

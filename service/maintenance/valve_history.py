@@ -1,0 +1,62 @@
+"""What is known of a valve beside its present screening: earlier ones, work on it, its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.recording import Recording
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.records import Remark
+
+# A year of daily runs: "since when" goes back no further, and says so.
+LOOK_BACK = 400
+
+
+@dataclass(frozen=True, kw_only=True)
+class EarlierScreening:
+    """One earlier screening; S and J in percent of OP span, ``None`` where they are not known.
+
+    ``effects`` are the slugs that were named and ``finding`` the word for them.
+    """
+
+    at: datetime
+    run: int
+    verdict: Verdict
+    severity: float = 0.0
+    S: float | None = None
+    J: float | None = None
+    finding: str | None = None
+    effects: tuple[str, ...] = ()
+
+
+def _no_past(screening: Screening) -> Sequence[EarlierScreening]:
+    return ()
+
+
+def _no_work(valve: str) -> Sequence[Remark]:
+    return ()
+
+
+def _no_samples(screening: Screening) -> Recording | None:
+    return screening.recording
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValveHistory:
+    """Where to ask. Each is called only for valves that get a page.
+
+    ``earlier`` gives the screenings before this one, newest first, at most ``LOOK_BACK``; ``work``
+    what was done at the valve, oldest first; ``samples`` what the picture is drawn from. ``run`` is
+    the number of the run that is reported.
+    """
+
+    earlier: Callable[[Screening], Sequence[EarlierScreening]] = _no_past
+    work: Callable[[str], Sequence[Remark]] = _no_work
+    samples: Callable[[Screening], Recording | None] = _no_samples
+    run: int | None = None
+
+
+NOTHING_KNOWN = ValveHistory()

@@ -1,0 +1,91 @@
+"""``WorkList``: a page for each valve that needs work, in the order of priority, and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
+from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
+from stemwatch.service.maintenance.work_sheet import WorkSheet, brief_of, work_sheet_of
+from stemwatch.service.report.ranking import discovered, rank_valves
+from stemwatch.service.report.report_context import ReportContext
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValveWithoutPage:
+    """A valve without a page, and the line that is said of it."""
+
+    valve: str
+    verdict: Verdict
+    said: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkList:
+    """``sheets`` in the order in which to work, each followed by the next; ``others`` in the order
+    of the report. ``discovered`` is what stands of all that was named in the run."""
+
+    sheets: tuple[WorkSheet, ...]
+    others: tuple[ValveWithoutPage, ...]
+    context: ReportContext
+    discovered: str = ""
+    run: int | None = None
+
+    @property
+    def to_work_on(self) -> tuple[WorkSheet, ...]:
+        """Those of ``sheets`` that make a work order."""
+        return tuple(sheet for sheet in self.sheets if sheet.needs_work)
+
+    @property
+    def counts(self) -> str:
+        """What is in it, in one sentence."""
+        work = len(self.to_work_on)
+        rest = len(self.sheets) + len(self.others) - work
+        needs = f"{work} {'valve needs' if work == 1 else 'valves need'} work"
+        return f"{needs if work else 'No valve needs work'}, {rest} {_other(rest)} not."
+
+
+def work_list_of(
+    screenings: Sequence[Screening],
+    context: ReportContext,
+    background: ValveHistory = NOTHING_KNOWN,
+    *,
+    everything: bool = False,
+) -> WorkList:
+    """The book of a run. With ``everything`` each valve gets a page, healthy ones too."""
+    ranked = rank_valves(screenings, context)
+    found = discovered(ranked, context)
+    sheets, others = [], []
+    for valve in ranked:
+        if everything or needs_work(kinds_of(valve.screening, stands=valve.stands)):
+            sheets.append(work_sheet_of(valve, found, background, context.tz))
+        else:
+            screening = valve.screening
+            brief = ValveWithoutPage(
+                valve=screening.valve, verdict=screening.verdict, said=brief_of(valve)
+            )
+            others.append(brief)
+    sheets.sort(key=_order)
+    return WorkList(
+        sheets=tuple(sheets),
+        others=tuple(others),
+        context=context,
+        discovered=found.sentence,
+        run=background.run,
+    )
+
+
+def _order(sheet: WorkSheet) -> tuple[bool, int, float, str]:
+    return (
+        not sheet.needs_work,
+        sheet.priority.code,
+        -sheet.priority.score,
+        sheet.screening.valve,
+    )
+
+
+def _other(count: int) -> str:
+    return "does" if count == 1 else "do"

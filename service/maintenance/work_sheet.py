@@ -1,0 +1,279 @@
+"""``WorkSheet``: what stands on the page of one valve, in words; HTML, PDF and work orders draw it.
+
+With it how sure the finding is: its confidence, how often it was seen, how often such findings are
+wrong, and whether it stands among all valves of the run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import tzinfo
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import Screening
+from stemwatch.models.mismatch.findings import Effect
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance import advice
+from stemwatch.service.maintenance import finding_kinds as k
+from stemwatch.service.maintenance import first_seen as s
+from stemwatch.service.maintenance.advice import Advice, CheckStep, IsolationLevel
+from stemwatch.service.maintenance.drawing import Drawing
+from stemwatch.service.maintenance.evidence_picture import picture_of
+from stemwatch.service.maintenance.first_seen import FirstSeen
+from stemwatch.service.maintenance.priority import Priority, priority
+from stemwatch.service.maintenance.valve_history import EarlierScreening, ValveHistory
+from stemwatch.service.plantfile.stroke import Stroke, parse_stroke
+from stemwatch.service.report.false_discoveries import LEVEL_PERCENT, Discoveries
+from stemwatch.service.report.mismatch_words import effect_name, effect_names, others
+from stemwatch.service.report.ranking import RankedValve
+from stemwatch.service.report.wording import (
+    VERDICT_MEANING,
+    beyond,
+    finite,
+    interval,
+    share,
+    span_percent,
+)
+
+MOST_PAST = 5  # earlier screenings in the table
+MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
+MEANING = {
+    "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
+    "J": "slip jump: how far the stem then jumps at once",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    """S or J as it is printed. ``percent`` of OP span; ``travel`` in the stroke's own unit."""
+
+    name: str
+    meaning: str
+    percent: str
+    interval: str
+    travel: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkSheet:
+    """The page of one valve. Texts are as they came; who draws them makes them printable.
+
+    ``kinds`` has the kind to act on first at its front, ``advice`` is of that one. ``picture`` is
+    ``None`` where there are no samples; ``picture_note`` says what is drawn or why nothing is.
+    """
+
+    valve: RankedValve
+    kinds: tuple[str, ...]
+    advice: Advice
+    finding: tuple[str, ...]
+    sizes: tuple[Size, ...]
+    stroke_note: str
+    otherwise: tuple[str, ...]
+    steps: tuple[CheckStep, ...]
+    parts: tuple[str, ...]
+    isolation: tuple[tuple[IsolationLevel, str], ...]
+    since: s.FirstSeen
+    since_said: tuple[str, ...]
+    past: tuple[EarlierScreening, ...]
+    sure: tuple[str, ...]
+    priority: Priority
+    picture: Drawing | None
+    picture_note: str
+    run: int | None = None
+
+    @property
+    def screening(self) -> Screening:
+        """What was found."""
+        return self.valve.screening
+
+    @property
+    def title(self) -> str:
+        """The finding in at most 30 letters."""
+        return self.advice.title
+
+    @property
+    def needs_work(self) -> bool:
+        """Whether somebody should go to the valve."""
+        return k.needs_work(self.kinds)
+
+
+def work_sheet_of(
+    valve: RankedValve, found: Discoveries, background: ValveHistory, zone: tzinfo
+) -> WorkSheet:
+    """The page of ``valve``; ``found`` is what stands in the whole run, times are in ``zone``."""
+    screening = valve.screening
+    kinds = k.kinds_of(screening, stands=valve.stands)
+    earlier = background.earlier(screening)
+    seen = s.first_seen(kinds[0], earlier)
+    steps = advice.steps_for(kinds)
+    picture, note = picture_of(screening, background.samples(screening), zone)
+    sizes, stroke_note = _sizes(screening, valve.facts.stroke)
+    return WorkSheet(
+        valve=replace(valve, screening=screening.without_samples()),
+        kinds=kinds,
+        advice=advice.advice_for(kinds[0]),
+        finding=_finding(screening, valve.stands),
+        sizes=sizes,
+        stroke_note=stroke_note,
+        otherwise=_otherwise(screening, kinds, valve.stands),
+        steps=steps,
+        parts=advice.parts_for(kinds),
+        isolation=advice.isolation_for(steps),
+        since=seen,
+        since_said=_since(seen, screening, background, zone),
+        past=tuple(earlier[:MOST_PAST]),
+        sure=how_sure(screening, valve.stands, found, seen),
+        priority=priority(screening, kinds, valve.facts.criticality, valve.trend),
+        picture=picture,
+        picture_note=note,
+        run=background.run,
+    )
+
+
+def _finding(screening: Screening, stands: bool | None) -> tuple[str, ...]:
+    """The screening's reason, and each effect that stands."""
+    effects = k.standing_effects(screening, stands=stands)
+    said = [screening.reason, *beyond((one.sentence for one in effects), screening.reason)]
+    found = screening.mismatch
+    if found is not None and found.finding.value == k.UNKNOWN:
+        said.append(found.sentence)
+    if screening.verdict is Verdict.UNDETERMINED:
+        said += screening.still_seen[:2]
+    return tuple(said)
+
+
+def _sizes(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
+    """S and J, and how their travel was reckoned."""
+    full = _stroke(stroke)
+    sizes = tuple(_size(name, getattr(screening, name), full) for name in MEANING)
+    if full is None:
+        return sizes, "The plant file gives no stroke, so there is no travel in mm or degrees."
+    note = f"Travel: of a stroke of {full}, 100 % of OP taken as the whole of it."
+    return sizes, note if any(size.travel for size in sizes) else ""
+
+
+def _stroke(text: str) -> Stroke | None:
+    try:
+        return parse_stroke(text) if text else None
+    except ValueError:  # a plant file checks it; a caller of its own may not have
+        return None
+
+
+def _size(name: str, estimate: Estimate, full: Stroke | None) -> Size:
+    value = finite(estimate.value)
+    return Size(
+        name=name,
+        meaning=MEANING[name],
+        percent="not known" if value is None else f"{span_percent(value)} %",
+        interval=f"{interval(estimate)} %" if value is not None and interval(estimate) else "",
+        travel="" if full is None or value is None else full.of_percent(value),
+    )
+
+
+def _otherwise(
+    screening: Screening, kinds: tuple[str, ...], stands: bool | None
+) -> tuple[str, ...]:
+    """What else it could be: what this recording cannot tell apart, what was held back, what it
+    could not have shown."""
+    found = screening.mismatch
+    said = list(advice.advice_for(kinds[0]).otherwise)
+    if found is None:
+        return tuple(said)
+    for effect in found.effects:
+        said += _of_effect(effect, held_back=stands is False)
+    if found.not_testable:
+        named = effect_names(one.slug for one in found.not_testable[:MOST_UNTESTABLE])
+        more = len(found.not_testable) - MOST_UNTESTABLE
+        said.append(
+            f"Not testable in this recording: {named}{f' and {more} more' if more > 0 else ''}; "
+            f"the first because {found.not_testable[0].reason.rstrip('.')}."
+        )
+    return tuple(said)
+
+
+def _of_effect(effect: Effect, *, held_back: bool) -> list[str]:
+    name = effect_name(effect.slug)
+    if held_back:
+        return [f"Perhaps {name}, which is held back: chance alone may have named it."]
+    if not others(effect):
+        return []
+    text = f"Instead of {name}: {effect_names(others(effect))}; this recording cannot tell them."
+    return [f"{text} {effect.decide}".rstrip()]
+
+
+def _since(
+    seen: s.FirstSeen, screening: Screening, background: ValveHistory, zone: tzinfo
+) -> tuple[str, ...]:
+    began = seen.first.at if seen.first is not None else screening.window[1]
+    work = background.work(screening.valve)
+    said = (s.sentence(seen, zone), s.work_sentence(work, began, zone))
+    return tuple(one for one in said if one)
+
+
+def brief_of(valve: RankedValve) -> str:
+    """One line for a valve that gets no page."""
+    screening = valve.screening
+    if screening.verdict is Verdict.UNDETERMINED:
+        return screening.reason
+    S = finite(screening.S.value)
+    said = "" if S is None else f", S {span_percent(S)} %"
+    return f"{VERDICT_MEANING[screening.verdict]}{said}; trend: {valve.trend.words}"
+
+
+# Counted on simulated valves that took no part in choosing the limits: the tables "How often is it
+# right?" and "Does it name the right physics?" of the README, which a test compares.
+FALSE_STICKY = (1, 240, "0.1 to 2.3 %")
+FALSE_EFFECT = (0, 52, "0 to 6.9 %")
+FALSE_EFFECT_SCATTERED = (3, 64, "1.6 to 13 %")
+
+
+def how_sure(
+    screening: Screening, stands: bool | None, found: Discoveries, seen: FirstSeen
+) -> tuple[str, ...]:
+    """One sentence for each source of doubt, the nearest first."""
+    said = [_confidence(screening), _seen_often(seen), _wrong_of_sticky(screening)]
+    if stands is not None:
+        said.append(_standing(stands, found))
+        said.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
+        said.append(_rate("the same with a stickband that scatters", *FALSE_EFFECT_SCATTERED))
+    said.append(_data(screening))
+    return tuple(one for one in said if one)
+
+
+def _confidence(screening: Screening) -> str:
+    if screening.confidence is None:
+        return ""
+    return f"Confidence in the verdict {screening.verdict.value}: {share(screening.confidence)}."
+
+
+def _seen_often(seen: FirstSeen) -> str:
+    if seen.count == 1:
+        return "One screening shows it; a second one would make it firmer."
+    return f"{seen.count} screenings on end show it."
+
+
+def _wrong_of_sticky(screening: Screening) -> str:
+    if screening.verdict is not Verdict.STICKY:
+        return ""
+    return _rate("simulated healthy valves, called sticky", *FALSE_STICKY)
+
+
+def _rate(what: str, count: int, of: int, interval: str) -> str:
+    return (
+        f"Published false alarms: {what}: {count} of {of} ({100 * count / of:.1f} %, {interval})."
+    )
+
+
+def _standing(stands: bool, found: Discoveries) -> str:
+    if not stands:
+        return found.remark
+    return (
+        f"What is named beside friction stands among all valves of the run: of such findings at "
+        f"most {LEVEL_PERCENT} are expected to be due to chance."
+    )
+
+
+def _data(screening: Screening) -> str:
+    quality = screening.quality
+    remarks = " ".join(quality.reasons)
+    return f"Data grade {quality.grade}{': ' + remarks if remarks else '.'}"

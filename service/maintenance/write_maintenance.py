@@ -1,0 +1,66 @@
+"""``write_maintenance``: the four files of the maintenance report beside those of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from stemwatch.models.findings import Screening
+from stemwatch.service.maintenance.maintenance_html import book_html
+from stemwatch.service.maintenance.pdf import book_pdf
+from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
+from stemwatch.service.maintenance.work_list import WorkList, work_list_of
+from stemwatch.service.maintenance.work_orders import orders_csv, orders_xlsx
+from stemwatch.service.report.report_context import ReportContext
+from stemwatch.service.report.write_report import put_all
+
+HTML, PDF = "maintenance.html", "maintenance.pdf"
+ORDERS_XLSX, ORDERS_CSV = "work-orders.xlsx", "work-orders.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaintenanceFiles:
+    """Where the maintenance report was written, and what is in it."""
+
+    html: Path
+    pdf: Path
+    xlsx: Path
+    csv: Path
+    book: WorkList
+
+
+def write_maintenance(
+    screenings: Sequence[Screening],
+    context: ReportContext,
+    out_dir: Path | str,
+    background: ValveHistory = NOTHING_KNOWN,
+    *,
+    everything: bool = False,
+) -> MaintenanceFiles:
+    """Write ``maintenance.html``, ``maintenance.pdf``, ``work-orders.xlsx`` and ``work-orders.csv``
+    into ``out_dir``.
+
+    The folder is made where it is absent; each file is replaced whole or left as it was. With
+    ``everything`` each valve gets a page. Raises ``ReportNotWritten``, after writing what can be
+    written, with each file and what to do.
+    """
+    folder = Path(out_dir)
+    folder.mkdir(parents=True, exist_ok=True)
+    book = work_list_of(screenings, context, background, everything=everything)
+    files = MaintenanceFiles(
+        html=folder / HTML,
+        pdf=folder / PDF,
+        xlsx=folder / ORDERS_XLSX,
+        csv=folder / ORDERS_CSV,
+        book=book,
+    )
+    put_all(
+        {
+            files.html: book_html(book),
+            files.pdf: book_pdf(book),
+            files.xlsx: orders_xlsx(book),
+            files.csv: orders_csv(book),
+        }
+    )
+    return files

@@ -1,0 +1,89 @@
+"""What changed since the run before: better, worse or the same, and by how much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import PreviousFinding
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.report.wording import finite
+
+ARROWS = {"worse": "↗", "better": "↘", "same": "→", "new": "•", "unknown": "·"}
+_GRAVITY = {Verdict.HEALTHY: 0, Verdict.WATCH: 1, Verdict.STICKY: 2}
+
+# A step in S counts only where the present interval excludes the earlier value and the step could
+# be seen at all in plant data; without an interval it has to be a tenth of the earlier value.
+SMALLEST_STEP_PERCENT = 0.2
+SMALLEST_SHARE = 0.1
+SMALLEST_SEVERITY_STEP = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """``direction`` is worse, better, same, new or unknown; ``words`` says it to a reader."""
+
+    direction: str
+    words: str
+
+    @property
+    def arrow(self) -> str:
+        return ARROWS[self.direction]
+
+
+class HasVerdict(Protocol):
+    """What a change is seen in: a screening, or its line in a ranking."""
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """``None`` where there was no screening."""
+
+    @property
+    def severity(self) -> float:
+        """0 to 100."""
+
+    @property
+    def S(self) -> Estimate:
+        """Percent of OP span."""
+
+
+def change_since_last_run(now: HasVerdict, before: PreviousFinding | None) -> Change:
+    """The change from ``before`` to ``now``: by verdict, else by S, else by severity."""
+    if before is None:
+        return Change(direction="new", words="first look")
+    if now.verdict not in _GRAVITY or before.verdict not in _GRAVITY:
+        return Change(direction="unknown", words=f"was {before.verdict.value}")
+    if now.verdict != before.verdict:
+        worse = _GRAVITY[now.verdict] > _GRAVITY[before.verdict]
+        return Change(
+            direction="worse" if worse else "better",
+            words=f"{'worse' if worse else 'better'}, was {before.verdict.value}",
+        )
+    return _within_a_verdict(now, before)
+
+
+def _within_a_verdict(now: HasVerdict, before: PreviousFinding) -> Change:
+    S, S_before = finite(now.S.value), finite(before.S)
+    if S is not None and S_before is not None:
+        moved = _has_moved(now.S, S_before)
+        return _change(S - S_before if moved else 0.0, f"S {S - S_before:+.2f}")
+    step = (finite(now.severity) or 0.0) - before.severity
+    moved = abs(step) >= SMALLEST_SEVERITY_STEP
+    return _change(step if moved else 0.0, f"severity {step:+.0f}")
+
+
+def _has_moved(S: Estimate, before: float) -> bool:
+    value, low, high = finite(S.value), finite(S.low), finite(S.high)
+    if value is None or abs(value - before) < SMALLEST_STEP_PERCENT:
+        return False
+    if low is not None and high is not None:
+        return not low <= before <= high
+    return abs(value - before) >= SMALLEST_SHARE * abs(before)
+
+
+def _change(step: float, detail: str) -> Change:
+    if step == 0:
+        return Change(direction="same", words="no change")
+    direction = "worse" if step > 0 else "better"
+    return Change(direction=direction, words=f"{direction}, {detail}".replace("-", "−"))

@@ -1,0 +1,155 @@
+"""Traces, panels and charts as compact plain types: what every chart of a valve is made of.
+
+A trace is sent as short whole numbers, which keeps a page with a hundred valves small.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.service.report.charts.thinning import (
+    ThinningGrid,
+    bucket_of,
+    lowest_and_highest,
+    telling_samples,
+)
+from stemwatch.service.report.charts.typical_stretch import TypicalStretch, typical_stretch_of
+from stemwatch.service.report.wording import figure, printable
+
+# Four digits of what a trace spans: 1/10 pixel of the tallest plot, and half the file size.
+DIGITS_OF_RANGE = 4
+
+
+def packed(values: Floats) -> dict[str, Any]:
+    """Rounded to what can be seen, as whole steps from sample to sample: half the file's size.
+
+    A value is the sum of ``steps`` up to it, divided by ``per``; null is a gap and adds nothing.
+    """
+    known = np.isfinite(values)
+    places = _places(values[known])
+    whole = np.round(values[known] * 10.0**places).astype(np.int64)
+    steps: list[int | None] = [None] * values.size
+    for place, step in zip(np.flatnonzero(known).tolist(), _steps(whole), strict=True):
+        steps[place] = step
+    return {"per": 10**places, "steps": steps}
+
+
+def packed_indices(indices: NDArray[np.intp]) -> dict[str, Any]:
+    """Sample numbers, exact, in the form of ``packed``."""
+    return {"per": 1, "steps": _steps(indices.astype(np.int64))}
+
+
+def _steps(whole: NDArray[np.int64]) -> list[int]:
+    steps: list[int] = np.diff(whole, prepend=0).tolist()
+    return steps
+
+
+def _places(known: Floats) -> int:
+    """Decimals that keep ``DIGITS_OF_RANGE`` digits of the range of ``known``."""
+    if not known.size:
+        return 0
+    size = float(np.ptp(known)) or abs(float(known[0])) or 1.0
+    return min(12, max(0, DIGITS_OF_RANGE - 1 - math.floor(math.log10(size))))
+
+
+SIGNALS = (Role.OP, Role.MV, Role.PV)
+
+Chart = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChartFrame:
+    """At which samples the traces of one recording are drawn: everywhere, and in the stretch."""
+
+    grid: ThinningGrid
+    stretch: TypicalStretch | None
+    detail: NDArray[np.intp] | None
+
+
+def frame_of(recording: Recording, simulated: Floats | None, heldout: int | None) -> ChartFrame:
+    """The frame of a recording; the stretch is chosen by the free run ``simulated`` (n,)."""
+    grid, stretch = (
+        ThinningGrid.of(len(recording)),
+        typical_stretch_of(recording, simulated, heldout),
+    )
+    if stretch is None or grid.bucket == 1:
+        return ChartFrame(grid=grid, stretch=stretch, detail=None)
+    drawn = [recording.signals[role].values for role in SIGNALS if role in recording.signals]
+    if simulated is not None:
+        drawn.append(simulated)
+    part = [trace[stretch.first : stretch.last] for trace in drawn]
+    if bucket_of(part[0].size, len(part)) >= grid.bucket:
+        return ChartFrame(grid=grid, stretch=stretch, detail=None)
+    return ChartFrame(grid=grid, stretch=stretch, detail=stretch.first + telling_samples(part))
+
+
+def chart_over_time(
+    recording: Recording, frame: ChartFrame, heldout: int | None, panels: list[Chart | None]
+) -> Chart:
+    """A chart of ``panels`` without a loop; its fields stand in ``charts``."""
+    grid = frame.grid
+    return {
+        "start": None if recording.start is None else recording.start.timestamp(),
+        "first": grid.first * recording.interval_s,
+        "step": grid.step * recording.interval_s,
+        "interval": recording.interval_s,
+        "duration": recording.duration_s,
+        "heldout": None if heldout is None else heldout * recording.interval_s,
+        "stretch": _stretch(frame.stretch, recording.interval_s),
+        "detail": None if frame.detail is None else packed_indices(frame.detail),
+        "panels": [panel for panel in panels if panel is not None],
+        "loop": None,
+        "thinned": grid.bucket,
+    }
+
+
+def _stretch(stretch: TypicalStretch | None, interval_s: float) -> Chart | None:
+    if stretch is None:
+        return None
+    last = (stretch.last - 1) * interval_s
+    first = stretch.first * interval_s
+    return {"name": stretch.name, "from": first, "to": last, "why": stretch.why}
+
+
+def difference(mv: Signal, simulated: Floats) -> Floats:
+    """MV less a free run; raises ``ValueError`` where that is not as long as MV."""
+    if simulated.shape != mv.values.shape:
+        raise ValueError(
+            f"{mv.tag}: a simulated trace must be as long as MV; "
+            f"expected {mv.values.shape}, received {simulated.shape}"
+        )
+    return np.asarray(mv.values - simulated)
+
+
+def series(role: str, label: str, values: Floats, frame: ChartFrame) -> Chart:
+    """One trace: thinned over the whole record, sample by sample in the stretch."""
+    drawn = lowest_and_highest(values, frame.grid)
+    one = {"role": role, "label": label, "said": _range(label, drawn), "values": packed(drawn)}
+    if frame.detail is not None:
+        one["detail"] = packed(values[frame.detail])
+    return one
+
+
+def panel(name: str, title: str, unit: str, traces: list[Chart]) -> Chart:
+    """One plot over time, with a sentence for those who do not see it."""
+    spoken = "; ".join(one.pop("said") for one in traces)
+    return {
+        "id": name,
+        "title": title,
+        "unit": printable(unit),
+        "summary": f"{title} over time: {spoken}.",
+        "series": traces,
+    }
+
+
+def _range(label: str, values: Floats) -> str:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return f"{label} has no samples"
+    return f"{label} between {figure(known.min())} and {figure(known.max())}"

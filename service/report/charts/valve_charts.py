@@ -1,0 +1,151 @@
+"""What the plots of one valve draw, as compact plain types for the page's scripts.
+
+start      epoch seconds of sample 0, or null where the date is not known
+first,step seconds from sample 0 to the first point, and from point to point
+interval   seconds from sample to sample
+duration   seconds from the first sample to just after the last
+heldout    seconds from sample 0 to the part that no model was fitted to, or null
+stretch    {name, from, to, why}, seconds from sample 0: what the plots open on, or null for all
+detail     the samples of the stretch that are drawn one by one, or null where all samples are
+panels     [{id, title, unit, summary, series: [{role, label, values, detail}]}], one even clock
+loop       {title, x, y, seconds, op, traces: [{role, of, label, values}]} or null
+thinned    samples a point stands for, 1 where every sample is drawn
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.mismatch.findings import Runs
+from stemwatch.models.recording import Recording, Role
+from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.traces import (
+    Chart,
+    ChartFrame,
+    chart_over_time,
+    difference,
+    frame_of,
+    packed,
+    panel,
+    series,
+)
+from stemwatch.service.report.wording import printable
+
+# The loop of a whole record is a cloud with an outline; its stretch is drawn sample by sample.
+LOOP_POINTS = 800
+
+
+def chart_of(screening: Screening) -> Chart | None:
+    """The plots of ``screening``; ``None`` where there is no recording or no sample to draw."""
+    recording = screening.recording
+    if recording is None or not len(recording) or not np.isfinite(recording.op.values).any():
+        return None
+    heldout = screening.traces.heldout_from
+    frame = frame_of(recording, screening.traces.stiction, heldout)
+    panels = [
+        _travel(screening, recording, frame),
+        _process(recording, frame),
+        _residuals(screening, recording, frame),
+    ]
+    chart = chart_over_time(recording, frame, heldout, panels)
+    return {**chart, "loop": _loop(screening, recording)}
+
+
+def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Chart:
+    traces = [series("op", "OP", recording.op.values, frame)]
+    if recording.mv is not None:
+        traces.append(series("mv", "MV", recording.mv.values, frame))
+    if screening.traces.stiction is not None:
+        label = "stick-slip model"
+        traces.append(series("stiction", label, screening.traces.stiction, frame))
+    title = "Controller output and stem" if len(traces) > 1 else "Controller output"
+    return panel("travel", title, "%", traces)
+
+
+def _process(recording: Recording, frame: ChartFrame) -> Chart | None:
+    pv, sp = recording.get(Role.PV), recording.get(Role.SP)
+    shown = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
+    if pv is None:
+        return None
+    traces = [series(role, role.upper(), signal.values, frame) for role, signal in shown]
+    return panel("process", "Process", pv.unit, traces)
+
+
+def _residuals(screening: Screening, recording: Recording, frame: ChartFrame) -> Chart | None:
+    mv, traces = recording.mv, screening.traces
+    if mv is None:
+        return None
+    models = (
+        ("stiction", "MV − stick-slip model", traces.stiction),
+        ("narx", "MV − NARX network", traces.narx),
+    )
+    shown = [
+        series(role, label, difference(mv, simulated), frame)
+        for role, label, simulated in models
+        if simulated is not None
+    ]
+    if not shown:
+        return None
+    return panel("residual", "What the models leave unexplained", "%", shown)
+
+
+def _loop(screening: Screening, recording: Recording) -> Chart | None:
+    """The recorded points and the simulated path against OP; PV stands in where MV is absent."""
+    vertical, name = recording.mv, "MV"
+    if vertical is None:
+        vertical, name = recording.get(Role.PV), "PV"
+    if vertical is None:
+        return None
+    op, simulated = recording.op.values, screening.traces.stiction
+    drawn = [op, vertical.values]
+    if simulated is not None and name == "MV":
+        drawn.append(simulated)
+    picked = telling_samples(drawn, LOOP_POINTS)
+    labels = (
+        ("recorded", name.lower(), "recorded"),
+        ("stiction", "stiction", "stick-slip model"),
+    )
+    return {
+        "title": f"{name} against OP",
+        "x": "OP, %",
+        "y": f"{name}, {printable(vertical.unit)}".rstrip(", "),
+        "seconds": packed(recording.time_s[picked]),
+        "op": packed(op[picked]),
+        "traces": [
+            {"role": role, "of": of, "label": label, "values": packed(trace[picked])}
+            for (role, of, label), trace in zip(labels, drawn[1:], strict=False)
+        ],
+    }
+
+
+NAIVE, EXTENDED = "S and J alone", "extended model"
+
+
+def overlay_of(recording: Recording | None, runs: Runs | None) -> Chart | None:
+    """The overlay and both residuals; ``None`` where there is no position or nothing simulated.
+
+    Raises ``ValueError`` where a run is not as long as the recording.
+    """
+    if recording is None or runs is None or recording.mv is None:
+        return None
+    if not np.isfinite(recording.op.values).any():
+        return None
+    frame = frame_of(recording, runs.naive, runs.heldout_from)
+    models = [("naive", NAIVE, runs.naive)]
+    if not np.array_equal(runs.naive, runs.extended, equal_nan=True):
+        models.append(("extended", EXTENDED, runs.extended))
+    mv = recording.mv
+    left = [
+        series(role, f"MV − {label}", difference(mv, run), frame) for role, label, run in models
+    ]
+    drawn = [
+        series("op", "OP", recording.op.values, frame),
+        series("mv", "MV, recorded", mv.values, frame),
+        *[series(role, label, run, frame) for role, label, run in models],
+    ]
+    panels: list[Chart | None] = [
+        panel("travel", "Recording and simulations", "%", drawn),
+        panel("residual", "What each leaves unexplained", "%", left),
+    ]
+    return chart_over_time(recording, frame, runs.heldout_from, panels)

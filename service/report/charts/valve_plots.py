@@ -1,0 +1,70 @@
+"""``ValvePlots``: what the page draws of one valve, worked out where its samples are.
+
+A day of samples is 6 MB and what is drawn of it 0.1 MB. Plots are therefore made by the process
+that read the samples, and only they travel, with a short excerpt where the valve may need work.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.findings import Screening
+from stemwatch.models.recording import Recording
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.report.charts.traces import Chart
+from stemwatch.service.report.charts.typical_stretch import typical_stretch
+from stemwatch.service.report.charts.valve_charts import chart_of, overlay_of
+
+EXCERPT_SAMPLES = 3600  # an hour at 1 s: 0.3 MB
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValvePlots:
+    """The plots of a valve; ``None`` for one that has nothing to draw.
+
+    ``overlay`` is drawn where something was left out; else the chart says it all.
+    """
+
+    chart: Chart | None
+    overlay: Chart | None
+
+
+def plots_of(screening: Screening) -> ValvePlots:
+    """The plots of a screening that still has its samples."""
+    found = screening.mismatch
+    left_out = found is not None and bool(found.effects)
+    return ValvePlots(
+        chart=chart_of(screening),
+        overlay=overlay_of(screening.recording, found.runs) if found and left_out else None,
+    )
+
+
+def plots_instead_of_samples(screening: Screening) -> tuple[Screening, ValvePlots]:
+    """The result without its samples, or with an excerpt of them where the valve may need work, and
+    its plots: all that a report needs of it."""
+    evidence = plots_of(screening)
+    recording = screening.recording
+    if recording is None or not may_need_work(screening):
+        return screening.without_samples(), evidence
+    return screening.excerpt(*_telling_part(screening, recording)), evidence
+
+
+def may_need_work(screening: Screening) -> bool:
+    """Whether maintenance may get a page of it, with a picture: all but a healthy valve on which
+    nothing was named. Which effects stand, and which obstacle is work, is decided later."""
+    found = screening.mismatch
+    return screening.verdict is not Verdict.HEALTHY or (found is not None and bool(found.effects))
+
+
+def _telling_part(screening: Screening, recording: Recording) -> tuple[int, int]:
+    """The samples around the typical stretch, or the last ones that hold a command."""
+    stretch = typical_stretch(screening)
+    if stretch is None:
+        known = np.flatnonzero(np.isfinite(recording.op.values))
+        middle = (int(known[-1]) if known.size else len(recording)) - EXCERPT_SAMPLES // 2
+    else:
+        middle = (stretch.first + stretch.last) // 2
+    first = max(0, min(middle - EXCERPT_SAMPLES // 2, len(recording) - EXCERPT_SAMPLES))
+    return first, min(first + EXCERPT_SAMPLES, len(recording))

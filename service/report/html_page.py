@@ -1,0 +1,243 @@
+"""The report page: one HTML file with its styles, scripts and data inside, and no way out.
+
+A content security policy allows exactly the scripts that were written here, by their digest, and
+no request at all, so that neither a tag's spelling nor a reader's network can change the page.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from itertools import islice
+from typing import Any, BinaryIO
+
+from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
+from jinja2.bccache import Bucket
+from markupsafe import Markup
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.report import mismatch_words
+from stemwatch.service.report import wording as words
+from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
+from stemwatch.service.report.beside_friction import beside_friction, without_them
+from stemwatch.service.report.charts.traces import Chart
+from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
+from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars, mismatch_view
+from stemwatch.service.report.ranking import RankedValve, count_verdicts, discovered
+from stemwatch.service.report.report_context import ReportContext
+
+# Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
+# a valve's plots are 60 to 90 KB, and the page must open on a phone.
+ALWAYS_PLOTTED = 60
+MOST_PLOTTED = 150
+# A section without plots is 20 to 30 KB; of thousands of valves the rest is a row of the table.
+MOST_TOLD = 500
+NOTHING_DRAWN = ValvePlots(chart=None, overlay=None)
+
+STYLES = (
+    "scripts/vendor/uPlot.min.css",
+    "styles/report.css",
+    "styles/mismatch.css",
+    "styles/print.css",
+)
+EARLY_SCRIPTS = ("scripts/theme.js",)
+PLOT_SCRIPTS = (
+    "scripts/vendor/uPlot.iife.min.js",
+    "scripts/axes.js",
+    "scripts/data.js",
+    "scripts/charts.js",
+    "scripts/loop.js",
+    "scripts/overview.js",
+    "scripts/plots.js",
+)
+SCRIPTS = ("scripts/ranking.js", *PLOT_SCRIPTS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlottedValve:
+    """A ranked valve with what its plots draw; ``why_not`` says why there are none."""
+
+    valve: RankedValve
+    chart: Chart | None
+    why_not: str
+    mismatch: MismatchView | None = None
+
+
+def write_html(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+    """The page as UTF-8, valve by valve."""
+    for piece in _pieces(ranked, context):
+        file.write(piece.encode())
+
+
+def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
+    """The page as UTF-8."""
+    return "".join(_pieces(ranked, context)).encode()
+
+
+def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
+    counts = count_verdicts(valve.screening for valve in ranked)
+    found = discovered(ranked, context)
+    page = environment(context, template).get_template("report.html")
+    return page.generate(
+        context=context,
+        counts=counts,
+        ranked=ranked,
+        valves=_plotted(ranked, counts, found.remark),
+        discovered=found.sentence,
+        told=told_limit(counts),
+        areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
+        gauge_top=gauge_top(valve.screening for valve in ranked),
+        models=MODEL_NAMES,
+        compact=True,
+        **inlined(SCRIPTS),
+    )
+
+
+def told_limit(counts: dict[Verdict, int]) -> int:
+    """How many valves, from the worst, have a section of their own; the others have their row."""
+    return max(plot_limit(counts), MOST_TOLD)
+
+
+def plot_limit(counts: dict[Verdict, int]) -> int:
+    """How many valves, from the worst, get plots."""
+    wanted = counts[Verdict.STICKY] + counts[Verdict.WATCH]
+    return min(max(wanted, ALWAYS_PLOTTED), MOST_PLOTTED)
+
+
+def _plotted(
+    ranked: Sequence[RankedValve], counts: dict[Verdict, int], remark: str
+) -> Iterator[PlottedValve]:
+    limit, told = plot_limit(counts), told_limit(counts)
+    return (_plot(valve, limit, remark) for valve in islice(ranked, told))
+
+
+def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
+    plotted = valve.rank <= limit
+    evidence = (valve.evidence or plots_of(valve.screening)) if plotted else NOTHING_DRAWN
+    if not plotted:
+        why = (
+            f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
+            "small; run a report of this valve alone to see its plots."
+        )
+    else:
+        nothing = "There is nothing to plot: no samples could be read."
+        why = nothing if evidence.chart is None else ""
+    mismatch = _view(valve, evidence.overlay, remark if valve.stands is False else "")
+    return PlottedValve(valve=valve, chart=evidence.chart, why_not=why, mismatch=mismatch)
+
+
+def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> MismatchView | None:
+    found, tag = valve.screening.mismatch, valve.screening.valve
+    if found is None:
+        return None
+    return mismatch_view(found, None, valve.anchor, tag, held_back, overlay)
+
+
+class _Compiled(BytecodeCache):
+    """What templates were compiled to in this process: each page has an environment of its own, and
+    compiling takes longer than most pages do. A template that has changed is compiled anew."""
+
+    def __init__(self) -> None:
+        self._code: dict[str, bytes] = {}
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        if bucket.key in self._code:
+            bucket.bytecode_from_string(self._code[bucket.key])
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        self._code[bucket.key] = bucket.bytecode_to_string()
+
+
+_COMPILED = _Compiled()
+
+
+def environment(context: ReportContext, load: Callable[[str], str]) -> Environment:
+    """Templates by the names that ``load`` knows; every text from outside is escaped."""
+    env = Environment(
+        loader=FunctionLoader(load),
+        bytecode_cache=_COMPILED,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalize,
+    )
+    env.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
+    env.filters |= {
+        "figure": words.figure,
+        "span_percent": words.span_percent,
+        "share": words.share,
+        "interval": words.interval,
+        "duration": words.duration,
+        "finite": words.finite,
+        "gauge": gauge,
+        "beside_friction": beside_friction,
+        "without_them": without_them,
+        "fit_bars": fit_bars,
+        "spread_percent": spread_percent,
+        "left_over_bars": left_over_bars,
+        "effect_name": mismatch_words.effect_name,
+        "effect_names": mismatch_words.effect_names,
+        "others": mismatch_words.others,
+        "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
+        "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
+        "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
+        "beyond": words.beyond,
+        "sortable": words.sortable,
+        "plain": "{:g}".format,
+        "prose": words.prose,
+        "instant": lambda when: words.instant(when, context.tz),
+        "window": lambda ends: words.window(ends[0], ends[1], context.tz, context.zone),
+        "symbol": lambda verdict: words.VERDICT_SYMBOL[verdict],
+        "verdict_meaning": lambda verdict: words.VERDICT_MEANING[verdict],
+    }
+    return env
+
+
+def _finalize(value: Any) -> Any:
+    # Markup is ours; every other text came from outside and may hold what HTML cannot.
+    if isinstance(value, str) and not isinstance(value, Markup):
+        return words.printable(value)
+    return value
+
+
+def template(name: str) -> str:
+    """The text of a template of the report, such as ``valve.html``."""
+    return resource(f"templates/{name}")
+
+
+@cache
+def resource(name: str) -> str:
+    """The text of a file of this package, such as ``styles/report.css``."""
+    return files("stemwatch.service.report").joinpath(name).read_text("utf-8")
+
+
+@cache
+def inlined(scripts: tuple[str, ...]) -> dict[str, Any]:
+    """What a page holds of styles and ``scripts``, and the policy that allows no others."""
+    early = _script(EARLY_SCRIPTS)
+    late = _script(scripts)
+    return {
+        "styles": Markup("\n".join(resource(name) for name in STYLES)),
+        "early_script": early,
+        "script": late,
+        "policy": _policy(early, late),
+        "chart_licence": resource("scripts/vendor/uPlot-LICENSE.txt"),
+    }
+
+
+def _script(names: Sequence[str]) -> Markup:
+    return Markup(";\n".join(resource(name).strip() for name in names))
+
+
+def _policy(*scripts: str) -> str:
+    digests = (hashlib.sha256(script.encode()).digest() for script in scripts)
+    allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+        "base-uri 'none'; form-action 'none'"
+    )

@@ -1,0 +1,220 @@
+"""The JSON contract, version 1: one object per valve, described by ``contract.schema.json``; its
+``mismatch`` (what S and J leave out) is the same in ``valves.json`` and ``stemwatch explain``.
+
+Within a version fields are only ever added. Errors in percent of span, fits, S and J in percent.
+NaN and infinities never appear: they become null.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import Indicator, Residual, Screening
+from stemwatch.models.mismatch.findings import (
+    Effect,
+    HeldOut,
+    HotPlace,
+    Mismatch,
+    RecordEffect,
+    Stiction,
+)
+from stemwatch.service.report.false_discoveries import discoveries
+from stemwatch.service.report.report_context import software_name
+from stemwatch.service.report.wording import finite, printable
+
+HELD_OUT = (
+    "rmse_naive",
+    "rmse_extended",
+    "rmse_ceiling",
+    "noise_floor",
+    "fit_naive",
+    "fit_extended",
+    "gain_low",
+    "gain_high",
+)
+NO_NUMBER = "the fit gave no finite number"
+
+
+def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[str, Any]:
+    """``mismatch`` as in docs/json.md; the effects keep their order, strongest first.
+
+    ``stands`` says whether they stand among all valves of the run; ``None`` where none was named.
+    """
+    return {
+        "verdict": mismatch.finding.value,
+        "sentence": printable(mismatch.sentence),
+        "effects": [_effect(one) for one in mismatch.effects],
+        "record_effects": [_record_effect(one) for one in mismatch.record_effects],
+        "not_testable": [
+            {"slug": printable(one.slug), "reason": printable(one.reason)}
+            for one in mismatch.not_testable
+        ],
+        "stiction": {
+            "naive": _stiction(mismatch.naive),
+            "restated": _stiction(mismatch.restated),
+        },
+        "heldout": _heldout(mismatch.heldout),
+        "hot_places": {
+            "before": _hot(mismatch.before.hot),
+            "after": _hot(mismatch.after.hot),
+        },
+        "p_value": finite(mismatch.p_value),
+        "stands": stands,
+        "seconds": finite(mismatch.seconds),
+    }
+
+
+def estimate_object(estimate: Estimate) -> dict[str, Any]:
+    """An estimate: ``value``, ``low``, ``high``, ``unit``, and ``reason`` where there is none."""
+    value, reason = finite(estimate.value), estimate.reason
+    if value is None and reason is None:
+        reason = NO_NUMBER
+    return {
+        "value": value,
+        "low": finite(estimate.low),
+        "high": finite(estimate.high),
+        "unit": printable(estimate.unit),
+        "reason": None if reason is None else printable(reason),
+    }
+
+
+def _effect(effect: Effect) -> dict[str, Any]:
+    evidence = effect.evidence
+    return {
+        "slug": printable(effect.slug),
+        "class": [printable(slug) for slug in effect.members],
+        "sentence": printable(effect.sentence),
+        "where": printable(effect.where),
+        "check": printable(effect.check),
+        "decide": printable(effect.decide),
+        "parameters": {
+            printable(name): estimate_object(one) for name, one in effect.parameters.items()
+        },
+        "evidence": {
+            "mean": finite(evidence.mean),
+            "t": finite(evidence.t),
+            "share": finite(evidence.share),
+            "strength": finite(evidence.strength),
+            "note": printable(evidence.note),
+        },
+    }
+
+
+def _record_effect(effect: RecordEffect) -> dict[str, Any]:
+    return {
+        "slug": printable(effect.slug),
+        "sentence": printable(effect.sentence),
+        "parameters": {printable(name): finite(one) for name, one in effect.parameters.items()},
+    }
+
+
+def _stiction(stiction: Stiction) -> dict[str, Any]:
+    return {"S": estimate_object(stiction.S), "J": estimate_object(stiction.J)}
+
+
+def _heldout(heldout: HeldOut) -> dict[str, float | None]:
+    return {name: finite(getattr(heldout, name)) for name in HELD_OUT}
+
+
+def _hot(places: Sequence[HotPlace]) -> list[dict[str, Any]]:
+    return [
+        {
+            "facet": printable(one.facet),
+            "label": printable(one.label),
+            "share": finite(one.share),
+            "z": finite(one.z),
+            "sentence": printable(one.sentence),
+        }
+        for one in places
+    ]
+
+
+CONTRACT_VERSION = 1
+MODELS = ("stiction", "narx", "baseline")
+
+
+def to_contracts(screenings: Sequence[Screening]) -> list[dict[str, Any]]:
+    """All screenings of a run as plain JSON types, in their order.
+
+    Whether a valve's effects stand depends on all the others.
+    """
+    standing = discoveries([one.mismatch for one in screenings]).standing
+    return [
+        to_contract(one, stands=stands) for one, stands in zip(screenings, standing, strict=True)
+    ]
+
+
+def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str, Any]:
+    """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
+
+    ``stands`` says whether its effects stand among all valves of the run.
+    """
+    found = screening.mismatch
+    start, end = screening.window
+    return {
+        "version": CONTRACT_VERSION,
+        "valve": printable(screening.valve),
+        "recording": printable(screening.provenance.source),
+        "window": {"start": _instant(start), "end": _instant(end)},
+        "verdict": screening.verdict.value,
+        "reason": printable(screening.reason),
+        "advice": printable(screening.advice),
+        "shape": None if screening.shape is None else screening.shape.value,
+        "severity": finite(screening.severity),
+        "confidence": finite(screening.confidence),
+        "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
+        "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},
+        "quality": {
+            "grade": printable(screening.quality.grade),
+            "reasons": [printable(reason) for reason in screening.quality.reasons],
+        },
+        "indicators": {
+            printable(name): _indicator(indicator)
+            for name, indicator in screening.indicators.items()
+        },
+        "mismatch": None if found is None else mismatch_object(found, stands=stands),
+        "still_seen": [printable(sentence) for sentence in screening.still_seen],
+        "baseline": printable(screening.baseline_note),
+        "provenance": _provenance(screening),
+        "seconds": finite(screening.seconds),
+    }
+
+
+def _instant(when: datetime | None) -> str | None:
+    return None if when is None else when.isoformat()
+
+
+def _residual(model: str, residual: Residual | None) -> dict[str, float | None] | None:
+    if residual is None:
+        return None
+    numbers = {
+        "rmse": finite(residual.rmse),
+        "normalised": finite(residual.normalised),
+        "fit": finite(residual.fit_percent),
+    }
+    if model == "narx":
+        numbers["one_step"] = finite(residual.one_step)
+    return numbers
+
+
+def _indicator(indicator: Indicator) -> dict[str, Any]:
+    return {
+        "value": finite(indicator.value),
+        "low": finite(indicator.low),
+        "high": finite(indicator.high),
+        "unit": printable(indicator.unit),
+        "meaning": printable(indicator.meaning),
+    }
+
+
+def _provenance(screening: Screening) -> dict[str, Any]:
+    provenance = screening.provenance
+    return {
+        "digest": printable(provenance.digest),
+        "layout": printable(provenance.layout),
+        "decisions": [printable(decision) for decision in provenance.decisions],
+        "software": software_name(),
+    }

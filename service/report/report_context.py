@@ -1,0 +1,85 @@
+"""What a report knows beside its screenings: the plant, the run, each valve's facts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, tzinfo
+from types import MappingProxyType
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from stemwatch.models.findings import PreviousFinding
+from stemwatch.service import __version__
+
+
+def software_name() -> str:
+    """Name and version of the software that is running."""
+    return f"stemwatch {__version__}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValveFacts:
+    """What the plant says of a valve: its service, where it is, how much hangs on it.
+
+    ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
+    """
+
+    description: str = ""
+    area: str = ""
+    criticality: str = ""
+    stroke: str = ""
+    previous: PreviousFinding | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceNotRead:
+    """A source that gave no screening at all, and why."""
+
+    source: str
+    reason: str
+
+
+_UNKNOWN_VALVE = ValveFacts()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportContext:
+    """The run and the plant. ``zone`` is the IANA name in which times are shown.
+
+    ``valves`` is keyed by ``Screening.valve``. A report of a part of a run has in ``p_elsewhere``
+    the ``Mismatch.p_value`` of every other valve that was tested (``None`` where nothing was
+    named), so that what stands is decided over the whole run. Raises ``ValueError`` on a naive
+    ``started`` or a zone that the time zone database does not have.
+    """
+
+    started: datetime
+    title: str = "Control valve stiction"
+    plant: str = ""
+    zone: str = "UTC"
+    software: str = field(default_factory=software_name)
+    command: str = ""
+    settings_digest: str = ""
+    valves: Mapping[str, ValveFacts] = field(default_factory=dict)
+    sources_not_read: tuple[SourceNotRead, ...] = ()
+    p_elsewhere: tuple[float | None, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.started.tzinfo is None:
+            raise ValueError(f"started must be timezone aware, received {self.started}")
+        try:
+            ZoneInfo(self.zone)
+        except (ZoneInfoNotFoundError, ValueError) as error:
+            raise ValueError(
+                f"zone {self.zone!r} is not in the time zone database; "
+                "expected an IANA name such as 'UTC' or 'Europe/Berlin'"
+            ) from error
+        object.__setattr__(self, "valves", MappingProxyType(dict(self.valves)))
+
+    @property
+    def tz(self) -> tzinfo:
+        """The zone in which times are shown."""
+        return ZoneInfo(self.zone)
+
+    def facts(self, valve: str) -> ValveFacts:
+        """The facts of ``valve``; empty ones where the plant gave none."""
+        return self.valves.get(valve, _UNKNOWN_VALVE)

@@ -1,0 +1,209 @@
+"""The columns that the CSV and the XLSX share: one row per valve, one header, one meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from stemwatch.models.findings import Screening
+from stemwatch.service.report.false_discoveries import LEVEL_PERCENT
+from stemwatch.service.report.mismatch_words import left_out
+from stemwatch.service.report.ranking import RankedValve
+from stemwatch.service.report.report_context import ReportContext
+from stemwatch.service.report.wording import finite, printable
+
+Cell = str | float | int | datetime | None
+
+STANDING = {True: "yes", False: "held back", None: None}
+BEYOND_CHANCE = (
+    f"yes: of the effects so marked, at most {LEVEL_PERCENT} are expected to be due to chance "
+    "(Benjamini-Hochberg over all valves); held back: chance alone may have named it"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpreadsheetColumn:
+    """One column. ``digits`` is how many decimals a spreadsheet shows; the value keeps all."""
+
+    header: str
+    meaning: str
+    read: Callable[[RankedValve], Cell]
+    width: int = 12
+    digits: int = 2
+
+
+def columns(context: ReportContext) -> list[SpreadsheetColumn]:
+    """Every column, in order; times in the plant's zone, which their headers name."""
+    return [
+        *_place(),
+        *_finding(),
+        *_stiction(),
+        *_residuals("stiction", "stick-slip model"),
+        *_residuals("narx", "NARX network"),
+        *_residuals("baseline", "baseline"),
+        *_mismatch(),
+        *_recording(context),
+    ]
+
+
+def header_and_rows(
+    ranked: Sequence[RankedValve], context: ReportContext
+) -> tuple[list[SpreadsheetColumn], Iterator[list[Cell]]]:
+    """The columns and, valve by valve as they are asked for, their cells, every text printable."""
+    shown = columns(context)
+    return shown, ([_clean(column.read(valve)) for column in shown] for valve in ranked)
+
+
+def _clean(cell: Cell) -> Cell:
+    if isinstance(cell, str):
+        return printable(cell)
+    return finite(cell) if isinstance(cell, float) else cell
+
+
+def _text(
+    header: str, meaning: str, read: Callable[[RankedValve], Cell], width: int
+) -> SpreadsheetColumn:
+    return SpreadsheetColumn(header=header, meaning=meaning, read=read, width=width)
+
+
+def _place() -> list[SpreadsheetColumn]:
+    return [
+        _text("rank", "1 is the valve to look at first", lambda v: v.rank, 6),
+        _text("valve", "tag", lambda v: v.screening.valve, 18),
+        _text("service", "what the valve does", lambda v: v.facts.description, 32),
+        _text("area", "plant area", lambda v: v.facts.area, 14),
+        _text("criticality", "as the plant states it", lambda v: v.facts.criticality, 11),
+    ]
+
+
+def _finding() -> list[SpreadsheetColumn]:
+    return [
+        _text("verdict", "see Verdicts", lambda v: v.screening.verdict.value, 14),
+        SpreadsheetColumn(
+            header="severity (0 to 100)",
+            meaning="orders valves of one verdict, 100 is worst",
+            read=lambda v: v.screening.severity,
+            digits=0,
+        ),
+        SpreadsheetColumn(
+            header="confidence (0 to 1)",
+            meaning="how sure the verdict is; empty without one",
+            read=lambda v: v.screening.confidence,
+        ),
+        _text("reason", "what was found", lambda v: v.screening.reason, 60),
+        _text("advice", "what to do next", lambda v: v.screening.advice, 60),
+        _text("trend", "change since the run before", lambda v: v.trend.words, 20),
+        _text("shape", "form of the OP-MV loop", lambda v: _shape(v.screening), 12),
+        _text("data grade", "A clean to D no verdict", lambda v: v.screening.quality.grade, 10),
+        _text("data remarks", "why", lambda v: " ".join(v.screening.quality.reasons), 40),
+    ]
+
+
+def _shape(screening: Screening) -> str:
+    return "" if screening.shape is None else screening.shape.value
+
+
+def _stiction() -> list[SpreadsheetColumn]:
+    meanings = {
+        "S": "deadband plus stickband, percent of OP span",
+        "J": "slip jump, percent of OP span",
+    }
+    found = []
+    for name, meaning in meanings.items():
+        for part, note in (("value", meaning), ("low", "95 % interval"), ("high", "95 % interval")):
+            header = f"{name} (%)" if part == "value" else f"{name} {part} (%)"
+            found.append(
+                SpreadsheetColumn(header=header, meaning=note, read=_estimate(name, part), width=10)
+            )
+        why = f"why there is no {name}"
+        found.append(_text(f"{name} remark", why, _estimate(name, "reason"), 24))
+    return found
+
+
+def _estimate(name: str, part: str) -> Callable[[RankedValve], Cell]:
+    def read(valve: RankedValve) -> Cell:
+        cell: Cell = getattr(getattr(valve.screening, name), part)
+        return cell
+
+    return read
+
+
+def _residuals(model: str, label: str) -> list[SpreadsheetColumn]:
+    def read(part: str) -> Callable[[RankedValve], Cell]:
+        return lambda valve: getattr(valve.screening.residuals.get(model), part, None)
+
+    rmse = "root mean square residual on samples not fitted"
+    return [
+        SpreadsheetColumn(header=f"{label} rmse (% of span)", meaning=rmse, read=read("rmse")),
+        SpreadsheetColumn(
+            header=f"{label} fit (%)", meaning="100 is perfect", read=read("fit_percent")
+        ),
+    ]
+
+
+def _mismatch() -> list[SpreadsheetColumn]:
+    def fit(part: str) -> Callable[[RankedValve], Cell]:
+        def read(valve: RankedValve) -> Cell:
+            found = valve.screening.mismatch
+            return None if found is None else getattr(found.heldout, part)
+
+        return read
+
+    heldout = "100 (1 - rmse / std(MV)) on samples not fitted"
+    return [
+        _text("mismatch", "what S and J leave out, see docs", _mismatch_word, 14),
+        _text("left out", "effects, strongest first; | where not told apart", _left_out, 28),
+        _text("beyond chance", BEYOND_CHANCE, lambda v: STANDING[v.stands], 14),
+        SpreadsheetColumn(
+            header="p value",
+            meaning="how probable as strong an effect is on a valve with nothing hidden",
+            read=_p_value,
+            digits=4,
+        ),
+        SpreadsheetColumn(header="fit of S and J (%)", meaning=heldout, read=fit("fit_naive")),
+        SpreadsheetColumn(
+            header="fit with what was left out (%)", meaning=heldout, read=fit("fit_extended")
+        ),
+    ]
+
+
+def _mismatch_word(valve: RankedValve) -> Cell:
+    found = valve.screening.mismatch
+    return None if found is None else found.finding.value
+
+
+def _left_out(valve: RankedValve) -> Cell:
+    found = valve.screening.mismatch
+    return None if found is None else left_out(found)
+
+
+def _p_value(valve: RankedValve) -> Cell:
+    found = valve.screening.mismatch
+    return None if found is None else found.p_value
+
+
+def _recording(context: ReportContext) -> list[SpreadsheetColumn]:
+    def local(end: int) -> Callable[[RankedValve], Cell]:
+        def read(valve: RankedValve) -> Cell:
+            when = valve.screening.window[end]
+            return None if when is None else when.astimezone(context.tz)
+
+        return read
+
+    return [
+        _text(f"from ({context.zone})", "first sample", local(0), 18),
+        _text(f"to ({context.zone})", "just after the last sample", local(1), 18),
+        _text("interval (s)", "step of the even clock", lambda v: _interval(v.screening), 11),
+        _text("samples", "on that clock", lambda v: _samples(v.screening), 10),
+        _text("recording", "as it was given", lambda v: v.screening.provenance.source, 40),
+        _text("digest", "sha256 of the source", lambda v: v.screening.provenance.digest, 20),
+    ]
+
+
+def _interval(screening: Screening) -> Cell:
+    return None if screening.seen is None else screening.seen.interval_s
+
+
+def _samples(screening: Screening) -> Cell:
+    return None if screening.seen is None else screening.seen.samples

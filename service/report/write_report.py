@@ -1,0 +1,116 @@
+"""``write_report``: the four files of one run."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import BinaryIO
+
+from stemwatch.models.findings import Screening
+from stemwatch.service.report.charts.valve_plots import ValvePlots
+from stemwatch.service.report.csv_file import write_csv
+from stemwatch.service.report.html_page import write_html
+from stemwatch.service.report.json_contract import to_contract
+from stemwatch.service.report.ranking import RankedValve, rank_valves
+from stemwatch.service.report.report_context import ReportContext
+from stemwatch.service.report.xlsx_file import write_xlsx
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportFiles:
+    """Where the report was written."""
+
+    html: Path
+    csv: Path
+    xlsx: Path
+    json: Path
+
+
+class ReportNotWritten(OSError):
+    """One or more files of the report could not be written; the others are complete."""
+
+
+Write = Callable[[Sequence[RankedValve], ReportContext, BinaryIO], None]
+
+
+def write_report(
+    screenings: Sequence[Screening],
+    context: ReportContext,
+    out_dir: Path | str,
+    evidence: Callable[[int], ValvePlots | None] = lambda _: None,
+) -> ReportFiles:
+    """Write ``report.html``, ``valves.csv``, ``valves.xlsx`` and ``valves.json`` into ``out_dir``.
+
+    The folder is made where it is absent; each file is replaced whole or left as it was, and
+    written valve by valve. ``evidence`` gives the plots of the screening at a place, where its
+    samples were let go. Raises ``ReportNotWritten``, after writing what can be written, with each
+    file and what to do.
+    """
+    folder = Path(out_dir)
+    folder.mkdir(parents=True, exist_ok=True)
+    files = ReportFiles(
+        html=folder / "report.html",
+        csv=folder / "valves.csv",
+        xlsx=folder / "valves.xlsx",
+        json=folder / "valves.json",
+    )
+    writers: dict[Path, Write] = {
+        files.json: write_json,
+        files.csv: write_csv,
+        files.xlsx: write_xlsx,
+        files.html: write_html,
+    }
+    ranked = rank_valves(screenings, context, evidence)
+    _all_put(
+        {path: partial(write, ranked, context) for path, write in writers.items()},
+    )
+    return files
+
+
+def put_all(contents: Mapping[Path, bytes]) -> None:
+    """Write every file whole or leave it as it was.
+
+    Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
+    """
+    _all_put({path: partial(_whole, content) for path, content in contents.items()})
+
+
+def _whole(content: bytes, file: BinaryIO) -> None:
+    file.write(content)
+
+
+def _all_put(writers: Mapping[Path, Callable[[BinaryIO], None]]) -> None:
+    failures = [_put(path, write) for path, write in writers.items()]
+    if said := [failure for failure in failures if failure]:
+        raise ReportNotWritten(" ".join(said))
+
+
+def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
+    """The contract objects, worst valve first, as UTF-8 JSON without NaN; one at a time."""
+    between = "[\n "
+    for valve in ranked:
+        found = to_contract(valve.screening, stands=valve.stands)
+        text = json.dumps(found, allow_nan=False, ensure_ascii=False, indent=1)
+        file.write((between + text.replace("\n", "\n ")).encode())
+        between = ",\n "
+    file.write(b"\n]" if len(ranked) else b"[]")
+
+
+def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
+    """Write beside, then rename, so that nobody opens half a report. Returns what went wrong."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with beside.open("wb") as file:
+            write(file)
+        beside.replace(path)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        return (
+            f"{path}: could not be written ({error.strerror or error}); "
+            "close the program that has it open, or choose another folder, and run again."
+        )
+    return ""

@@ -1,0 +1,208 @@
+"""The HTTP server of the pages, which strangers can neither fill nor starve.
+
+Whoever reaches the port may open connections, say nothing on them, send a request letter by letter,
+or not read what is answered. Each of these costs a file descriptor, and descriptors are what
+collection and runs need as well. So a request has to arrive in a bounded time, an answer has to be
+taken in a bounded time, and the connections of the pages never use more than half of the
+descriptors that the process may open.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+import time
+from typing import Any
+
+import h11
+import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+log = logging.getLogger(__name__)
+
+HEADER_S = 10.0  # from the connection, or from the answer before, to the end of the headers
+BODY_S = 30.0  # from the headers to the end of the body, at most 64 KiB
+ANSWER_S = 60.0  # for the next ``ANSWER_BYTES`` of an answer, or for the rest of it
+ANSWER_BYTES = 60_000
+MOST_CONNECTIONS = 256
+END_S = 5  # how long answers that are being made hold up the end of the server
+
+_MOST_KINDS = 1000
+_TOO_SLOW = b"HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+_FULL = (
+    b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nRetry-After: 5\r\n"
+    b"Content-Length: 0\r\n\r\n"
+)
+
+
+def connection_limit() -> int:
+    """How many connections are open at most: a quarter of the descriptors that this process may
+    open, 256 at most. As many again may be accepted before the first of them is closed."""
+    try:
+        import resource
+    except ImportError:  # Windows, where sockets are not counted with files
+        return MOST_CONNECTIONS
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY:
+        return MOST_CONNECTIONS
+    return max(8, min(MOST_CONNECTIONS, soft // 4))
+
+
+def http_server(app: Any, *, lifespan: bool = True) -> uvicorn.Server:
+    """A server of ``app`` (ASGI 3) with these bounds; the caller gives it its sockets."""
+    limit = connection_limit()
+    for name in ("uvicorn.error", "asyncio", __name__):
+        logging.getLogger(name).addFilter(_RARELY)
+    config = uvicorn.Config(
+        app,
+        http=_protocol_with(limit),
+        ws="none",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        lifespan="auto" if lifespan else "off",
+        backlog=limit // 2,  # so many are accepted in one go
+        timeout_graceful_shutdown=END_S,
+    )
+    return uvicorn.Server(config)
+
+
+class Rarely(logging.Filter):
+    """Lets a message through once in ``every_s``, and says then how often it came meanwhile: what
+    strangers can set off must not fill the disk of the log."""
+
+    def __init__(self, every_s: float = 60.0) -> None:
+        super().__init__()
+        self._every_s = every_s
+        self._said: dict[tuple[str, type[BaseException] | None], tuple[float, int]] = {}
+        self._lock = threading.Lock()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether this record is written; it then bears the count."""
+        error = record.exc_info[0] if record.exc_info else None
+        kind, now = (str(record.msg).partition("\n")[0], error), time.monotonic()
+        with self._lock:
+            if len(self._said) >= _MOST_KINDS:
+                self._said.clear()
+            last, left_out = self._said.get(kind, (-self._every_s, 0))
+            if now - last < self._every_s:
+                self._said[kind] = last, left_out + 1
+                return False
+            self._said[kind] = now, 0
+        if left_out:
+            record.msg = f"{record.getMessage()} ({left_out} times more since it was last said)"
+            record.args = None
+        return True
+
+
+_RARELY = Rarely()
+
+
+def _protocol_with(limit: int) -> type[BoundedConnection]:
+    return type("BoundedConnection", (BoundedConnection,), {"most": limit})
+
+
+class BoundedConnection(H11Protocol):
+    """One connection, with an end to every wait for whoever is at the other end of it."""
+
+    most = MOST_CONNECTIONS
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._awaited: str | None = None  # what is to come: a header, a body
+        self._deadline: asyncio.TimerHandle | None = None
+        self._stalled: asyncio.TimerHandle | None = None
+        self._unread = 0  # bytes of answers that waited when the reader was last looked at
+        self._since = 0.0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take the connection, in the place of the one that has waited longest if need be."""
+        super().connection_made(transport)
+        transport.set_write_buffer_limits(high=0)  # whatever waits is known of
+        self._since = self.loop.time()
+        self._wait_for("header", HEADER_S)
+        if len(self.connections) > self.most:
+            self._make_room()
+
+    def data_received(self, data: bytes) -> None:
+        """Read on, and set the time by which the rest must be here."""
+        super().data_received(data)
+        if self.conn.their_state is h11.IDLE:
+            self._wait_for("header", HEADER_S)
+        elif self.conn.their_state is h11.SEND_BODY:
+            self._wait_for("body", BODY_S)
+        else:
+            self._since = self.loop.time()
+            self._wait_for(None, 0.0)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the deadlines."""
+        self._wait_for(None, 0.0)
+        self._until_read(None)
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """Something waits for the reader: not for ever."""
+        super().pause_writing()
+        self._unread = self.transport.get_write_buffer_size()
+        self._until_read(self.loop.call_later(ANSWER_S, self._look_at_reader))
+
+    def resume_writing(self) -> None:
+        """Everything is taken."""
+        self._until_read(None)
+        super().resume_writing()
+
+    @property
+    def waits(self) -> bool:
+        """Whether nothing is being worked on: no complete request has come."""
+        return self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
+
+    def _wait_for(self, what: str | None, seconds: float) -> None:
+        if what == self._awaited:
+            return  # a letter more sets no new deadline
+        if self._deadline is not None:
+            self._deadline.cancel()
+        self._awaited = what
+        self._deadline = None if what is None else self.loop.call_later(seconds, self._give_up)
+
+    def _until_read(self, timer: asyncio.TimerHandle | None) -> None:
+        if self._stalled is not None:
+            self._stalled.cancel()
+        self._stalled = timer
+
+    def _look_at_reader(self) -> None:
+        before, self._unread = self._unread, self.transport.get_write_buffer_size()
+        if self._unread > before - ANSWER_BYTES:
+            log.warning("a connection is closed: its reader did not take the answer in time")
+            self.transport.abort()
+        else:
+            self._until_read(self.loop.call_later(ANSWER_S, self._look_at_reader))
+
+    def _give_up(self) -> None:
+        log.warning("a connection is closed: its %s did not come in time", self._awaited)
+        self._close_with(_TOO_SLOW)
+
+    def _make_room(self) -> None:
+        """Close the connection that has waited longest for a request; this one where all work."""
+        log.warning(
+            "%d connections are open, the most that pages may have; the one that has waited "
+            "longest for a request is closed for each new one",
+            self.most,
+        )
+        waiting = [
+            one
+            for one in self.connections
+            if isinstance(one, BoundedConnection) and one is not self and one.waits
+        ]
+        if not waiting:
+            self._close_with(_FULL)
+            return
+        min(waiting, key=lambda one: one._since)._close_with(_FULL)
+
+    def _close_with(self, answer: bytes) -> None:
+        """Say why, where this connection has asked for nothing yet, and close."""
+        if self.cycle is None:
+            self.transport.write(answer)
+        self.connections.discard(self)
+        self.transport.close()

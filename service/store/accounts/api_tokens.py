@@ -1,0 +1,100 @@
+"""``ApiTokens``: what programs carry to be let in, in the name of a user."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+
+from sqlalchemy import Select, select, update
+
+from stemwatch.service.store.accounts.records import ApiToken, Scope
+from stemwatch.service.store.accounts.tables import TokenRow, UserRow
+from stemwatch.service.store.accounts.users import user_of
+from stemwatch.service.store.database.sessions import Access
+
+
+class ApiTokens:
+    """Tokens by their digests. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def add(
+        self,
+        digest: str,
+        user: int,
+        name: str,
+        scopes: Sequence[Scope],
+        *,
+        begins: str,
+        now: datetime,
+        expires: datetime | None,
+    ) -> int:
+        """Keep a new token of ``user``, and give its number."""
+        with self._access.writing("adding a token") as session:
+            row = TokenRow(
+                user_id=user,
+                name=name,
+                digest=digest,
+                begins=begins,
+                scopes=[scope.value for scope in scopes],
+                created=now,
+                expires=expires,
+                last_used=None,
+                revoked=None,
+            )
+            session.add(row)
+            session.flush()
+            return row.id
+
+    def find(self, digest: str) -> ApiToken | None:
+        """The token of this digest, whether or not it still lets a program in."""
+        with self._access.reading() as session:
+            found = session.execute(_with_user().where(TokenRow.digest == digest)).one_or_none()
+            return None if found is None else _token_of(*found)
+
+    def get(self, token: int) -> ApiToken | None:
+        """The token of this number."""
+        with self._access.reading() as session:
+            found = session.execute(_with_user().where(TokenRow.id == token)).one_or_none()
+            return None if found is None else _token_of(*found)
+
+    def all(self, user: int | None = None) -> list[ApiToken]:
+        """Every token, or those of one user, the newest first."""
+        statement = _with_user().order_by(TokenRow.id.desc())
+        if user is not None:
+            statement = statement.where(TokenRow.user_id == user)
+        with self._access.reading() as session:
+            return [_token_of(*found) for found in session.execute(statement)]
+
+    def note_use(self, token: int, now: datetime) -> None:
+        """Note that a token was used."""
+        with self._access.writing("noting a token's use") as session:
+            session.execute(update(TokenRow).where(TokenRow.id == token).values(last_used=now))
+
+    def revoke(self, token: int, now: datetime) -> None:
+        """Let nobody in by this token any more."""
+        with self._access.writing("revoking a token") as session:
+            session.execute(
+                update(TokenRow)
+                .where(TokenRow.id == token, TokenRow.revoked.is_(None))
+                .values(revoked=now)
+            )
+
+
+def _with_user() -> Select[TokenRow, UserRow]:
+    return select(TokenRow, UserRow).join(UserRow, UserRow.id == TokenRow.user_id)
+
+
+def _token_of(row: TokenRow, user: UserRow) -> ApiToken:
+    return ApiToken(
+        id=row.id,
+        user=user_of(user),
+        name=row.name,
+        begins=row.begins,
+        scopes=tuple(Scope(scope) for scope in row.scopes),
+        created=row.created,
+        expires=row.expires,
+        last_used=row.last_used,
+        revoked=row.revoked,
+    )

@@ -1,0 +1,88 @@
+"""``AuditLog``: who wanted what, and what became of it. It is added to and read, nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import select
+
+from stemwatch.service.store.accounts.records import Entry, Outcome, StoredEntry
+from stemwatch.service.store.accounts.tables import AuditRow
+from stemwatch.service.store.database.sessions import Access
+
+LONGEST = 500  # characters of a field: what somebody sends must not fill the database
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """Which entries are wanted; what is empty does not matter. ``before`` is an entry's number:
+    those older than it."""
+
+    who: str = ""
+    action: str = ""
+    outcome: Outcome | None = None
+    start: datetime | None = None
+    stop: datetime | None = None
+    before: int | None = None
+    limit: int = 100
+
+
+class AuditLog:
+    """The entries in the store. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def add(self, entry: Entry) -> None:
+        """Keep an entry."""
+        with self._access.writing("writing the audit log") as session:
+            session.add(
+                AuditRow(
+                    at=entry.at,
+                    who=entry.who[:LONGEST],
+                    how=entry.how[:LONGEST],
+                    address=entry.address[:LONGEST],
+                    action=entry.action[:LONGEST],
+                    about=entry.about[:LONGEST],
+                    outcome=entry.outcome.value,
+                    detail=entry.detail[:LONGEST],
+                )
+            )
+
+    def read(self, wanted: Wanted) -> list[StoredEntry]:
+        """Entries, the newest first."""
+        statement = select(AuditRow).order_by(AuditRow.id.desc()).limit(wanted.limit)
+        if wanted.who:
+            statement = statement.where(AuditRow.who == wanted.who)
+        if wanted.action:
+            statement = statement.where(AuditRow.action == wanted.action)
+        if wanted.outcome is not None:
+            statement = statement.where(AuditRow.outcome == wanted.outcome.value)
+        if wanted.start is not None:
+            statement = statement.where(AuditRow.at >= wanted.start)
+        if wanted.stop is not None:
+            statement = statement.where(AuditRow.at < wanted.stop)
+        if wanted.before is not None:
+            statement = statement.where(AuditRow.id < wanted.before)
+        with self._access.reading() as session:
+            return [_entry_of(row) for row in session.scalars(statement)]
+
+    def actions(self) -> list[str]:
+        """Every kind of action that there is an entry of, by name."""
+        with self._access.reading() as session:
+            return list(session.scalars(select(AuditRow.action).distinct().order_by("action")))
+
+
+def _entry_of(row: AuditRow) -> StoredEntry:
+    return StoredEntry(
+        id=row.id,
+        at=row.at,
+        who=row.who,
+        how=row.how,
+        address=row.address,
+        action=row.action,
+        about=row.about,
+        outcome=Outcome(row.outcome),
+        detail=row.detail,
+    )

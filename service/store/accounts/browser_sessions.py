@@ -1,0 +1,106 @@
+"""``WebSessions``: the browsers in which somebody signed in. A restart ends none of them."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+from sqlalchemy import Select, delete, or_, select, update
+
+from stemwatch.service.store.accounts.records import WebSession
+from stemwatch.service.store.accounts.tables import SessionRow, UserRow
+from stemwatch.service.store.accounts.users import user_of
+from stemwatch.service.store.database.sessions import Access
+
+
+class WebSessions:
+    """Sessions by the digest of their cookies. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def begin(
+        self,
+        digest: str,
+        user: int,
+        *,
+        now: datetime,
+        expires: datetime,
+        address: str = "",
+        agent: str = "",
+    ) -> None:
+        """Keep a new session of ``user``."""
+        with self._access.writing("beginning a session") as session:
+            session.add(
+                SessionRow(
+                    digest=digest,
+                    user_id=user,
+                    created=now,
+                    seen=now,
+                    expires=expires,
+                    address=address,
+                    agent=agent,
+                )
+            )
+
+    def find(self, digest: str, *, now: datetime, idle: timedelta) -> WebSession | None:
+        """The session of this digest, unless it has ended or its user may not sign in; one query
+        by the table's key."""
+        statement = _with_user().where(
+            SessionRow.digest == digest,
+            SessionRow.expires > now,
+            SessionRow.seen > now - idle,
+            UserRow.disabled.is_(None),
+        )
+        with self._access.reading() as session:
+            found = session.execute(statement).one_or_none()
+            return None if found is None else _session_of(*found)
+
+    def touch(self, digest: str, now: datetime) -> None:
+        """Note that a session is in use."""
+        with self._access.writing("noting a session") as session:
+            session.execute(update(SessionRow).where(SessionRow.digest == digest).values(seen=now))
+
+    def of_user(self, user: int, *, now: datetime, idle: timedelta) -> list[WebSession]:
+        """The sessions of a user that go on, the one used last first."""
+        statement = _with_user().where(
+            SessionRow.user_id == user,
+            SessionRow.expires > now,
+            SessionRow.seen > now - idle,
+        )
+        with self._access.reading() as session:
+            found = session.execute(statement.order_by(SessionRow.seen.desc()))
+            return [_session_of(*pair) for pair in found]
+
+    def end(self, digest: str) -> None:
+        """End one session."""
+        with self._access.writing("ending a session") as session:
+            session.execute(delete(SessionRow).where(SessionRow.digest == digest))
+
+    def end_others(self, user: int, kept: str = "") -> None:
+        """End every session of a user but ``kept``."""
+        with self._access.writing("ending sessions") as session:
+            session.execute(
+                delete(SessionRow).where(SessionRow.user_id == user, SessionRow.digest != kept)
+            )
+
+    def remove_ended(self, *, now: datetime, idle: timedelta) -> None:
+        """Forget sessions that have ended by themselves."""
+        with self._access.writing("removing ended sessions") as session:
+            ended = or_(SessionRow.expires <= now, SessionRow.seen <= now - idle)
+            session.execute(delete(SessionRow).where(ended))
+
+
+def _with_user() -> Select[SessionRow, UserRow]:
+    return select(SessionRow, UserRow).join(UserRow, UserRow.id == SessionRow.user_id)
+
+
+def _session_of(row: SessionRow, user: UserRow) -> WebSession:
+    return WebSession(
+        digest=row.digest,
+        user=user_of(user),
+        created=row.created,
+        seen=row.seen,
+        expires=row.expires,
+        address=row.address,
+        agent=row.agent,
+    )

@@ -1,0 +1,63 @@
+"""``Attempts``: how often somebody tried to sign in in vain, counted across restarts and services.
+
+An attempt counts as failed from its beginning until it has succeeded, so that many at once are
+many failures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime, timedelta
+
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from stemwatch.service.store.accounts.tables import AttemptRow
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.database.sessions import Access
+
+# How long to wait after so many failures.
+Wait = Callable[[int], timedelta]
+
+
+class Attempts:
+    """Counts by key, such as a name or an address. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def begin(
+        self, waits: Mapping[str, Wait], *, now: datetime, forget: timedelta
+    ) -> datetime | None:
+        """Count an attempt under each key; or, where one of them has to wait, count nothing and
+        give the instant until which. Counts older than ``forget`` begin anew."""
+        with self._access.writing("counting an attempt to sign in") as session:
+            rows = {key: _row(session, key, now) for key in sorted(waits)}
+            waiting = [row.until for row in rows.values() if row.until > now]
+            if waiting:
+                return max(waiting)
+            for key, row in rows.items():
+                row.count = 1 if row.last < now - forget else row.count + 1
+                row.last, row.until = now, now + waits[key](row.count)
+        return None
+
+    def succeeded(self, forgotten: str, undone: Sequence[str]) -> None:
+        """An attempt has succeeded: the count under ``forgotten`` goes, those under ``undone``
+        lose this one attempt."""
+        with self._access.writing("noting a login") as session:
+            session.execute(delete(AttemptRow).where(AttemptRow.key == forgotten))
+            for row in session.scalars(
+                select(AttemptRow).where(AttemptRow.key.in_(undone)).with_for_update()
+            ):
+                row.count, row.until = max(0, row.count - 1), row.last
+
+    def remove_old(self, before: datetime) -> None:
+        """Forget counts that nothing was added to since ``before``."""
+        with self._access.writing("forgetting attempts to sign in") as session:
+            session.execute(delete(AttemptRow).where(AttemptRow.last < before))
+
+
+def _row(session: Session, key: str, now: datetime) -> AttemptRow:
+    values = {"key": key, "count": 0, "last": now, "until": now}
+    session.execute(upsert(session, AttemptRow, [values], ("key",), update=False))
+    return session.scalars(select(AttemptRow).where(AttemptRow.key == key).with_for_update()).one()

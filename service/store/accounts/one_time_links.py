@@ -1,0 +1,112 @@
+"""``AccessLinks``: one-time links by which people choose their own passwords."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from sqlalchemy import ColumnElement, select, update
+from sqlalchemy.orm import Session
+
+from stemwatch.service.store.accounts.records import Link, LinkKind, Role
+from stemwatch.service.store.accounts.tables import LinkRow
+from stemwatch.service.store.database.sessions import Access
+
+
+class AccessLinks:
+    """One-time links by their digests. Methods raise ``StoreError``.
+
+    A link is used up by ``Accounts``, in the transaction that adds or changes the user.
+    """
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def make(
+        self,
+        digest: str,
+        kind: LinkKind,
+        role: Role,
+        *,
+        by: str,
+        now: datetime,
+        expires: datetime,
+        user: int | None = None,
+        note: str = "",
+    ) -> Link:
+        """Keep a one-time link. A link for the first admin, or for a password of ``user``, takes
+        the place of those before it."""
+        with self._access.writing("making a one-time link") as session:
+            if kind is LinkKind.FIRST:
+                revoke(session, now, LinkRow.kind == kind.value)
+            elif user is not None:
+                revoke(session, now, LinkRow.user_id == user)
+            row = LinkRow(
+                digest=digest,
+                kind=kind.value,
+                role=role.value,
+                user_id=user,
+                note=note,
+                created=now,
+                created_by=by,
+                expires=expires,
+                used=None,
+                revoked=None,
+            )
+            session.add(row)
+            session.flush()
+            return _link_of(row)
+
+    def find(self, digest: str) -> Link | None:
+        """The one-time link of this digest, whether or not it still lets somebody in."""
+        with self._access.reading() as session:
+            row = session.scalar(select(LinkRow).where(LinkRow.digest == digest))
+            return None if row is None else _link_of(row)
+
+    def open(self, now: datetime) -> list[Link]:
+        """One-time links that still let somebody in, the newest first."""
+        statement = select(LinkRow).where(*_open(now)).order_by(LinkRow.id.desc())
+        with self._access.reading() as session:
+            return [_link_of(row) for row in session.scalars(statement)]
+
+    def revoke(self, link: int, now: datetime) -> bool:
+        """Withdraw a one-time link; whether there was one to withdraw."""
+        with self._access.writing("withdrawing a one-time link") as session:
+            return revoke(session, now, LinkRow.id == link)
+
+
+def use_up(session: Session, digest: str, now: datetime) -> LinkRow | None:
+    """The link, used up by this one statement, so that only one of two can have it."""
+    number = session.execute(
+        update(LinkRow)
+        .where(LinkRow.digest == digest, *_open(now))
+        .values(used=now)
+        .returning(LinkRow.id)
+    ).scalar_one_or_none()
+    return None if number is None else session.get(LinkRow, number)
+
+
+def revoke(session: Session, now: datetime, which: ColumnElement[bool]) -> bool:
+    """Withdraw the open links that ``which`` names; whether there were any."""
+    done = session.execute(
+        update(LinkRow).where(which, *_open(now)).values(revoked=now).returning(LinkRow.id)
+    )
+    return bool(done.all())
+
+
+def _open(now: datetime) -> tuple[ColumnElement[bool], ...]:
+    return LinkRow.used.is_(None), LinkRow.revoked.is_(None), LinkRow.expires > now
+
+
+def _link_of(row: LinkRow) -> Link:
+    return Link(
+        id=row.id,
+        kind=LinkKind(row.kind),
+        role=Role(row.role),
+        user_id=row.user_id,
+        note=row.note,
+        created=row.created,
+        created_by=row.created_by,
+        expires=row.expires,
+        used=row.used,
+        revoked=row.revoked,
+    )

@@ -1,0 +1,124 @@
+"""Tables of who may do what: users, one-time links, sessions, tokens, throttling, the audit log.
+
+No secret stands in them: a password as its argon2 hash, everything else that lets somebody in as
+its SHA-256 digest.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from sqlalchemy import ForeignKey, Index
+from sqlalchemy.orm import Mapped, mapped_column
+
+from stemwatch.service.store.database.columns import Base
+
+
+def _of_user() -> Mapped[int]:
+    """A column that names the user a row belongs to, and goes with it."""
+    return mapped_column(ForeignKey("users.id", ondelete="CASCADE"))
+
+
+class UserRow(Base):
+    """Somebody who may sign in. ``name_key`` is the name as it is compared, ``name`` as shown."""
+
+    __tablename__ = "users"
+    __table_args__ = (Index("uq_users_name_key", "name_key", unique=True),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    name: Mapped[str]
+    name_key: Mapped[str]
+    role: Mapped[str]  # a ``Role``
+    password: Mapped[str]  # its argon2 hash with salt and parameters
+    created: Mapped[datetime]
+    created_by: Mapped[str]
+    password_changed: Mapped[datetime]
+    last_login: Mapped[datetime | None]
+    disabled: Mapped[datetime | None]
+
+
+class LinkRow(Base):
+    """A one-time link: for a new user with ``role``, or for a new password of ``user_id``."""
+
+    __tablename__ = "access_links"
+    __table_args__ = (Index("uq_access_links_digest", "digest", unique=True),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    digest: Mapped[str]
+    kind: Mapped[str]  # a ``LinkKind``
+    role: Mapped[str]  # a ``Role``
+    user_id: Mapped[int | None] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"))
+    note: Mapped[str]  # for whom it was made
+    created: Mapped[datetime]
+    created_by: Mapped[str]
+    expires: Mapped[datetime]
+    used: Mapped[datetime | None]
+    revoked: Mapped[datetime | None]
+
+
+class SessionRow(Base):
+    """A browser in which somebody signed in; ``digest`` is that of its cookie."""
+
+    __tablename__ = "web_sessions"
+    __table_args__ = (Index("ix_web_sessions_user_id", "user_id"),)
+
+    digest: Mapped[str] = mapped_column(primary_key=True)
+    user_id: Mapped[int] = _of_user()
+    created: Mapped[datetime]
+    seen: Mapped[datetime]
+    expires: Mapped[datetime]
+    address: Mapped[str]
+    agent: Mapped[str]
+
+
+class TokenRow(Base):
+    """A token that a program carries in the name of its user."""
+
+    __tablename__ = "api_tokens"
+    __table_args__ = (
+        Index("uq_api_tokens_digest", "digest", unique=True),
+        Index("ix_api_tokens_user_id", "user_id"),
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    user_id: Mapped[int] = _of_user()
+    name: Mapped[str]
+    digest: Mapped[str]
+    begins: Mapped[str]  # its first characters, by which people know it again
+    scopes: Mapped[list[str]]
+    created: Mapped[datetime]
+    expires: Mapped[datetime | None]
+    last_used: Mapped[datetime | None]
+    revoked: Mapped[datetime | None]
+
+
+class AttemptRow(Base):
+    """Failed attempts to sign in under one name or from one address."""
+
+    __tablename__ = "login_attempts"
+
+    key: Mapped[str] = mapped_column(primary_key=True)
+    count: Mapped[int]
+    last: Mapped[datetime]
+    until: Mapped[datetime]  # no further attempt before
+
+
+class AuditRow(Base):
+    """One entry of the audit log. Written once; nothing in the program changes or removes it."""
+
+    __tablename__ = "audit"
+    __table_args__ = (
+        Index("ix_audit_at", "at"),
+        Index("ix_audit_who_at", "who", "at"),
+        Index("ix_audit_action_at", "action", "at"),
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    at: Mapped[datetime]
+    who: Mapped[str]
+    how: Mapped[str]  # "session", "token …", "command line", empty where nobody was signed in
+    address: Mapped[str]
+    action: Mapped[str]
+    about: Mapped[str]
+    outcome: Mapped[str]  # an ``Outcome``
+    detail: Mapped[str]

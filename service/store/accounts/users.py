@@ -1,0 +1,195 @@
+"""``Accounts``: who may sign in, and as what."""
+
+from __future__ import annotations
+
+import unicodedata
+from datetime import datetime
+
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import Session
+
+from stemwatch.service.store.accounts.one_time_links import revoke, use_up
+from stemwatch.service.store.accounts.records import LinkKind, Role, User
+from stemwatch.service.store.accounts.tables import LinkRow, SessionRow, UserRow
+from stemwatch.service.store.database.columns import clean_text
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.errors import StoreError
+
+
+class NameTaken(StoreError):
+    """There is a user of this name, whatever its capitals."""
+
+
+class LastAdmin(StoreError):
+    """Nobody could change users any more if this were done."""
+
+
+def name_key(name: str) -> str:
+    """What two spellings of one name have in common: signs, capitals and blanks do not count."""
+    return " ".join(unicodedata.normalize("NFKC", clean_text(name)).casefold().split())
+
+
+class Accounts:
+    """Users in the store. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def is_empty(self) -> bool:
+        """Whether nobody can sign in yet."""
+        with self._access.reading() as session:
+            return session.scalar(select(UserRow.id).limit(1)) is None
+
+    def all(self) -> list[User]:
+        """Every user, by name."""
+        with self._access.reading() as session:
+            return [user_of(row) for row in session.scalars(select(UserRow).order_by(UserRow.name))]
+
+    def find(self, name: str) -> User | None:
+        """The user of this name."""
+        with self._access.reading() as session:
+            row = _by_name(session, name)
+            return None if row is None else user_of(row)
+
+    def get(self, user: int) -> User | None:
+        """The user of this number."""
+        with self._access.reading() as session:
+            row = session.get(UserRow, user)
+            return None if row is None else user_of(row)
+
+    def password_of(self, name: str) -> tuple[User, str] | None:
+        """A user with the password's hash."""
+        with self._access.reading() as session:
+            row = _by_name(session, name)
+            return None if row is None else (user_of(row), row.password)
+
+    def add(self, name: str, role: Role, password: str, *, by: str, now: datetime) -> User:
+        """A new user; ``password`` is its hash. Raises ``NameTaken``."""
+        with self._access.writing("adding a user") as session:
+            return _add(session, name, role, password, by, now)
+
+    def add_by_link(self, digest: str, name: str, password: str, now: datetime) -> User | None:
+        """A new user by a one-time link, used up in the same transaction; ``None`` where the link
+        lets nobody in. Raises ``NameTaken``, and the link stays as it was."""
+        with self._access.writing("using a one-time link") as session:
+            link = use_up(session, digest, now)
+            if link is None or link.kind == LinkKind.PASSWORD.value:
+                return None
+            first = link.kind == LinkKind.FIRST.value
+            if first and session.scalar(select(UserRow.id).limit(1)) is not None:
+                return None
+            by = link.created_by or "first start"
+            return _add(session, name, Role(link.role), password, by, now)
+
+    def new_password_by_link(self, digest: str, password: str, now: datetime) -> User | None:
+        """A new password by a one-time link; every session of the user ends."""
+        with self._access.writing("using a one-time link") as session:
+            link = use_up(session, digest, now)
+            if link is None or link.kind != LinkKind.PASSWORD.value or link.user_id is None:
+                return None
+            return _set_password(session, link.user_id, password, now)
+
+    def set_password(self, user: int, password: str, now: datetime) -> User:
+        """A new password, by its hash; every session of the user ends."""
+        with self._access.writing("changing a password") as session:
+            return _set_password(session, user, password, now)
+
+    def note_login(self, user: int, now: datetime, rehashed: str | None = None) -> None:
+        """Note that somebody signed in; ``rehashed`` is the same password, hashed anew."""
+        with self._access.writing("noting a login") as session:
+            row = _need(session, user)
+            row.last_login = now
+            if rehashed is not None:
+                row.password = rehashed
+
+    def set_role(self, user: int, role: Role) -> User:
+        """Change what somebody is. Raises ``LastAdmin``."""
+        with self._access.writing("changing a role") as session:
+            row = _need(session, user)
+            if role is not Role.ADMIN:
+                _refuse_last_admin(session, row)
+            row.role = role.value
+            return user_of(row)
+
+    def disable(self, user: int, now: datetime) -> User:
+        """Let somebody in no more; sessions end, links are withdrawn, tokens rest. Raises
+        ``LastAdmin``."""
+        with self._access.writing("disabling a user") as session:
+            row = _need(session, user)
+            _refuse_last_admin(session, row)
+            row.disabled = row.disabled or now
+            session.execute(delete(SessionRow).where(SessionRow.user_id == user))
+            revoke(session, now, LinkRow.user_id == user)
+            return user_of(row)
+
+    def enable(self, user: int) -> User:
+        """Let somebody in again."""
+        with self._access.writing("enabling a user") as session:
+            row = _need(session, user)
+            row.disabled = None
+            return user_of(row)
+
+
+def user_of(row: UserRow) -> User:
+    """The row as a plain value."""
+    return User(
+        id=row.id,
+        name=row.name,
+        role=Role(row.role),
+        created=row.created,
+        created_by=row.created_by,
+        password_changed=row.password_changed,
+        last_login=row.last_login,
+        disabled=row.disabled,
+    )
+
+
+def _by_name(session: Session, name: str) -> UserRow | None:
+    return session.scalar(select(UserRow).where(UserRow.name_key == name_key(name)))
+
+
+def _need(session: Session, user: int) -> UserRow:
+    row = session.scalar(select(UserRow).where(UserRow.id == user).with_for_update())
+    if row is None:
+        raise StoreError(f"there is no user {user}")
+    return row
+
+
+def _add(session: Session, name: str, role: Role, password: str, by: str, now: datetime) -> User:
+    values = {
+        "name": " ".join(name.split()),
+        "name_key": name_key(name),
+        "role": role.value,
+        "password": password,
+        "created": now,
+        "created_by": by,
+        "password_changed": now,
+    }
+    statement = upsert(
+        session, UserRow, [values], ("name_key",), update=False, returning=UserRow.id
+    )
+    number = session.execute(statement).scalar_one_or_none()
+    if number is None:
+        raise NameTaken(f"there is a user {values['name']} already; choose another name")
+    return user_of(_need(session, number))
+
+
+def _set_password(session: Session, user: int, password: str, now: datetime) -> User:
+    row = _need(session, user)
+    row.password, row.password_changed = password, now
+    session.execute(delete(SessionRow).where(SessionRow.user_id == user))
+    revoke(session, now, LinkRow.user_id == user)
+    return user_of(row)
+
+
+def _refuse_last_admin(session: Session, row: UserRow) -> None:
+    if row.role != Role.ADMIN.value or row.disabled is not None:
+        return
+    admins = session.scalar(
+        select(func.count())
+        .select_from(UserRow)
+        .where(UserRow.role == Role.ADMIN.value, UserRow.disabled.is_(None))
+    )
+    if admins == 1:
+        raise LastAdmin(f"{row.name} is the only admin; make somebody else one first")

@@ -1,0 +1,79 @@
+"""Copying a database, backing it up and restoring it: one instant of it, and all or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sqlalchemy import Connection, Engine
+
+from stemwatch.service.store.administration.backup_file import (
+    LiveSource,
+    Told,
+    reading_archive,
+    write_archive,
+)
+from stemwatch.service.store.administration.fill import fill
+from stemwatch.service.store.database.engine import existing_engine, make_engine, store_errors
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.errors import StoreError
+
+
+def backup(address: Address, path: Path) -> dict[str, Told]:
+    """Write the whole database to the archive ``path``; rows and digest of each table.
+
+    Others may write meanwhile: the archive holds one instant. Raises ``StoreError`` for a database
+    that is not there or has no tables of stemwatch, and for a file that is there already.
+    """
+    with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
+        source = LiveSource(connection)
+        if source.shape.revision is None:
+            raise StoreError(f"{address}: has no tables of stemwatch: there is nothing to back up")
+        return write_archive(source, path, str(address))
+
+
+def restore(path: Path, address: Address) -> dict[str, Told]:
+    """Bring what the archive ``path`` holds into an empty database, at the newest schema.
+
+    Raises ``StoreError`` for a database that is not empty, and for a file that is no backup or is
+    damaged; the database is then as it was.
+    """
+    with reading_archive(path) as source, disposing(make_engine(address)) as engine:
+        return fill(engine, address, source)
+
+
+def copy(origin: Address, target: Address) -> dict[str, Told]:
+    """Bring all that ``origin`` holds into the empty database ``target``, at the newest schema.
+
+    ``origin`` stays as it is. Raises ``StoreError`` as ``backup`` and ``restore`` do.
+    """
+    if origin == target:
+        raise StoreError(f"{origin}: is the database itself; give another one to copy to")
+    with (
+        disposing(existing_engine(origin)) as theirs,
+        one_instant(theirs, origin) as connection,
+        disposing(make_engine(target)) as engine,
+    ):
+        return fill(engine, target, LiveSource(connection))
+
+
+@contextmanager
+def disposing(engine: Engine) -> Iterator[Engine]:
+    """The engine, its connections closed at the block's end."""
+    try:
+        yield engine
+    finally:
+        engine.dispose()
+
+
+@contextmanager
+def one_instant(engine: Engine, address: Address) -> Iterator[Connection]:
+    """A connection that only reads, and sees the database as it was at one instant."""
+    with store_errors(address, "reading the store"), engine.connect() as connection:
+        if engine.dialect.name == "postgresql":
+            connection = connection.execution_options(
+                isolation_level="REPEATABLE READ", postgresql_readonly=True
+            )
+        with connection.begin():
+            yield connection

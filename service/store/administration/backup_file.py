@@ -1,0 +1,187 @@
+"""One file with a whole database in it, for either engine: a zip of Parquet files.
+
+``manifest.json`` says the form, the schema, when and from what the archive was made, and of each
+table how many rows it has and their digest; ``tables/NAME.parquet`` holds the rows. Any program
+that reads Parquet reads it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from sqlalchemy import Connection
+
+from stemwatch.service import __version__
+from stemwatch.service.store.administration.row_batches import Digest, read_batches
+from stemwatch.service.store.administration.schema import Column, Kind, Shape, Table, shape_of
+from stemwatch.service.store.errors import StoreError
+
+FORM = 1
+_MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What is known of a table that was carried: its rows and their digest."""
+
+    rows: int
+    digest: str
+
+
+class LiveSource:
+    """A database as a source, read within one transaction, so that all is of one instant."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.shape = shape_of(connection)
+        self.promised: dict[str, Told] = {}  # nothing is promised: the digest is made on the way
+        self._connection = connection
+
+    def batches(self, table: Table) -> Iterator[pa.RecordBatch]:
+        """All rows of a table in the order of its key."""
+        return read_batches(self._connection, table)
+
+
+class ArchiveSource:
+    """An archive as a source. Raises ``StoreError`` for a file that is none, or is damaged."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._zip = _opened(path)
+        manifest = self._manifest()
+        self.made, self.made_by = str(manifest["made"]), str(manifest["software_version"])
+        tables = manifest["tables"]
+        self.shape = Shape(
+            revision=manifest["schema"], tables=tuple(_table(name, tables[name]) for name in tables)
+        )
+        self.promised = {
+            name: Told(rows=one["rows"], digest=one["digest"]) for name, one in tables.items()
+        }
+
+    def close(self) -> None:
+        """Close the file."""
+        self._zip.close()
+
+    def batches(self, table: Table) -> Iterator[pa.RecordBatch]:
+        """All rows of a table in the order of its key."""
+        try:
+            with self._zip.open(_member(table.name)) as file:
+                yield from pq.ParquetFile(file).iter_batches(
+                    batch_size=50_000, columns=[column.name for column in table.columns]
+                )
+        except (KeyError, zipfile.BadZipFile, pa.ArrowException, OSError) as error:
+            raise StoreError(f"{self._path}: {table.name} is damaged: {error}") from error
+
+    def _manifest(self) -> dict[str, Any]:
+        try:
+            manifest: dict[str, Any] = json.loads(self._zip.read(_MANIFEST))
+            form = manifest["form"]
+        except (KeyError, ValueError, zipfile.BadZipFile) as error:
+            raise StoreError(
+                f"{self._path}: no backup of stemwatch: it has no readable {_MANIFEST}"
+            ) from error
+        if form != FORM:
+            raise StoreError(
+                f"{self._path}: written by a newer stemwatch (form {form}; this version reads "
+                f"form {FORM}). Install the newer version."
+            )
+        return manifest
+
+
+@contextmanager
+def reading_archive(path: Path) -> Iterator[ArchiveSource]:
+    """The archive, closed at the block's end."""
+    source = ArchiveSource(path)
+    try:
+        yield source
+    finally:
+        source.close()
+
+
+def write_archive(source: LiveSource, path: Path, described: str) -> dict[str, Told]:
+    """Write all of ``source`` to ``path``, whole or not at all, for its owner's eyes only.
+
+    ``described`` says which database it was, without a password. Raises ``StoreError`` where there
+    is a file already, ``OSError`` for what the disk says.
+    """
+    if path.exists():
+        raise StoreError(f"{path}: there is a file already; give another name, or move it away")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f"{path.name}.part")
+    told: dict[str, Told] = {}
+    try:
+        handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(handle, "wb") as file:
+            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as into:
+                for table in source.shape.tables:
+                    told[table.name] = _write_table(source, table, into)
+                into.writestr(_MANIFEST, _manifest_text(source, told, described))
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+    return told
+
+
+def _write_table(source: LiveSource, table: Table, into: zipfile.ZipFile) -> Told:
+    digest = Digest(table)
+    with (
+        into.open(_member(table.name), "w", force_zip64=True) as file,
+        pq.ParquetWriter(file, table.schema, compression="zstd") as writer,
+    ):
+        for batch in source.batches(table):
+            digest.update(batch)
+            writer.write_batch(batch)
+    return Told(rows=digest.rows, digest=digest.hexdigest())
+
+
+def _manifest_text(source: LiveSource, told: dict[str, Told], described: str) -> str:
+    manifest = {
+        "form": FORM,
+        "schema": source.shape.revision,
+        "software_version": __version__,
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "database": described,
+        "tables": {
+            table.name: {
+                "rows": told[table.name].rows,
+                "digest": told[table.name].digest,
+                "key": table.key,
+                "columns": {column.name: column.kind.value for column in table.columns},
+            }
+            for table in source.shape.tables
+        },
+    }
+    return json.dumps(manifest, indent=1)
+
+
+def _table(name: str, described: dict[str, Any]) -> Table:
+    columns = tuple(
+        Column(name=column, kind=Kind(kind)) for column, kind in described["columns"].items()
+    )
+    return Table(name=name, columns=columns, key=tuple(described["key"]))
+
+
+def _member(name: str) -> str:
+    return f"tables/{name}.parquet"
+
+
+def _opened(path: Path) -> zipfile.ZipFile:
+    try:
+        return zipfile.ZipFile(path)
+    except FileNotFoundError:
+        raise StoreError(f"{path}: there is no such file") from None
+    except zipfile.BadZipFile as error:
+        raise StoreError(
+            f"{path}: no backup of stemwatch, or one that was cut short: {error}"
+        ) from None

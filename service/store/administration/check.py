@@ -1,0 +1,189 @@
+"""What ``stemwatch db check`` looks at: schema, integrity, orphans, partitions, numbering, sizes.
+
+Nothing is changed; a database of any age is looked at as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, inspect, text
+
+from stemwatch.service.store.administration.backup import disposing, one_instant
+from stemwatch.service.store.administration.migrate import newest_revision
+from stemwatch.service.store.administration.row_batches import count_rows
+from stemwatch.service.store.administration.schema import Shape, links_of_metadata, shape_of
+from stemwatch.service.store.database.engine import existing_engine
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.migrations.views_v1 import NAMES as VIEWS
+from stemwatch.service.store.samples import partitions
+from stemwatch.service.store.samples.partitions import Layout
+
+_INVALID = text("SELECT indexrelid::regclass::text FROM pg_index WHERE NOT indisvalid")
+_AVAILABLE = text("SELECT default_version FROM pg_available_extensions WHERE name = 'timescaledb'")
+_SIZE = text(
+    "SELECT greatest(pg_total_relation_size(to_regclass(:name)), "
+    "(SELECT sum(pg_total_relation_size(relid)) FROM pg_partition_tree(to_regclass(:name))))"
+)
+_SIZE_OF_HYPERTABLE = text("SELECT coalesce(hypertable_size('samples'), 0)")
+_SERIAL = text("SELECT pg_get_serial_sequence(:name, 'id')")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableSize:
+    """A table, its rows, and its bytes on disk with indexes (SQLite does not tell them)."""
+
+    name: str
+    rows: int
+    size_bytes: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Health:
+    """What was found. ``problems`` need somebody; ``notes`` are good to know."""
+
+    engine: str
+    schema: str | None
+    newest: str
+    layout: Layout
+    tables: tuple[TableSize, ...]
+    size_bytes: int
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def check(address: Address, now: datetime | None = None) -> Health:
+    """Look the database over. Raises ``StoreError`` where it cannot be reached or read."""
+    with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
+        shape, newest = shape_of(connection), newest_revision()
+        layout = partitions.layout_of(connection)
+        problems = [
+            *_schema(shape, newest),
+            *_integrity(connection),
+            *_orphans(connection, shape),
+            *_views(connection, shape, newest),
+        ]
+        notes: list[str] = []
+        if connection.dialect.name == "postgresql":
+            problems += [*_numbering(connection, shape)]
+            notes += [*_partitions(connection, layout, now or datetime.now(UTC))]
+        return Health(
+            engine=_engine(connection),
+            schema=shape.revision,
+            newest=newest,
+            layout=layout,
+            tables=tuple(_sizes(connection, shape, layout)),
+            size_bytes=_whole_size(connection),
+            problems=tuple(problems),
+            notes=tuple(notes),
+        )
+
+
+def _engine(connection: Connection) -> str:
+    version = ".".join(map(str, connection.dialect.server_version_info or ()))
+    name = {"sqlite": "SQLite", "postgresql": "PostgreSQL"}[connection.dialect.name]
+    timescale = "" if name == "SQLite" else partitions.timescale_version(connection)
+    return f"{name} {version}" + (f" with TimescaleDB {timescale}" if timescale else "")
+
+
+def _schema(shape: Shape, newest: str) -> Iterator[str]:
+    if shape.revision is None:
+        yield "there are no tables of stemwatch; the first screening or `db upgrade` makes them"
+    elif shape.revision < newest:
+        yield f"the schema is {shape.revision}, older than {newest}: run `stemwatch db upgrade`"
+    elif shape.revision > newest:
+        yield (
+            f"the schema {shape.revision} is that of a newer stemwatch, this one knows {newest}: "
+            "install the newer version"
+        )
+
+
+def _integrity(connection: Connection) -> Iterator[str]:
+    if connection.dialect.name == "sqlite":
+        found = connection.execute(text("PRAGMA integrity_check")).scalars().all()
+        yield from (f"SQLite says: {line}" for line in found if line != "ok")
+    else:
+        for name in connection.execute(_INVALID).scalars():
+            yield f"the index {name} is not valid: REINDEX INDEX {name}"
+
+
+def _orphans(connection: Connection, shape: Shape) -> Iterator[str]:
+    columns = {table.name: {one.name for one in table.columns} for table in shape.tables}
+    for link in links_of_metadata():
+        column, parent_column = link.columns[0], link.parent_columns[0]
+        if column not in columns.get(link.table, ()) or link.parent not in columns:
+            continue
+        count = connection.execute(
+            text(
+                f'SELECT count(*) FROM (SELECT DISTINCT "{column}" AS named FROM "{link.table}") '
+                f'AS child LEFT JOIN "{link.parent}" AS parent '
+                f'ON parent."{parent_column}" = child.named '
+                f'WHERE child.named IS NOT NULL AND parent."{parent_column}" IS NULL'
+            )
+        ).scalar_one()
+        if count:
+            yield (
+                f"{link.table}.{column} names {count} rows of {link.parent} that are not there; "
+                "restore a backup, or ask for help with this sentence"
+            )
+
+
+def _views(connection: Connection, shape: Shape, newest: str) -> Iterator[str]:
+    if shape.revision == newest:
+        missing = sorted(set(VIEWS) - set(inspect(connection).get_view_names()))
+        if missing:
+            yield f"views are missing: {', '.join(missing)}; `db downgrade 0004`, then `db upgrade`"
+
+
+def _numbering(connection: Connection, shape: Shape) -> Iterator[str]:
+    for table in shape.tables:
+        if table.key != ("id",):
+            continue
+        sequence = connection.execute(_SERIAL, {"name": table.name}).scalar()
+        if sequence is None:
+            continue
+        newest = connection.execute(text(f'SELECT max(id) FROM "{table.name}"')).scalar() or 0
+        last = connection.execute(text(f"SELECT last_value FROM {sequence}")).scalar_one()
+        if newest > last:
+            yield (
+                f"{table.name}: the next number, after {last}, is taken (up to {newest}): "
+                f"SELECT setval('{sequence}', {newest})"
+            )
+
+
+def _partitions(connection: Connection, layout: Layout, now: datetime) -> Iterator[str]:
+    if layout is Layout.PARTITIONS:
+        days = partitions.days_there(connection)
+        today = partitions.day_of(now)
+        names = [days[day] for day in sorted(days)]
+        said = f", {names[0]} to {names[-1]}" if names else ""
+        yield f"samples: {len(names)} partitions by day{said}"
+        if stray := count_rows(connection, partitions.DEFAULT):
+            yield f"samples: {stray} rows lie in {partitions.DEFAULT}, outside the days"
+        if names and not {today, today + 1} <= set(days):
+            yield "samples: tomorrow has no partition yet; a running service makes it"
+        if version := connection.execute(_AVAILABLE).scalar():
+            yield (
+                f"TimescaleDB {version} could be installed in this database; see docs/storage.md "
+                "for what it changes"
+            )
+
+
+def _sizes(connection: Connection, shape: Shape, layout: Layout) -> Iterator[TableSize]:
+    for table in shape.tables:
+        size: int | None = None
+        if table.name == "samples" and layout is Layout.HYPERTABLE:
+            size = int(connection.execute(_SIZE_OF_HYPERTABLE).scalar_one())
+        elif connection.dialect.name == "postgresql":
+            size = int(connection.execute(_SIZE, {"name": table.name}).scalar_one())
+        yield TableSize(name=table.name, rows=count_rows(connection, table.name), size_bytes=size)
+
+
+def _whole_size(connection: Connection) -> int:
+    if connection.dialect.name == "postgresql":
+        found = connection.execute(text("SELECT pg_database_size(current_database())"))
+        return int(found.scalar_one())
+    pages = connection.execute(text("PRAGMA page_count")).scalar_one()
+    return int(pages) * int(connection.execute(text("PRAGMA page_size")).scalar_one())

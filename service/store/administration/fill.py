@@ -1,0 +1,182 @@
+"""Filling an empty database with what another one held, all of it or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Protocol
+
+import numpy as np
+import pyarrow as pa
+import sqlalchemy as sa
+from alembic import command
+from sqlalchemy import Connection, Engine, inspect
+
+from stemwatch.service.store.administration.backup_file import Told
+from stemwatch.service.store.administration.migrate import config_for, refuse_newer, wait_for_others
+from stemwatch.service.store.administration.row_batches import (
+    Digest,
+    count_rows,
+    digest_of,
+    read_batches,
+)
+from stemwatch.service.store.administration.schema import SAMPLES, Kind, Shape, Table, shape_of
+from stemwatch.service.store.database.engine import driver_errors, for_writing, store_errors
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.samples import partitions
+from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
+from stemwatch.service.store.samples.partitions import DAY_US, Layout
+
+
+class Source(Protocol):
+    """Where rows come from; ``promised`` is what is said of them beforehand, if anything is."""
+
+    shape: Shape
+    promised: dict[str, Told]
+
+    def batches(self, table: Table) -> Iterator[pa.RecordBatch]:
+        """All rows of a table in the order of its key."""
+        ...
+
+
+def fill(engine: Engine, address: Address, source: Source) -> dict[str, Told]:
+    """Bring all rows of ``source`` into the empty database and its schema to the newest.
+
+    The schema is first made as old as the source's. Each table is read back and its digest
+    compared; then the migrations run, over the data. All in one transaction: an error leaves the
+    database as it was. Raises ``StoreError`` for a database that is not empty, for a source of a
+    newer version, and for a table that does not come back as it went.
+    """
+    with store_errors(address, "filling the store"), for_writing(engine).begin() as connection:
+        wait_for_others(connection)
+        if source.shape.revision is None:
+            raise StoreError("the source has no tables of stemwatch: there is nothing to copy")
+        refuse_newer(source.shape.revision, "the source")
+        _refuse_occupied(connection, address)
+        config = config_for(connection)
+        if shape_of(connection).revision is not None:
+            command.downgrade(config, "base")
+        command.upgrade(config, source.shape.revision)
+        told = {}
+        for table in shape_of(connection).tables:
+            told[table.name] = _carry(connection, source, table)
+        if connection.dialect.name == "postgresql":
+            _continue_numbering(connection, source.shape)
+        command.upgrade(config, "head")
+    return told
+
+
+def _refuse_occupied(connection: Connection, address: Address) -> None:
+    shape = shape_of(connection)
+    rows = {table.name: count_rows(connection, table.name) for table in shape.tables}
+    found = [f"{name} {count}" for name, count in rows.items() if count]
+    if found:
+        raise StoreError(
+            f"{address}: is not empty (rows: {', '.join(found)}); nothing was changed. Give an "
+            "empty database, or move this one away"
+        )
+
+
+def _carry(connection: Connection, source: Source, table: Table) -> Told:
+    described = {one.name: one for one in source.shape.tables}.get(table.name)
+    if described is None or set(described.columns) != set(table.columns):
+        raise StoreError(f"{table.name}: the source has other columns than its schema says")
+    went = Digest(table)
+    for batch in source.batches(described):
+        went.update(batch)
+        _insert(connection, table, batch)
+    _compare(table.name, "on the way", source.promised.get(table.name), _told(went))
+    came = _told(digest_of(table, read_batches(connection, table)))
+    _compare(table.name, "in the database", _told(went), came)
+    return came
+
+
+def _told(digest: Digest) -> Told:
+    return Told(rows=digest.rows, digest=digest.hexdigest())
+
+
+def _compare(name: str, where: str, expected: Told | None, found: Told) -> None:
+    if expected is not None and expected != found:
+        raise StoreError(
+            f"{name}: {found.rows} rows with digest {found.digest[:12]} {where}, expected "
+            f"{expected.rows} with {expected.digest[:12]}; nothing was changed"
+        )
+
+
+def _insert(connection: Connection, table: Table, batch: pa.RecordBatch) -> None:
+    if not batch.num_rows:
+        return
+    if table.name == SAMPLES:
+        _insert_samples(connection, batch)
+    elif connection.dialect.name == "sqlite":
+        _insert_sqlite(connection, table, batch)
+    else:
+        _copy_postgres(connection, table, batch)
+
+
+def _insert_samples(connection: Connection, batch: pa.RecordBatch) -> None:
+    columns = SampleColumns(
+        tag=_numbers(batch, "tag_id", 0),
+        at_us=_numbers(batch, "at_us", 0),
+        values=_numbers(batch, "value", np.nan),
+        quality=_numbers(batch, "quality", 0),
+        reason=_numbers(batch, "reason_id", 0),
+    )
+    if partitions.layout_of(connection) is Layout.PARTITIONS:
+        days = np.unique(columns.at_us // DAY_US).tolist()
+        partitions.make_days(connection, partitions.wanted_days(days, datetime.now(UTC)))
+    insert_samples(connection, columns, more_follow=True)
+
+
+def _numbers(batch: pa.RecordBatch, name: str, instead: float) -> np.ndarray:
+    found: np.ndarray = batch.column(name).fill_null(instead).to_numpy(zero_copy_only=False)
+    return found
+
+
+def _insert_sqlite(connection: Connection, table: Table, batch: pa.RecordBatch) -> None:
+    names = [column.name for column in table.columns]
+    columns = [_as_sqlite(batch.column(one.name).to_pylist(), one.kind) for one in table.columns]
+    marks = ", ".join("?" * len(names))
+    quoted = ", ".join(f'"{name}"' for name in names)
+    statement = f'INSERT INTO "{table.name}" ({quoted}) VALUES ({marks})'
+    connection.exec_driver_sql(statement, list(zip(*columns, strict=True)))
+
+
+def _as_sqlite(values: list[object], kind: Kind) -> list[object]:
+    if kind is Kind.TIME:  # as SQLAlchemy writes it
+        return [
+            value.strftime("%Y-%m-%d %H:%M:%S.%f") if isinstance(value, datetime) else None
+            for value in values
+        ]
+    return values
+
+
+def _copy_postgres(connection: Connection, table: Table, batch: pa.RecordBatch) -> None:
+    driver = connection.connection.driver_connection
+    assert driver is not None
+    names = ", ".join(f'"{column.name}"' for column in table.columns)
+    columns = [batch.column(column.name).to_pylist() for column in table.columns]
+    with (
+        driver_errors(connection),
+        driver.cursor() as cursor,
+        cursor.copy(f'COPY "{table.name}" ({names}) FROM STDIN') as copy,
+    ):
+        for row in zip(*columns, strict=True):
+            copy.write_row(row)
+
+
+def _continue_numbering(connection: Connection, shape: Shape) -> None:
+    """The next row that PostgreSQL numbers gets a number that is free."""
+    for table in shape.tables:
+        if table.key != ("id",) or table.name not in inspect(connection).get_table_names():
+            continue
+        owned = sa.text("SELECT pg_get_serial_sequence(:name, 'id')")
+        if (sequence := connection.execute(owned, {"name": table.name}).scalar()) is None:
+            continue
+        newest = connection.execute(sa.text(f'SELECT max(id) FROM "{table.name}"')).scalar()
+        if newest is not None:
+            connection.execute(
+                sa.text("SELECT setval(:sequence, :newest)"),
+                {"sequence": sequence, "newest": newest},
+            )

@@ -1,0 +1,106 @@
+"""Bringing a database to the schema this version writes, with Alembic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from alembic.util import CommandError
+from sqlalchemy import Connection, Engine, text
+
+from stemwatch.service.store.database.engine import for_writing, store_errors
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.samples.partitions import is_partition
+
+_LOCK = 0x57E3_3A7C  # any number of our own: PostgreSQL's advisory lock for migrations
+
+
+def upgrade(engine: Engine, address: Address) -> None:
+    """Bring the database to the newest schema, keeping what is in it; one process at a time.
+
+    Raises ``StoreError`` when the database cannot be reached, is not one, or was written by a
+    newer version of the program.
+    """
+    with store_errors(address, "opening the store"), for_writing(engine).begin() as connection:
+        wait_for_others(connection)
+        if (current := current_revision(connection)) is not None:
+            refuse_newer(current, str(address))
+        command.upgrade(config_for(connection), "head")
+
+
+def downgrade(engine: Engine, revision: str) -> None:
+    """Back to ``revision``, or to nothing with ``"base"``; what only newer schemas hold is lost."""
+    with for_writing(engine).begin() as connection:
+        wait_for_others(connection)
+        command.downgrade(config_for(connection), revision)
+
+
+def take_back(engine: Engine, address: Address, revision: str) -> None:
+    """``downgrade`` for a person: raises ``StoreError`` for a schema that is none, or not older
+    than the present one."""
+    known = [one.revision for one in ScriptDirectory.from_config(_config()).walk_revisions()]
+    if revision not in known:
+        raise StoreError(f"{address}: there is no schema {revision}; {', '.join(reversed(known))}")
+    with store_errors(address, "reading the schema"), engine.connect() as connection:
+        present = current_revision(connection)
+    if present is None or revision > present:
+        raise StoreError(f"{address}: has schema {present or 'none'}, which is older already")
+    with store_errors(address, "taking the schema back"):
+        downgrade(engine, revision)
+
+
+def is_compared(thing: Any, name: str | None, kind: str, reflected: bool, _other: Any) -> bool:
+    """Whether Alembic shall compare ``thing`` with the tables in code (its ``include_object``).
+
+    Not the partitions of samples, which come and go, and not the foreign keys of samples, which
+    PostgreSQL does without.
+    """
+    if kind == "table":
+        return not (reflected and is_partition(name or ""))
+    return not (kind == "foreign_key_constraint" and thing.table.name == "samples")
+
+
+def current_revision(connection: Connection) -> str | None:
+    """The schema of the database, ``None`` where there is none yet."""
+    return MigrationContext.configure(connection).get_current_revision()
+
+
+def newest_revision() -> str:
+    """The newest schema that this version of the program knows."""
+    return str(ScriptDirectory.from_config(_config()).get_current_head())
+
+
+def config_for(connection: Connection) -> Config:
+    """Alembic's settings for one open connection; ``migrations/env.py`` takes it from here."""
+    config = _config()
+    config.attributes["connection"] = connection
+    return config
+
+
+def wait_for_others(connection: Connection) -> None:
+    """Hold off every other process that would change the schema, until the transaction's end."""
+    # SQLite's write lock is held already.
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
+
+
+def refuse_newer(revision: str, where: str) -> None:
+    """Raise ``StoreError`` for a schema that this version of the program does not know."""
+    script = ScriptDirectory.from_config(_config())
+    try:
+        script.get_revision(revision)
+    except CommandError:
+        raise StoreError(
+            f"{where}: written by a newer stemwatch (schema {revision}; this version knows "
+            f"schemas up to {script.get_current_head()}). Install the newer version."
+        ) from None
+
+
+def _config() -> Config:
+    config = Config()
+    config.set_main_option("script_location", "stemwatch.service.store:migrations")
+    return config

@@ -1,0 +1,135 @@
+"""What ``stemwatch db prune`` removes: samples, results and messages that are over age."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import ColumnElement, and_, delete, func, or_, select
+from sqlalchemy.orm import Session, aliased
+
+from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
+from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.samples.partitions import DAY_US
+from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.tables import SampleRow
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow
+from stemwatch.service.store.store import Store
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ages:
+    """How many days are kept of each; ``None`` keeps everything. Raises ``ValueError`` below 1."""
+
+    samples_days: float | None = None
+    results_days: float | None = None
+    alerts_days: float | None = None
+
+    def __post_init__(self) -> None:
+        for days in (self.samples_days, self.results_days, self.alerts_days):
+            if days is not None and days < 1:
+                raise ValueError(f"at least one day must be kept, received {days:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pruned:
+    """Rows that would go, or went, by what they are."""
+
+    samples: int = 0
+    screenings: int = 0
+    runs: int = 0
+    alerts: int = 0
+    messages: int = 0
+
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.samples + self.screenings + self.runs + self.alerts + self.messages
+
+
+def would_prune(store: Store, ages: Ages, now: datetime | None = None) -> Pruned:
+    """What ``prune`` would remove. Changes nothing. Raises ``StoreError``."""
+    now = now or datetime.now(UTC)
+    with store.access.reading("counting what is over age") as session:
+        before_us = _samples_before_us(ages, now)
+        samples = 0 if before_us is None else _count(session, SampleRow, _older(before_us))
+        rules = _rules(ages, now)
+        found = {
+            name: _count(session, table, rules[name])
+            for name, table in _TABLES.items()
+            if name in rules
+        }
+    return Pruned(samples=samples, **found)
+
+
+def prune(store: Store, ages: Ages, now: datetime | None = None) -> Pruned:
+    """Remove what is over age: days of samples that are wholly older; screenings with their
+    indicators, but never a valve's latest; runs that have none left; closed alerts; messages that
+    were sent or given up. Baselines, notes and maintenance stay. Raises ``StoreError``."""
+    now = now or datetime.now(UTC)
+    samples = 0
+    if ages.samples_days is not None:
+        oldest = now - timedelta(days=ages.samples_days)
+        samples = store.samples.remove_before(oldest, whole_days=True)
+    went: dict[str, int] = {}
+    with store.access.writing("removing what is over age") as session:
+        for name, rule in _rules(ages, now).items():
+            gone = session.execute(
+                delete(_TABLES[name]).where(rule), execution_options={"synchronize_session": False}
+            )
+            went[name] = gone.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+    return Pruned(samples=samples, **went)
+
+
+# Screenings before runs: a run goes when its screenings have gone.
+_TABLES: dict[str, type[Base]] = {
+    "screenings": ScreeningRow,
+    "runs": RunRow,
+    "alerts": AlertRow,
+    "messages": DeliveryRow,
+}
+
+
+def _rules(ages: Ages, now: datetime) -> dict[str, ColumnElement[bool]]:
+    rules: dict[str, ColumnElement[bool]] = {}
+    if ages.results_days is not None:
+        before = now - timedelta(days=ages.results_days)
+        rules["screenings"] = _old_screenings(before)
+        rules["runs"] = _empty_runs(before)
+    if ages.alerts_days is not None:
+        before = now - timedelta(days=ages.alerts_days)
+        rules["alerts"] = and_(AlertRow.closed.is_not(None), AlertRow.closed < before)
+        over = or_(DeliveryRow.sent.is_not(None), DeliveryRow.given_up)
+        rules["messages"] = and_(over, DeliveryRow.created < before)
+    return rules
+
+
+def _old_screenings(before: datetime) -> ColumnElement[bool]:
+    newest = latest_screening_id(ScreeningRow.valve)
+    return and_(ScreeningRow.at < before, ScreeningRow.id != newest)
+
+
+def _empty_runs(before: datetime) -> ColumnElement[bool]:
+    """Runs that are over and whose screenings are none, or go with this pruning."""
+    stays = aliased(ScreeningRow)
+    newest = latest_screening_id(stays.valve)
+    kept = select(stays.id).where(
+        stays.run_id == RunRow.id, or_(stays.at >= before, stays.id == newest)
+    )
+    return and_(RunRow.finished.is_not(None), RunRow.finished < before, ~kept.exists())
+
+
+def _samples_before_us(ages: Ages, now: datetime) -> int | None:
+    if ages.samples_days is None:
+        return None
+    before_us = microseconds(now - timedelta(days=ages.samples_days))
+    return before_us - before_us % DAY_US
+
+
+def _older(before_us: int) -> ColumnElement[bool]:
+    return SampleRow.at_us < before_us
+
+
+def _count(session: Session, table: type[Base], rule: ColumnElement[bool]) -> int:
+    return session.scalar(select(func.count()).select_from(table).where(rule)) or 0

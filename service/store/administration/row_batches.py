@@ -1,0 +1,121 @@
+"""The rows of a table as Arrow batches, and a digest of them that no database changes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import sqlalchemy as sa
+from sqlalchemy import Connection
+
+from stemwatch.service.store.administration.schema import Column, Kind, Table
+
+_LIGHT_ROWS, _HEAVY_ROWS = 50_000, 500
+_PARTS = ("there", "lengths", "values")  # what a column is in a digest
+
+
+class Digest:
+    """SHA-256 over the rows of one table in the order of its key, column by column.
+
+    Where batches end makes no difference, nor does the database the rows come from: times are
+    microseconds in UTC, numbers their eight bytes (without the sign of zero, which SQLite does not
+    keep), texts UTF-8.
+    """
+
+    def __init__(self, table: Table) -> None:
+        self.rows = 0
+        self._streams = {
+            (column.name, part): hashlib.sha256() for column in table.columns for part in _PARTS
+        }
+
+    def update(self, batch: pa.RecordBatch) -> None:
+        """Take in the next rows."""
+        self.rows += batch.num_rows
+        for name in batch.schema.names:
+            for part, data in zip(_PARTS, _bytes_of(batch.column(name)), strict=True):
+                self._streams[name, part].update(data)
+
+    def hexdigest(self) -> str:
+        """The digest of all rows so far."""
+        whole = hashlib.sha256()
+        for name, part in sorted(self._streams):
+            whole.update(f"{name}.{part}\0".encode() + self._streams[name, part].digest())
+        return whole.hexdigest()
+
+
+def read_batches(connection: Connection, table: Table) -> Iterator[pa.RecordBatch]:
+    """All rows of ``table`` in the order of its key, a batch at a time."""
+    size = _HEAVY_ROWS if table.is_heavy else _LIGHT_ROWS
+    rows_of = _select(connection, table).execution_options(stream_results=True)
+    with connection.execute(rows_of) as found:
+        for rows in found.partitions(size):
+            yield batch_of(table, rows)
+
+
+def digest_of(table: Table, batches: Iterable[pa.RecordBatch]) -> Digest:
+    """The digest of all ``batches``."""
+    digest = Digest(table)
+    for batch in batches:
+        digest.update(batch)
+    return digest
+
+
+def count_rows(connection: Connection, name: str) -> int:
+    """How many rows a table has."""
+    rows = sa.select(sa.func.count()).select_from(sa.table(name))
+    return int(connection.execute(rows).scalar_one())
+
+
+def batch_of(table: Table, rows: Iterable[Iterable[object]]) -> pa.RecordBatch:
+    """Rows of a database, columns in the order of ``table``, as one batch."""
+    columns = list(zip(*rows, strict=True)) or [() for _ in table.columns]
+    arrays = [
+        pa.array(values, type=column.arrow)
+        for column, values in zip(table.columns, columns, strict=True)
+    ]
+    return pa.RecordBatch.from_arrays(arrays, schema=table.schema)
+
+
+def _select(connection: Connection, table: Table) -> sa.Select[tuple[object, ...]]:
+    source = sa.table(table.name, *(sa.column(one.name, one.sql) for one in table.columns))
+    is_postgres = connection.dialect.name == "postgresql"
+    columns = [
+        sa.cast(source.c[one.name], sa.Text())
+        if is_postgres and one.kind is Kind.JSON
+        else source.c[one.name]
+        for one in table.columns
+    ]
+    order = [_ordered(source.c[one.name], one, is_postgres) for one in _key(table)]
+    return sa.select(*columns).order_by(*order)
+
+
+def _key(table: Table) -> list[Column]:
+    by_name = {column.name: column for column in table.columns}
+    return [by_name[name] for name in table.key]
+
+
+def _ordered(
+    column: sa.ColumnElement[Any], one: Column, is_postgres: bool
+) -> sa.ColumnElement[Any]:
+    # By bytes, as SQLite does; PostgreSQL would use the order of some language.
+    return sa.collate(column, "C") if is_postgres and one.kind is Kind.TEXT else column
+
+
+def _bytes_of(column: pa.Array) -> tuple[bytes, bytes, bytes]:
+    """A column as bytes: which values are there, how long they are, the values."""
+    there = column.is_valid().to_numpy(zero_copy_only=False).tobytes()
+    kind = column.type
+    if pa.types.is_string(kind) or pa.types.is_binary(kind):
+        texts = column.cast(pa.binary()).fill_null(b"").to_pylist()
+        lengths = np.fromiter(map(len, texts), "<i8", len(texts))
+        return there, lengths.tobytes(), b"".join(texts)
+    if pa.types.is_timestamp(kind):
+        column = column.cast(pa.int64())
+    if pa.types.is_floating(kind):
+        values = column.fill_null(0.0).to_numpy(zero_copy_only=False) + 0.0
+        return there, b"", values.astype("<f8").tobytes()
+    filled = column.fill_null(False if pa.types.is_boolean(kind) else 0)
+    return there, b"", filled.to_numpy(zero_copy_only=False).astype("<i8").tobytes()

@@ -1,0 +1,268 @@
+"""``Alerts``: what was raised, who has seen it, and what became of it.
+
+At most one alert of each cause is open, by the database's own rule: what is raised again while it
+is open only says that it was seen again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Any
+
+from sqlalchemy import Select, func, or_, select, update
+from sqlalchemy.orm import Session
+
+from stemwatch.service.store.alerts.tables import AlertRow
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.screenings import ensure_valve
+from stemwatch.service.store.screenings.tables import ValveRow
+
+
+class AlertKind(StrEnum):
+    """What an alert is about."""
+
+    STICKY = "sticky"  # the verdict became sticky
+    GROWN = "grown"  # S lies significantly above what it was at the baseline
+    BASELINE = "baseline"  # MV no longer follows the baseline network
+    MISMATCH = "mismatch"  # something was named that S and J leave out
+    NO_DATA = "no_data"  # a source fell silent
+    COMMON = "common"  # many valves at once
+
+
+class AlertSeverity(StrEnum):
+    """How soon somebody should look, the most urgent first."""
+
+    HIGH = "high"
+    MEDIUM = "medium"
+    LOW = "low"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Raised:
+    """Something that was found; ``cause`` is what makes it the same as something found before."""
+
+    cause: str
+    kind: AlertKind
+    severity: AlertSeverity
+    text: str
+    valve: str | None = None
+    source: str | None = None
+    run_id: int | None = None
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredAlert:
+    """An alert as it stands now. Open until ``closed``."""
+
+    id: int
+    cause: str
+    kind: AlertKind
+    severity: AlertSeverity
+    text: str
+    valve: str | None
+    source: str | None
+    run_id: int | None
+    evidence: Mapping[str, Any]
+    opened: datetime
+    seen: datetime
+    closed: datetime | None
+    closed_why: str
+    acknowledged: datetime | None
+    acknowledged_by: str
+    comment: str
+    snoozed_until: datetime | None
+    snoozed_by: str
+    false_alarm: bool
+    told: datetime | None
+
+    def quiet(self, now: datetime) -> bool:
+        """Whether nobody is to be bothered with it now."""
+        snoozed = self.snoozed_until is not None and self.snoozed_until > now
+        return self.false_alarm or self.closed is not None or snoozed
+
+
+class Alerts:
+    """The alerts in the store. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def raise_all(self, found: Sequence[Raised]) -> list[int]:
+        """Open an alert for each cause that has none open; the numbers of the new ones."""
+        with self._access.writing("raising alerts") as session:
+            return [number for one in found if (number := _raise(session, one)) is not None]
+
+    def clear(self, causes: Sequence[str], why: str) -> list[StoredAlert]:
+        """Close the open alerts of these causes; those that were closed by it."""
+        if not causes:
+            return []
+        with self._access.writing("closing alerts") as session:
+            rows = session.scalars(
+                select(AlertRow).where(AlertRow.closed.is_(None), AlertRow.cause.in_(causes))
+            ).all()
+            for row in rows:
+                row.closed, row.closed_why = datetime.now(UTC), why
+            return [stored_alert(row) for row in rows]
+
+    def acknowledge(self, alert: int, who: str, comment: str = "") -> StoredAlert:
+        """Note that somebody has seen the alert. It stays open until its cause is gone."""
+        with self._changing(alert) as row:
+            row.acknowledged, row.acknowledged_by = datetime.now(UTC), who
+            row.comment = comment or row.comment
+            return stored_alert(row)
+
+    def snooze(self, alert: int, until: datetime, who: str) -> StoredAlert:
+        """Let the alert rest until ``until``."""
+        with self._changing(alert) as row:
+            row.snoozed_until, row.snoozed_by = until, who
+            return stored_alert(row)
+
+    def mark_false(self, alert: int, who: str, comment: str = "") -> StoredAlert:
+        """Note that the alert was wrong. It is shown no more and not raised again until its cause
+        was gone in between."""
+        with self._changing(alert) as row:
+            row.false_alarm = True
+            row.acknowledged = row.acknowledged or datetime.now(UTC)
+            row.acknowledged_by, row.comment = who, comment or row.comment
+            return stored_alert(row)
+
+    def get(self, alert: int) -> StoredAlert:
+        """The alert of this number."""
+        with self._access.reading() as session:
+            return stored_alert(_row(session, alert))
+
+    def open(
+        self, *, valve: str | None = None, area: str | None = None, limit: int | None = None
+    ) -> list[StoredAlert]:
+        """Open alerts without the false ones: the most urgent, then the newest first."""
+        statement = _of(valve, area).where(
+            AlertRow.closed.is_(None), AlertRow.false_alarm.is_(False)
+        )
+        order = {AlertSeverity.HIGH.value: 0, AlertSeverity.MEDIUM.value: 1}
+        with self._access.reading() as session:
+            found = [stored_alert(row) for row in session.scalars(statement)]
+        found.sort(key=lambda one: (order.get(one.severity.value, 2), -one.opened.timestamp()))
+        return found[:limit]
+
+    def history(
+        self, *, valve: str | None = None, limit: int = 200, offset: int = 0
+    ) -> list[StoredAlert]:
+        """Alerts of any state, newest first."""
+        statement = _of(valve, None).order_by(AlertRow.opened.desc(), AlertRow.id.desc())
+        with self._access.reading() as session:
+            rows = session.scalars(statement.limit(limit).offset(offset))
+            return [stored_alert(row) for row in rows]
+
+    def counts(self) -> dict[AlertSeverity, int]:
+        """How many alerts of each severity are open."""
+        statement = (
+            select(AlertRow.severity, func.count())
+            .where(AlertRow.closed.is_(None), AlertRow.false_alarm.is_(False))
+            .group_by(AlertRow.severity)
+        )
+        with self._access.reading() as session:
+            return {AlertSeverity(name): number for name, number in session.execute(statement)}
+
+    def open_causes(self, prefixes: Sequence[str] = ()) -> set[str]:
+        """The causes of open alerts, the false ones too."""
+        statement = select(AlertRow.cause).where(AlertRow.closed.is_(None))
+        if prefixes:
+            begins = [AlertRow.cause.startswith(prefix, autoescape=True) for prefix in prefixes]
+            statement = statement.where(or_(*begins))
+        with self._access.reading() as session:
+            return set(session.scalars(statement))
+
+    @contextmanager
+    def _changing(self, alert: int) -> Iterator[AlertRow]:
+        with self._access.writing(f"changing alert {alert}") as session:
+            yield _row(session, alert)
+
+
+def _row(session: Session, alert: int) -> AlertRow:
+    row = session.scalar(select(AlertRow).where(AlertRow.id == alert).with_for_update())
+    if row is None:
+        raise StoreError(f"there is no alert {alert}")
+    return row
+
+
+def _of(valve: str | None, area: str | None) -> Select[AlertRow]:
+    statement = select(AlertRow)
+    if valve is not None:
+        statement = statement.where(AlertRow.valve == valve)
+    if area is not None:
+        statement = statement.join(ValveRow, ValveRow.id == AlertRow.valve)
+        statement = statement.where(ValveRow.area == area)
+    return statement
+
+
+def _raise(session: Session, found: Raised) -> int | None:
+    """The number of the alert that this opened; ``None`` where one of this cause was open."""
+    now = datetime.now(UTC)
+    if found.valve is not None:
+        ensure_valve(session, found.valve)
+    again = session.execute(
+        update(AlertRow)
+        .where(AlertRow.cause == found.cause, AlertRow.closed.is_(None))
+        .values(seen=now)
+        .returning(AlertRow.id)
+    ).first()
+    if again is not None:
+        return None
+    empty = ("closed_why", "acknowledged_by", "comment", "snoozed_by")
+    values = {
+        "cause": found.cause,
+        "kind": found.kind.value,
+        "severity": found.severity.value,
+        "text": found.text,
+        "valve": found.valve,
+        "source": found.source,
+        "run_id": found.run_id,
+        "evidence": dict(found.evidence),
+        "opened": now,
+        "seen": now,
+        "false_alarm": False,
+        **dict.fromkeys(empty, ""),
+    }
+    statement = upsert(
+        session,
+        AlertRow,
+        [values],
+        ("cause",),
+        update=False,
+        where=AlertRow.closed.is_(None),
+        returning=AlertRow.id,
+    )
+    return session.execute(statement).scalar_one_or_none()
+
+
+def stored_alert(row: AlertRow) -> StoredAlert:
+    """The row as a plain value."""
+    return StoredAlert(
+        id=row.id,
+        cause=row.cause,
+        kind=AlertKind(row.kind),
+        severity=AlertSeverity(row.severity),
+        text=row.text,
+        valve=row.valve,
+        source=row.source,
+        run_id=row.run_id,
+        evidence=row.evidence,
+        opened=row.opened,
+        seen=row.seen,
+        closed=row.closed,
+        closed_why=row.closed_why,
+        acknowledged=row.acknowledged,
+        acknowledged_by=row.acknowledged_by,
+        comment=row.comment,
+        snoozed_until=row.snoozed_until,
+        snoozed_by=row.snoozed_by,
+        false_alarm=row.false_alarm,
+        told=row.told,
+    )

@@ -1,0 +1,143 @@
+"""``Deliveries``: messages to people, each until it was sent or given up.
+
+A message is written in the same transaction that notes its alerts as told, so none is lost and none
+is written twice. A process that dies between sending and noting it leaves a message that is sent
+again under the same key, by which the receiver can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import or_, select, update
+
+from stemwatch.service.store.alerts.alerts import StoredAlert, stored_alert
+from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.database.sessions import Access
+
+CLAIM = timedelta(minutes=5)  # no notifier takes longer to send one message
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredDelivery:
+    """One message to one notifier. ``key`` is the same for each attempt."""
+
+    id: int
+    notifier: str
+    key: str
+    message: Mapping[str, Any]
+    created: datetime
+    attempts: int
+    next_try: datetime
+    sent: datetime | None
+    given_up: bool
+    error: str
+
+
+class Deliveries:
+    """The messages in the store. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def untold(self) -> list[StoredAlert]:
+        """Open alerts that no message has told of and that nobody let rest."""
+        now = datetime.now(UTC)
+        statement = select(AlertRow).where(
+            AlertRow.told.is_(None),
+            AlertRow.closed.is_(None),
+            AlertRow.false_alarm.is_(False),
+            or_(AlertRow.snoozed_until.is_(None), AlertRow.snoozed_until <= now),
+        )
+        with self._access.reading() as session:
+            return [stored_alert(row) for row in session.scalars(statement.order_by(AlertRow.id))]
+
+    def put(
+        self, messages: Mapping[str, Mapping[str, Any]], key: str, alerts: Sequence[int]
+    ) -> bool:
+        """Queue each notifier's message about ``alerts``; whether this process did it."""
+        now = datetime.now(UTC)
+        with self._access.writing("queueing a message") as session:
+            told = session.execute(
+                update(AlertRow)
+                .where(AlertRow.id.in_(alerts), AlertRow.told.is_(None))
+                .values(told=now)
+                .returning(AlertRow.id)
+            ).all()
+            if len(told) != len(alerts):
+                session.rollback()  # another process tells of some of them
+                return False
+            for notifier, message in messages.items():
+                values = {
+                    "notifier": notifier,
+                    "key": key,
+                    "message": dict(message),
+                    "created": now,
+                    "attempts": 0,
+                    "next_try": now,
+                    "given_up": False,
+                    "error": "",
+                }
+                session.execute(
+                    upsert(session, DeliveryRow, [values], ("notifier", "key"), update=False)
+                )
+        return True
+
+    def claim(self) -> StoredDelivery | None:
+        """The next message to send, this process's for a few minutes, or ``None``."""
+        now = datetime.now(UTC)
+        with self._access.writing("taking a message") as session:
+            row = session.scalar(
+                select(DeliveryRow)
+                .where(
+                    DeliveryRow.sent.is_(None),
+                    DeliveryRow.given_up.is_(False),
+                    DeliveryRow.next_try <= now,
+                    or_(DeliveryRow.claimed_until.is_(None), DeliveryRow.claimed_until < now),
+                )
+                .order_by(DeliveryRow.next_try)
+                .limit(1)
+                .with_for_update(skip_locked=True)
+            )
+            if row is None:
+                return None
+            row.claimed_until, row.attempts = now + CLAIM, row.attempts + 1
+            return _stored(row)
+
+    def sent(self, delivery: int) -> None:
+        """Note that a message has arrived."""
+        self._change(delivery, sent=datetime.now(UTC), claimed_until=None, error="")
+
+    def failed(self, delivery: int, error: str, next_try: datetime | None) -> None:
+        """Note why a message did not arrive; with ``next_try`` ``None`` it is given up."""
+        later = {"next_try": next_try} if next_try is not None else {"given_up": True}
+        self._change(delivery, claimed_until=None, error=error, **later)
+
+    def recent(self, limit: int = 100) -> list[StoredDelivery]:
+        """The newest messages, newest first."""
+        with self._access.reading() as session:
+            rows = select(DeliveryRow).order_by(DeliveryRow.id.desc()).limit(limit)
+            return [_stored(row) for row in session.scalars(rows)]
+
+    def _change(self, delivery: int, **values: Any) -> None:
+        with self._access.writing("noting a message's state") as session:
+            session.execute(update(DeliveryRow).where(DeliveryRow.id == delivery).values(**values))
+
+
+def _stored(row: DeliveryRow) -> StoredDelivery:
+    return StoredDelivery(
+        id=row.id,
+        notifier=row.notifier,
+        key=row.key,
+        message=row.message,
+        created=row.created,
+        attempts=row.attempts,
+        next_try=row.next_try,
+        sent=row.sent,
+        given_up=row.given_up,
+        error=row.error,
+    )

@@ -1,0 +1,1 @@
+"""How the store speaks to SQLite and PostgreSQL: engines, transactions, column types."""

@@ -1,0 +1,110 @@
+"""Column types that give back on every engine what was put in."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any, ClassVar
+
+from sqlalchemy import JSON, DateTime, Dialect, Double, ForeignKey, LargeBinary, MetaData, Text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.types import TypeDecorator
+
+_NOT_STORABLE = re.compile("[\x00\ud800-\udfff]")
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """A timezone-aware instant, kept and given back in UTC.
+
+    SQLite forgets the zone and PostgreSQL answers in the session's; both are mended here. Raises
+    ``ValueError`` for a naive datetime, whose instant nobody knows.
+    """
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        if value is None:
+            return None
+        if value.tzinfo is None:
+            raise ValueError(f"a timezone aware datetime is expected, received {value}")
+        instant = value.astimezone(UTC)
+        return instant.replace(tzinfo=None) if dialect.name == "sqlite" else instant
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        if value is None:
+            return None
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+class CleanText(TypeDecorator[str]):
+    """Text that every engine takes: NUL and lone surrogates, which file names and damaged exports
+    can hold, become U+FFFD."""
+
+    impl = Text
+    cache_ok = True
+
+    def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:
+        return None if value is None else clean_text(value)
+
+
+class CleanJson(TypeDecorator[Any]):
+    """JSON that every engine takes: texts as in ``CleanText``, and ``null`` for NaN and infinity,
+    which JSON does not have."""
+
+    impl = JSON
+    cache_ok = True
+
+    def process_bind_param(self, value: Any, dialect: Dialect) -> Any:
+        return _clean(value)
+
+
+def clean_text(text: str) -> str:
+    """``text`` with U+FFFD for each character that no database stores."""
+    return _NOT_STORABLE.sub("\ufffd", text)
+
+
+def finite(value: float | None) -> float | None:
+    """``value``, or ``None`` where it is not a finite number."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _clean(value: Any) -> Any:
+    if isinstance(value, str):
+        return clean_text(value)
+    if isinstance(value, float):
+        return finite(value)
+    if isinstance(value, Mapping):
+        return {clean_text(str(key)): _clean(inner) for key, inner in value.items()}
+    if isinstance(value, Sequence):
+        return [_clean(inner) for inner in value]
+    return value
+
+
+_NAMES = {
+    "ix": "ix_%(column_0_N_label)s",
+    "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+    "fk": "fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s",
+    "pk": "pk_%(table_name)s",
+}
+
+
+class Base(DeclarativeBase):
+    """Constraint names are fixed here, so that migrations can drop what they created."""
+
+    metadata = MetaData(naming_convention=_NAMES)
+    type_annotation_map: ClassVar[dict[Any, Any]] = {
+        str: CleanText,
+        float: Double,
+        datetime: UtcDateTime,
+        dict[str, Any]: CleanJson,
+        list[str]: CleanJson,
+        bytes: LargeBinary,
+    }
+
+
+def of_valve() -> Mapped[str]:
+    """A column that names the valve a row belongs to, and goes with it."""
+    return mapped_column(ForeignKey("valves.id", ondelete="CASCADE"))

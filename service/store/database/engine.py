@@ -1,0 +1,148 @@
+"""Engines: SQLite in WAL mode or PostgreSQL, with the same behaviour towards the store."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
+
+from stemwatch.service.store.database_url import Address, masked
+from stemwatch.service.store.errors import StoreError
+
+BUSY_TIMEOUT_MS = 30_000
+_WRITES = "stemwatch_writes"
+
+
+def make_engine(address: Address) -> Engine:
+    """An engine for ``address``. Nothing is connected yet. Raises ``StoreError`` for a URL that
+    is not one, for an engine other than the two, and for a driver that is not installed."""
+    backend = _backend(address)
+    try:
+        engine = create_engine(_with_driver(address.reveal()), hide_parameters=True)
+    except (ImportError, NoSuchModuleError) as error:
+        raise StoreError(
+            f"{address}: no driver for this database ({error}); SQLite needs none, PostgreSQL "
+            "needs the package psycopg"
+        ) from None
+    if backend == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def existing_engine(address: Address) -> Engine:
+    """An engine for a database that is there already. Raises ``StoreError`` where a file of SQLite
+    is not: connecting would make an empty one."""
+    engine = make_engine(address)
+    file = engine.url.database
+    if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
+        raise StoreError(f"{address}: there is no database at {Path(file).absolute()}")
+    return engine
+
+
+def for_writing(engine: Engine) -> Engine:
+    """The same engine and pool, whose transactions take SQLite's write lock when they begin.
+
+    A transaction that first reads and then writes would otherwise fail at once, without waiting,
+    when another has written in between.
+    """
+    return engine.execution_options(**{_WRITES: True})
+
+
+@contextmanager
+def store_errors(address: Address, doing: str) -> Iterator[None]:
+    """Database errors as ``StoreError``s: where, doing what, and no password."""
+    try:
+        yield
+    except SQLAlchemyError as error:
+        raise StoreError(f"{address}: {doing} failed: {plainly(error, address)}") from None
+
+
+@contextmanager
+def driver_errors(connection: Connection) -> Iterator[None]:
+    """Errors of the driver itself, which is spoken to for COPY, as SQLAlchemy's."""
+    driver = connection.dialect.loaded_dbapi
+    try:
+        yield
+    except driver.Error as error:
+        lost = connection.dialect.is_disconnect(error, None, None)
+        if lost:
+            connection.invalidate(error)
+        raise DBAPIError.instance(
+            "COPY",
+            None,
+            error,
+            driver.Error,
+            hide_parameters=True,
+            connection_invalidated=lost,
+            dialect=connection.dialect,
+        ) from error
+
+
+def plainly(error: BaseException, address: Address) -> str:
+    """The database's own words on one line, without the password."""
+    cause = getattr(error, "orig", None) or error
+    words = masked(" ".join(str(cause).split())) or type(cause).__name__
+    password = _password(address)
+    return words.replace(password, "***") if password else words
+
+
+def _password(address: Address) -> str | None:
+    try:
+        return make_url(address.reveal()).password
+    except (ArgumentError, ValueError):
+        return None
+
+
+def _backend(address: Address) -> str:
+    try:
+        backend = make_url(_with_driver(address.reveal())).get_backend_name()
+    except (ArgumentError, ValueError):
+        raise StoreError(
+            f"{address}: not a database URL; expected sqlite:///file.db or "
+            "postgresql://user:password@host/database"
+        ) from None
+    if backend not in ("sqlite", "postgresql"):
+        raise StoreError(f"{address}: the store needs SQLite or PostgreSQL, received {backend}")
+    return backend
+
+
+def _with_driver(url: str) -> str:
+    """psycopg 3 whatever SQLAlchemy's own default for ``postgresql://`` is."""
+    for scheme in ("postgresql://", "postgres://"):
+        if url.startswith(scheme):
+            return "postgresql+psycopg://" + url.removeprefix(scheme)
+    return url
+
+
+def _prepare_sqlite(connection: Any, _record: object) -> None:
+    connection.isolation_level = None  # the driver shall not begin transactions, _begin_sqlite does
+    connection.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_MS}")
+    connection.execute("PRAGMA foreign_keys = ON")
+    _write_ahead(connection)
+    # In WAL mode a power cut can lose the last transactions but cannot damage the file.
+    connection.execute("PRAGMA synchronous = NORMAL")
+
+
+def _write_ahead(connection: Any) -> None:
+    """WAL mode: readers do not wait for the writer. The first switch needs the file alone, and
+    SQLite does not wait for that by itself."""
+    for attempt in range(50):
+        if connection.execute("PRAGMA journal_mode").fetchone()[0] in ("wal", "memory"):
+            return
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+        except connection.OperationalError:
+            time.sleep(0.02 * (attempt + 1))
+            continue
+        return
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    writes = connection.get_execution_options().get(_WRITES)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

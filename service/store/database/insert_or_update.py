@@ -1,0 +1,46 @@
+"""Insert, or update what is there already: one statement, safe among concurrent writers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from sqlalchemy import Executable
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.orm import Session
+
+from stemwatch.service.store.database.columns import Base
+
+_Insert = sqlite.Insert | postgresql.Insert
+
+
+def upsert(
+    session: Session,
+    table: type[Base],
+    values: Sequence[dict[str, Any]],
+    key: Sequence[str],
+    *,
+    update: bool = True,
+    where: Any = None,
+    returning: Any = None,
+) -> Executable:
+    """The statement that inserts ``values`` into ``table``, unless there is a row with the same
+    ``key``: that one gets the new values, or with ``update=False`` stays as it is.
+
+    ``where`` is the condition of the unique index over ``key``, where it has one.
+    """
+    # SQLAlchemy compiles a statement of several rows each time, one of a single row only once.
+    insert = _insert_into(session, table).values(values[0] if len(values) == 1 else values)
+    changed = {name: insert.excluded[name] for name in values[0] if name not in key}
+    if update and changed:
+        statement = insert.on_conflict_do_update(
+            index_elements=key, index_where=where, set_=changed
+        )
+    else:
+        statement = insert.on_conflict_do_nothing(index_elements=key, index_where=where)
+    return statement if returning is None else statement.returning(returning)
+
+
+def _insert_into(session: Session, table: type[Base]) -> _Insert:
+    is_sqlite = session.get_bind().dialect.name == "sqlite"  # make_engine knows two engines
+    return sqlite.insert(table) if is_sqlite else postgresql.insert(table)

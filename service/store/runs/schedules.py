@@ -1,0 +1,122 @@
+"""``Schedules``: what is to be screened when, from the plant file and from people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import delete, select, update
+
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.runs.schedule import FROM_FILE, Schedule
+from stemwatch.service.store.runs.tables import ScheduleRow
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredSchedule:
+    """A schedule and how far it has got; ``last_due`` was the last instant accounted for."""
+
+    schedule: Schedule
+    created: datetime
+    last_due: datetime | None
+    next_due: datetime | None
+
+
+class Schedules:
+    """The schedules in the store. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def take_from_file(self, schedules: Sequence[Schedule]) -> None:
+        """Make the plant file's schedules those that it names now. One that stays keeps how far it
+        has got; what people saved stays untouched."""
+        with self._access.writing("taking over the plant file's schedules") as session:
+            names = [one.name for one in schedules]
+            session.execute(
+                delete(ScheduleRow).where(
+                    ScheduleRow.origin == FROM_FILE, ScheduleRow.name.not_in(names)
+                )
+            )
+            now = datetime.now(UTC)
+            for one in schedules:
+                kept = session.get(ScheduleRow, one.name)
+                if kept is None or _timing(kept) != (one.cron, one.every_s):
+                    # Another rhythm begins now: what the old one missed is no debt of the new.
+                    values = _columns(one) | {"created": now, "last_due": None, "next_due": None}
+                else:
+                    values = _columns(one) | {"created": kept.created}
+                session.execute(upsert(session, ScheduleRow, [values], ("name",)))
+
+    def save(self, schedule: Schedule) -> None:
+        """Keep a schedule that a person made or changed. Raises ``StoreError`` for the name of one
+        that stands in the plant file, where it has to be changed."""
+        with self._access.writing(f"saving the schedule {schedule.name}") as session:
+            kept = session.get(ScheduleRow, schedule.name)
+            if kept is not None and kept.origin == FROM_FILE:
+                raise StoreError(
+                    f"the schedule {schedule.name!r} stands in the plant file; change it there, "
+                    "or save this one under another name"
+                )
+            fresh = {"created": datetime.now(UTC), "last_due": None, "next_due": None}
+            values = _columns(schedule) | fresh
+            session.execute(upsert(session, ScheduleRow, [values], ("name",)))
+
+    def remove(self, name: str) -> None:
+        """Forget a schedule that a person made."""
+        with self._access.writing(f"removing the schedule {name}") as session:
+            session.execute(
+                delete(ScheduleRow).where(ScheduleRow.name == name, ScheduleRow.origin != FROM_FILE)
+            )
+
+    def all(self) -> list[StoredSchedule]:
+        """Every schedule, by name."""
+        with self._access.reading() as session:
+            rows = session.scalars(select(ScheduleRow).order_by(ScheduleRow.name))
+            return [_stored(row) for row in rows]
+
+    def note(self, name: str, last_due: datetime | None, next_due: datetime | None) -> None:
+        """Note up to which instant a schedule is accounted for, and when it is due next."""
+        values: dict[str, datetime | None] = {"next_due": next_due}
+        if last_due is not None:
+            values["last_due"] = last_due
+        with self._access.writing(f"noting the schedule {name}") as session:
+            session.execute(update(ScheduleRow).where(ScheduleRow.name == name).values(**values))
+
+
+def _timing(row: ScheduleRow) -> tuple[str | None, float | None]:
+    return row.cron, row.every_s
+
+
+def _columns(one: Schedule) -> dict[str, object]:
+    return {
+        "name": one.name,
+        "origin": one.origin,
+        "cron": one.cron,
+        "every_s": one.every_s,
+        "jitter_s": one.jitter_s,
+        "window_s": one.window_s,
+        "areas": list(one.areas),
+        "valves": list(one.valves),
+        "enabled": one.enabled,
+    }
+
+
+def _stored(row: ScheduleRow) -> StoredSchedule:
+    schedule = Schedule(
+        name=row.name,
+        cron=row.cron,
+        every_s=row.every_s,
+        jitter_s=row.jitter_s,
+        window_s=row.window_s,
+        areas=tuple(row.areas),
+        valves=tuple(row.valves),
+        enabled=row.enabled,
+        origin=row.origin,
+    )
+    return StoredSchedule(
+        schedule=schedule, created=row.created, last_due=row.last_due, next_due=row.next_due
+    )

@@ -1,0 +1,75 @@
+"""Tables of the scheduler: what is due when, what each run still has to do, who does it."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ForeignKey, Index
+from sqlalchemy.orm import Mapped, mapped_column
+
+from stemwatch.service.store.database.columns import Base
+
+
+class RunValveRow(Base):
+    """One valve of a run, and what became of it."""
+
+    __tablename__ = "run_valves"
+    __table_args__ = (
+        Index("ix_run_valves_state", "run_id", "state"),
+        Index("ix_run_valves_valve", "valve"),
+    )
+
+    run_id: Mapped[int] = mapped_column(
+        ForeignKey("runs.id", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    valve: Mapped[str] = mapped_column(
+        ForeignKey("valves.id", ondelete="CASCADE"), primary_key=True
+    )
+    state: Mapped[str]  # a ``ValveState``
+    reason: Mapped[str]
+    finished: Mapped[datetime | None]
+
+
+class ScheduleRow(Base):
+    """A schedule as the plant file or a person set it, and how far it has got.
+
+    ``cron`` or ``every_s``; ``areas`` and ``valves`` both empty mean all. ``last_due`` is the last
+    instant for which a run was queued or accounted for.
+    """
+
+    __tablename__ = "schedules"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    origin: Mapped[str]  # "plant.toml" or who saved it
+    cron: Mapped[str | None]
+    every_s: Mapped[float | None]
+    jitter_s: Mapped[float]
+    window_s: Mapped[float | None]
+    areas: Mapped[list[str]]
+    valves: Mapped[list[str]]
+    enabled: Mapped[bool]
+    created: Mapped[datetime]
+    last_due: Mapped[datetime | None]
+    next_due: Mapped[datetime | None]
+
+
+class LeaseRow(Base):
+    """A duty that one process at a time has, until ``until`` unless it says again that it lives."""
+
+    __tablename__ = "leases"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    owner: Mapped[str]
+    until: Mapped[datetime]
+
+
+class SettingRow(Base):
+    """A value that the service keeps across restarts."""
+
+    __tablename__ = "settings"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    value: Mapped[dict[str, Any]]
+    changed: Mapped[datetime]
+    who: Mapped[str]

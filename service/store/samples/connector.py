@@ -1,0 +1,122 @@
+"""``StoredSamples``: a source whose samples are in the store, as a connector."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from datetime import timedelta
+
+import numpy as np
+
+from stemwatch.connectors.archive.loaded import bounds_of
+from stemwatch.connectors.connector import (
+    WHOLE,
+    ConnectorError,
+    MappingNeeded,
+    TagInfo,
+    TagMapping,
+    UnknownTag,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.historian.clock import Grid, clock_facts, lay_column, make_grid
+from stemwatch.connectors.historian.columns import Column, sharing_times
+from stemwatch.connectors.historian.timeline import Timeline
+from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
+from stemwatch.service.store.samples.samples import EPOCH, Samples, StoredTag
+
+LAYOUT = "samples in the store"
+
+
+class StoredSamples:
+    """One source's samples in the store; implements ``Connector``.
+
+    Samples lie on the even clock of OP, each at its nearest instant; what is reported when it
+    changes is held as in an export. ``describe`` names the store in messages, without a password.
+    """
+
+    def __init__(self, samples: Samples, source: str, describe: str = "the store") -> None:
+        self._samples = samples
+        self.source = source
+        self._where = f"{describe}, source {source}"
+
+    def tags(self) -> Sequence[TagInfo]:
+        """Every tag of the source that ever had a sample; no roles are guessed."""
+        return [TagInfo(tag=tag.name, unit=tag.unit) for tag in self._samples.tags(self.source)]
+
+    def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
+        """The recording of ``valve`` in ``window``.
+
+        Raises ``MappingNeeded`` without a tag for OP, ``UnknownTag`` for a tag that never had a
+        sample and ``ConnectorError`` where the window holds too few.
+        """
+        if Role.OP not in valve.tags:
+            raise MappingNeeded(f"{self._where}: {valve.valve}: no tag is given for OP")
+        known = {tag.name: tag for tag in self._samples.tags(self.source)}
+        columns = sharing_times(
+            {role: self._column(one.tag, known, window) for role, one in valve.tags.items()}
+        )
+        grid = self._grid(columns[Role.OP], window)
+        notes = [f"The samples come from the store, where {self.source} was collected."]
+        signals = {
+            role: _signal(column, valve.tags[role], grid, role, notes)
+            for role, column in columns.items()
+        }
+        return Recording(
+            valve=valve.valve,
+            signals=signals,
+            interval_s=grid.interval_s,
+            start=EPOCH + timedelta(microseconds=round(grid.start_ns / 1000)),
+            clock=clock_facts(columns[Role.OP].file_ns, "stored in UTC"),
+            provenance=Provenance(source=self._where, layout=LAYOUT, decisions=tuple(notes)),
+        )
+
+    def _column(self, tag: str, known: dict[str, StoredTag], window: Window) -> Column:
+        if tag not in known:
+            near = difflib.get_close_matches(tag, known, n=3, cutoff=0.4) or sorted(known)[:5]
+            raise UnknownTag(
+                f"{self._where}: there is no sample of {tag!r} among {len(known)} tags; the "
+                f"nearest are {', '.join(map(repr, near)) or 'none: nothing was collected yet'}"
+            )
+        found = self._samples.read(self.source, tag, window.start, window.stop)
+        ns = found.at_us * 1000
+        return Column(
+            tag=tag,
+            unit=known[tag].unit,
+            description="",
+            times=Timeline(ns),
+            values=found.values,
+            quality=found.quality,
+            file_ns=ns,
+        )
+
+    def _grid(self, op: Column, window: Window) -> Grid:
+        if not np.isfinite(op.values).any():
+            raise ConnectorError(self._nothing(op, window))
+        return make_grid(op.times, op.tag, self._where, bounds_of(window))
+
+    def _nothing(self, op: Column, window: Window) -> str:
+        bounds = self._samples.bounds(self.source, op.tag)
+        held = "there is none" if bounds is None else f"the store has {bounds[0]} to {bounds[1]}"
+        why = self._samples.reasons(self.source, op.tag, window.start, window.stop)
+        bad = "; ".join(f"{words} ({count} times)" for words, count in list(why.items())[:3])
+        return (
+            f"{self._where}: {op.tag}: no good sample of the controller output from "
+            f"{window.start} to {window.stop}; {held}{f'. Bad: {bad}' if bad else ''}"
+        )
+
+
+def _signal(
+    column: Column, mapping: TagMapping, grid: Grid, role: Role, notes: list[str]
+) -> Signal:
+    laid = lay_column(column, grid, is_clock=role is Role.OP)
+    if laid.decision:
+        notes.append(laid.decision)
+    values, unit = laid.values, mapping.unit or column.unit
+    if role is not Role.MODE and mapping.low is not None and mapping.high is not None:
+        values = 100.0 * (values - mapping.low) / (mapping.high - mapping.low)
+        unit = PERCENT
+    elif not unit and role in (Role.OP, Role.MV):
+        notes.append(f"{column.tag}: no unit is known; the values were taken as percent.")
+        unit = PERCENT
+    return Signal(values=values, quality=laid.quality, tag=column.tag, unit=unit)

@@ -1,0 +1,279 @@
+"""``Samples``: what live sources and watched folders delivered, each sample once."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TypeVarTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import Connection, Select, delete, func, select, text
+from sqlalchemy.orm import Session
+
+from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.models.recording import Floats, QualityCodes
+from stemwatch.service.store.database.columns import clean_text
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.samples import partitions
+from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
+from stemwatch.service.store.samples.partitions import DAY_US, Layout
+from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
+
+log = logging.getLogger(__name__)
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MICRO = timedelta(microseconds=1)
+_IN_ONE_STATEMENT = 300
+
+Row = TypeVarTuple("Row")
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredTag:
+    """A tag that has samples in the store."""
+
+    id: int
+    source: str
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Samples of one tag in order of time: (n,) microseconds since 1970, values, quality."""
+
+    at_us: NDArray[np.int64]
+    values: Floats
+    quality: QualityCodes
+
+
+class Samples:
+    """The samples in the store; a ``SampleSink``. Methods raise ``StoreError``.
+
+    ``write`` may be called by one thread at a time; several processes may write.
+    """
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+        self._tags: dict[tuple[str, str], int] = {}
+        self._reasons: dict[str, int] = {}
+        self._days: set[int] = set()  # that were looked after, as far as this process knows
+
+    def write(self, batch: SampleBatch) -> None:
+        """Keep every sample of ``batch`` that is not there already; for good when it returns."""
+        days = self._prepare(batch)
+        try:
+            with self._access.writing(f"storing samples of {batch.source}") as session:
+                tags = self._numbers_of_tags(session, batch)
+                reasons = self._numbers_of_reasons(session, batch)
+                insert_samples(session.connection(), _columns(batch, tags, reasons))
+        except BaseException:
+            # What was numbered in a transaction that failed may not be there.
+            self._tags.clear()
+            self._reasons.clear()
+            raise
+        self._tags.update({(batch.source, name): number for name, number in tags.items()})
+        self._reasons.update(reasons)
+        self._days |= days
+
+    def describe(self, source: str, units: dict[str, str]) -> None:
+        """Keep the units of a source's tags."""
+        rows = [
+            {"source": source, "name": clean_text(name), "unit": unit}
+            for name, unit in sorted(units.items())
+        ]
+        with self._access.writing(f"describing the tags of {source}") as session:
+            for first in range(0, len(rows), _IN_ONE_STATEMENT):
+                part = rows[first : first + _IN_ONE_STATEMENT]
+                session.execute(upsert(session, TagRow, part, ("source", "name")))
+
+    def tags(self, source: str) -> list[StoredTag]:
+        """The tags of a source, by name."""
+        with self._access.reading() as session:
+            rows = select(TagRow).where(TagRow.source == source).order_by(TagRow.name)
+            return [
+                StoredTag(id=row.id, source=row.source, name=row.name, unit=row.unit)
+                for row in session.scalars(rows)
+            ]
+
+    def read(
+        self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
+    ) -> Stretch:
+        """The samples of a tag from ``start`` (inclusive) to ``stop`` (exclusive)."""
+        statement = _window(
+            select(SampleRow.at_us, SampleRow.value, SampleRow.quality), source, tag, start, stop
+        )
+        with self._access.reading() as session:
+            rows = session.execute(statement.order_by(SampleRow.at_us)).all()
+        at, values, quality = zip(*rows, strict=True) if rows else ((), (), ())
+        return Stretch(
+            at_us=np.array(at, dtype=np.int64),
+            values=np.array(values, dtype=np.float64),  # None becomes NaN
+            quality=np.array(quality, dtype=np.uint8),
+        )
+
+    def count(
+        self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
+    ) -> int:
+        """How many samples a tag has from ``start`` to ``stop``."""
+        statement = _window(select(func.count()), source, tag, start, stop)
+        with self._access.reading() as session:
+            return session.execute(statement).scalar_one()
+
+    def bounds(self, source: str, tag: str) -> tuple[datetime, datetime] | None:
+        """The instants of a tag's first and last sample."""
+        statement = _window(
+            select(func.min(SampleRow.at_us), func.max(SampleRow.at_us)), source, tag, None, None
+        )
+        with self._access.reading() as session:
+            first, last = session.execute(statement).one()
+        return None if first is None else (EPOCH + first * _MICRO, EPOCH + last * _MICRO)
+
+    def reasons(
+        self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
+    ) -> dict[str, int]:
+        """Why samples of a tag are bad, and how many for each reason."""
+        statement = _window(select(SampleReasonRow.words, func.count()), source, tag, start, stop)
+        statement = statement.join(SampleReasonRow, SampleReasonRow.id == SampleRow.reason_id)
+        with self._access.reading() as session:
+            rows = session.execute(statement.group_by(SampleReasonRow.words))
+            return {words: number for words, number in rows}
+
+    def prepare_days(self, now: datetime | None = None, days: frozenset[int] = frozenset()) -> int:
+        """Make PostgreSQL's partitions of the coming days and of ``days``; how many were new."""
+        wanted = partitions.wanted_days(days, now or datetime.now(UTC))
+        with self._access.writing("making partitions of samples") as session:
+            if partitions.layout_of(session.connection()) is not Layout.PARTITIONS:
+                return 0
+            return partitions.make_days(session.connection(), wanted)
+
+    def remove_before(self, instant: datetime, *, whole_days: bool = False) -> int:
+        """Remove what is older than ``instant``; how many samples went.
+
+        With ``whole_days`` only days that are wholly older (in UTC) go, which costs a database
+        that keeps each day by itself next to nothing.
+        """
+        before_us = microseconds(instant)
+        if whole_days:
+            before_us -= before_us % DAY_US
+        if self._access.is_sqlite:
+            return self._remove_by_tag(before_us)
+        with self._access.writing("removing old samples") as session:
+            days = _remove_days(session.connection(), before_us)
+            rest = session.execute(delete(SampleRow).where(SampleRow.at_us < before_us))
+            strays: int = rest.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+        self._days.clear()
+        self.prepare_days()
+        return days + strays
+
+    def _remove_by_tag(self, before_us: int) -> int:
+        removed = 0
+        with self._access.reading() as session:
+            numbers = list(session.scalars(select(TagRow.id)))
+        for number in numbers:
+            with self._access.writing("removing old samples") as session:
+                gone = session.execute(
+                    delete(SampleRow).where(SampleRow.tag_id == number, SampleRow.at_us < before_us)
+                )
+                removed += gone.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+        return removed
+
+    def _prepare(self, batch: SampleBatch) -> frozenset[int]:
+        """See to the partitions of the batch's days; without them it goes where it can. The days
+        that were looked after."""
+        if self._access.is_sqlite:
+            return frozenset()
+        days = frozenset(np.unique(np.asarray(batch.at_us) // DAY_US).tolist()) - self._days
+        if days:
+            try:
+                self.prepare_days(days=days)
+            except StoreError as error:
+                log.warning("samples go into the default partition for now: %s", error)
+        return days
+
+    def _numbers_of_tags(self, session: Session, batch: SampleBatch) -> dict[str, int]:
+        names = dict.fromkeys(batch.tags)
+        known = {
+            name: self._tags[batch.source, name]
+            for name in names
+            if (batch.source, name) in self._tags
+        }
+        new = [name for name in names if name not in known]
+        for first in range(0, len(new), _IN_ONE_STATEMENT):
+            part = new[first : first + _IN_ONE_STATEMENT]
+            by_stored = {clean_text(name): name for name in part}
+            values = [{"source": batch.source, "name": name, "unit": ""} for name in by_stored]
+            session.execute(upsert(session, TagRow, values, ("source", "name"), update=False))
+            rows = select(TagRow.name, TagRow.id).where(
+                TagRow.source == batch.source, TagRow.name.in_(list(by_stored))
+            )
+            known |= {by_stored[name]: number for name, number in session.execute(rows)}
+        return known
+
+    def _numbers_of_reasons(self, session: Session, batch: SampleBatch) -> dict[str, int]:
+        known: dict[str, int] = {}
+        for words in dict.fromkeys(batch.reasons):
+            if not words:
+                continue
+            if words in self._reasons:
+                known[words] = self._reasons[words]
+                continue
+            value = {"words": words}
+            session.execute(upsert(session, SampleReasonRow, [value], ("words",), update=False))
+            row = select(SampleReasonRow.id).where(SampleReasonRow.words == words)
+            known[words] = session.execute(row).scalar_one()
+        return known
+
+
+def microseconds(instant: datetime) -> int:
+    """Microseconds since 1970 UTC."""
+    return (instant - EPOCH) // _MICRO
+
+
+def _columns(batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]) -> SampleColumns:
+    count = len(batch)
+    reason = (reasons.get(words, 0) for words in batch.reasons)
+    return SampleColumns(
+        tag=np.fromiter(map(tags.__getitem__, batch.tags), np.int64, count),
+        at_us=np.asarray(batch.at_us),
+        values=np.asarray(batch.values),
+        quality=np.asarray(batch.quality),
+        reason=np.fromiter(reason, np.int64, count) if reasons else np.zeros(count, np.int64),
+    )
+
+
+def _remove_days(connection: Connection, before_us: int) -> int:
+    layout = partitions.layout_of(connection)
+    if layout is Layout.PARTITIONS:
+        return partitions.drop_days(connection, before_us // DAY_US)
+    if layout is not Layout.HYPERTABLE:
+        return 0
+    whole_us = before_us - before_us % DAY_US
+    rows = select(func.count()).select_from(SampleRow).where(SampleRow.at_us < whole_us)
+    gone = connection.execute(rows).scalar_one()
+    connection.execute(text(partitions.drop_chunks(whole_us)))
+    return gone
+
+
+def _window(
+    statement: Select[*Row],
+    source: str,
+    tag: str,
+    start: datetime | None,
+    stop: datetime | None,
+) -> Select[*Row]:
+    number = (
+        select(TagRow.id)
+        .where(TagRow.source == source, TagRow.name == clean_text(tag))
+        .scalar_subquery()
+    )
+    statement = statement.select_from(SampleRow).where(SampleRow.tag_id == number)
+    if start is not None:
+        statement = statement.where(SampleRow.at_us >= microseconds(start))
+    if stop is not None:
+        statement = statement.where(SampleRow.at_us < microseconds(stop))
+    return statement

@@ -1,0 +1,120 @@
+"""``Sources``: how each source is doing, which files were taken in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+from sqlalchemy import select
+
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.samples.tables import SourceStateRow, TakenFileRow
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceState:
+    """How a source is doing. ``figures`` are counts, and lateness in seconds (``..._s``)."""
+
+    source: str
+    kind: str  # "modbus" or "folder"
+    address: str = ""  # without secrets
+    updated: datetime = field(default_factory=lambda: datetime.now(UTC))
+    last_good: datetime | None = None
+    connected: bool = True
+    fault: str = ""
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakenFile:
+    """A file of a watched folder. ``note`` says what was understood, or why it was rejected."""
+
+    digest: str  # sha256 of its bytes, hexadecimal
+    name: str
+    source: str
+    accepted: bool
+    samples: int = 0
+    note: str = ""
+    taken: datetime = field(default_factory=lambda: datetime.now(UTC))
+
+
+class Sources:
+    """States of sources and files that were taken in. Methods raise ``StoreError``."""
+
+    def __init__(self, access: Access) -> None:
+        self._access = access
+
+    def note(self, state: SourceState) -> None:
+        """Keep how a source is doing now, in place of what was said before."""
+        values = {
+            "source": state.source,
+            "kind": state.kind,
+            "address": state.address,
+            "updated": state.updated,
+            "last_good": state.last_good,
+            "connected": state.connected,
+            "fault": state.fault,
+            "figures": dict(state.figures),
+        }
+        with self._access.writing(f"noting the state of {state.source}") as session:
+            session.execute(upsert(session, SourceStateRow, [values], ("source",)))
+
+    def states(self) -> list[SourceState]:
+        """How every source is doing, by name."""
+        with self._access.reading() as session:
+            rows = session.scalars(select(SourceStateRow).order_by(SourceStateRow.source))
+            return [
+                SourceState(
+                    source=row.source,
+                    kind=row.kind,
+                    address=row.address,
+                    updated=row.updated,
+                    last_good=row.last_good,
+                    connected=row.connected,
+                    fault=row.fault,
+                    figures=row.figures,
+                )
+                for row in rows
+            ]
+
+    def taken(self, digest: str) -> TakenFile | None:
+        """The file with these bytes, if it was ever taken in or rejected."""
+        with self._access.reading() as session:
+            row = session.get(TakenFileRow, digest)
+            return None if row is None else _file(row)
+
+    def note_taken(self, file: TakenFile) -> None:
+        """Note that a file was taken in or rejected; the last word on the same bytes counts."""
+        values = {
+            "digest": file.digest,
+            "name": file.name,
+            "source": file.source,
+            "taken": file.taken,
+            "accepted": file.accepted,
+            "samples": file.samples,
+            "note": file.note,
+        }
+        with self._access.writing(f"noting the file {file.name}") as session:
+            session.execute(upsert(session, TakenFileRow, [values], ("digest",)))
+
+    def files(self, source: str | None = None, limit: int = 100) -> list[TakenFile]:
+        """The files that came last, newest first."""
+        statement = select(TakenFileRow).order_by(TakenFileRow.taken.desc()).limit(limit)
+        if source is not None:
+            statement = statement.where(TakenFileRow.source == source)
+        with self._access.reading() as session:
+            return [_file(row) for row in session.scalars(statement)]
+
+
+def _file(row: TakenFileRow) -> TakenFile:
+    return TakenFile(
+        digest=row.digest,
+        name=row.name,
+        source=row.source,
+        accepted=row.accepted,
+        samples=row.samples,
+        note=row.note,
+        taken=row.taken,
+    )

@@ -1,0 +1,102 @@
+"""Networks, maintenance and notes, inside a session that the ``Store`` opened."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+from sqlalchemy import delete, select, update
+from sqlalchemy.orm import Session
+
+from stemwatch.service.store.screenings.records import Baseline, Remark
+from stemwatch.service.store.screenings.screenings import ensure_valve
+from stemwatch.service.store.screenings.tables import (
+    MaintenanceRow,
+    NetworkRow,
+    RemarkRow,
+    ValveRow,
+)
+
+BASELINE = "baseline"
+FITTED = "fitted"
+Window = tuple[datetime | None, datetime | None]
+
+
+def write_network(
+    session: Session, valve: str, kind: str, network: bytes, window: Window, reason: str
+) -> None:
+    """Make ``network`` the active one of its kind. Older baselines stay, older fits do not."""
+    ensure_valve(session, valve)
+    # Locked, so that of two writers the second waits here and then replaces the first.
+    session.execute(select(ValveRow.id).where(ValveRow.id == valve).with_for_update())
+    same = (NetworkRow.valve == valve, NetworkRow.kind == kind)
+    if kind == FITTED:
+        session.execute(delete(NetworkRow).where(*same))
+    else:
+        session.execute(update(NetworkRow).where(*same, NetworkRow.active).values(active=False))
+    session.add(
+        NetworkRow(
+            valve=valve,
+            kind=kind,
+            network=network,
+            created=datetime.now(UTC),
+            window_start=window[0],
+            window_end=window[1],
+            reason=reason,
+            active=True,
+        )
+    )
+
+
+def read_network(session: Session, valve: str, kind: str) -> Baseline | None:
+    """The active network of one kind, with the maintenance since its window."""
+    statement = select(NetworkRow).where(
+        NetworkRow.valve == valve, NetworkRow.kind == kind, NetworkRow.active
+    )
+    row = session.scalar(statement)
+    return None if row is None else _baseline(session, row)
+
+
+def read_baselines(session: Session, valve: str) -> list[Baseline]:
+    """Every baseline that the valve had, oldest first."""
+    rows = select(NetworkRow).where(NetworkRow.valve == valve, NetworkRow.kind == BASELINE)
+    return [_baseline(session, row) for row in session.scalars(rows.order_by(NetworkRow.id))]
+
+
+def write_remark(session: Session, table: type[RemarkRow], remark: Remark) -> None:
+    """Add a remark to maintenance or notes."""
+    ensure_valve(session, remark.valve)
+    session.add(table(valve=remark.valve, at=remark.at, note=remark.note, who=remark.who))
+
+
+def read_remarks(session: Session, table: type[RemarkRow], valve: str) -> list[Remark]:
+    """A valve's remarks of one table, oldest first."""
+    rows = session.scalars(select(table).where(table.valve == valve).order_by(table.at, table.id))
+    return [_remark(row) for row in rows]
+
+
+def _baseline(session: Session, row: NetworkRow) -> Baseline:
+    return Baseline(
+        id=row.id,
+        valve=row.valve,
+        network=row.network,
+        created=row.created,
+        window=(row.window_start, row.window_end),
+        reason=row.reason,
+        active=row.active,
+        maintenance=_first_maintenance(session, row.valve, row.window_end or row.created),
+    )
+
+
+def _first_maintenance(session: Session, valve: str, since: datetime) -> Remark | None:
+    statement = (
+        select(MaintenanceRow)
+        .where(MaintenanceRow.valve == valve, MaintenanceRow.at >= since)
+        .order_by(MaintenanceRow.at, MaintenanceRow.id)
+        .limit(1)
+    )
+    row = session.scalar(statement)
+    return None if row is None else _remark(row)
+
+
+def _remark(row: RemarkRow) -> Remark:
+    return Remark(valve=row.valve, at=row.at, note=row.note, who=row.who)

@@ -1,0 +1,210 @@
+"""From a ``Screening`` to the columns of its row, and back."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from datetime import UTC, datetime
+from typing import Any
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.findings import DataQuality, Residual, Screening
+from stemwatch.models.recording import PERCENT, Provenance
+from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.service.store.database.columns import clean_text, finite
+from stemwatch.service.store.screenings.held_back import remark_of
+from stemwatch.service.store.screenings.mismatch_json import mismatch_json, mismatch_of
+from stemwatch.service.store.screenings.records import (
+    RunState,
+    StoredRun,
+    StoredScreening,
+    StoredValve,
+)
+from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
+
+
+def window_key(screening: Screening) -> str:
+    """What makes two screenings of one valve the same one: ``start|end`` in UTC where known,
+    otherwise the digest of the source, otherwise that of its name."""
+    start, end = screening.window
+    if start is not None and end is not None:
+        return f"{start.astimezone(UTC).isoformat()}|{end.astimezone(UTC).isoformat()}"
+    provenance = screening.provenance
+    if provenance.digest:
+        return f"source:{provenance.digest}"
+    name = clean_text(provenance.source).encode()
+    return f"name:{hashlib.sha256(name).hexdigest()}"
+
+
+def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
+    """The columns of ``screenings`` that the screening itself decides."""
+    start, end = screening.window
+    return {
+        "valve": screening.valve,
+        "window_key": window_key(screening),
+        "window_start": start,
+        "window_end": end,
+        "at": end or now,
+        "verdict": Verdict(screening.verdict).value,
+        "reason": screening.reason,
+        "advice": screening.advice,
+        "shape": None if screening.shape is None else Shape(screening.shape).value,
+        "severity": finite(screening.severity) or 0.0,
+        "confidence": finite(screening.confidence),
+        "grade": screening.quality.grade,
+        "grade_reasons": list(screening.quality.reasons),
+        **_estimate_columns("s", screening.S),
+        **_estimate_columns("j", screening.J),
+        "residuals": {name: _residual_json(r) for name, r in screening.residuals.items()},
+        "still_seen": list(screening.still_seen),
+        "baseline_note": screening.baseline_note,
+        "source": screening.provenance.source,
+        "source_digest": screening.provenance.digest,
+        "layout": screening.provenance.layout,
+        "decisions": list(screening.provenance.decisions),
+        "seconds": finite(screening.seconds) or 0.0,
+        **_mismatch_columns(screening),
+    }
+
+
+def indicator_columns(
+    screening: Screening, screening_id: int, at: datetime
+) -> list[dict[str, Any]]:
+    """The rows of ``indicators`` of one screening."""
+    return [
+        {
+            "screening_id": screening_id,
+            "name": name,
+            "valve": screening.valve,
+            "at": at,
+            "value": finite(indicator.value),
+            "low": finite(indicator.low),
+            "high": finite(indicator.high),
+            "unit": indicator.unit,
+        }
+        for name, indicator in screening.indicators.items()
+    ]
+
+
+def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> StoredScreening:
+    """The row as a plain value; without the mismatch where thousands are read at once."""
+    return StoredScreening(
+        id=row.id,
+        valve=row.valve,
+        run_id=row.run_id,
+        window=(row.window_start, row.window_end),
+        at=row.at,
+        verdict=Verdict(row.verdict),
+        reason=row.reason,
+        advice=row.advice,
+        shape=None if row.shape is None else Shape(row.shape),
+        severity=row.severity,
+        confidence=row.confidence,
+        S=_estimate(row.s_percent, row.s_low_percent, row.s_high_percent, row.s_reason),
+        J=_estimate(row.j_percent, row.j_low_percent, row.j_high_percent, row.j_reason),
+        residuals={name: _residual(stored) for name, stored in row.residuals.items()},
+        quality=DataQuality(grade=row.grade, reasons=tuple(row.grade_reasons)),
+        still_seen=tuple(row.still_seen),
+        baseline_note=row.baseline_note,
+        provenance=_provenance(row),
+        software_version=row.software_version,
+        settings_digest=row.settings_digest,
+        seconds=row.seconds,
+        baseline_id=row.baseline_id,
+        mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
+        held_back=remark_of(row.mismatch) if with_mismatch else "",
+    )
+
+
+def stored_valve(row: ValveRow) -> StoredValve:
+    """The row as a plain value."""
+    return StoredValve(
+        id=row.id, description=row.description, area=row.area, criticality=row.criticality
+    )
+
+
+def _mismatch_columns(screening: Screening) -> dict[str, Any]:
+    mismatch = screening.mismatch
+    return {
+        "mismatch_finding": None if mismatch is None else mismatch.finding.value,
+        "mismatch_slugs": None if mismatch is None else [one.slug for one in mismatch.effects],
+        "mismatch": mismatch_json(mismatch),
+    }
+
+
+def _provenance(row: ScreeningRow) -> Provenance:
+    return Provenance(
+        source=row.source,
+        digest=row.source_digest,
+        layout=row.layout,
+        decisions=tuple(row.decisions),
+    )
+
+
+def _estimate_columns(name: str, estimate: Estimate) -> dict[str, float | str | None]:
+    value = finite(estimate.value)
+    reason = estimate.reason
+    if estimate.value is not None and value is None:
+        reason = f"the estimate was not a finite number ({estimate.value})"
+    return {
+        f"{name}_percent": value,
+        f"{name}_low_percent": None if value is None else finite(estimate.low),
+        f"{name}_high_percent": None if value is None else finite(estimate.high),
+        f"{name}_reason": reason,
+    }
+
+
+def _estimate(
+    value: float | None, low: float | None, high: float | None, reason: str | None
+) -> Estimate:
+    return Estimate(value=value, low=low, high=high, unit=PERCENT, reason=reason)
+
+
+def _residual_json(residual: Residual | None) -> dict[str, float | None] | None:
+    if residual is None:
+        return None
+    return {
+        "rmse": residual.rmse,
+        "normalised": residual.normalised,
+        "one_step": residual.one_step,
+    }
+
+
+def _residual(stored: dict[str, float | None] | None) -> Residual | None:
+    if stored is None:
+        return None
+    return Residual(
+        rmse=_number(stored["rmse"]),
+        normalised=_number(stored["normalised"]),
+        one_step=stored["one_step"],
+    )
+
+
+def _number(stored: float | None) -> float:
+    return math.nan if stored is None else stored
+
+
+def stored_run(run: RunRow) -> StoredRun:
+    """The row as a plain value."""
+    return StoredRun(
+        id=run.id,
+        started=run.started,
+        finished=run.finished,
+        command=run.command,
+        software_version=run.software_version,
+        settings_digest=run.settings_digest,
+        counts={Verdict(verdict): count for verdict, count in run.counts.items()},
+        state=RunState(run.state),
+        schedule=run.schedule,
+        due=run.due,
+        window=(run.window_start, run.window_stop),
+        asked=tuple(run.asked or ()),
+        who=run.who,
+        total=run.total,
+        done=run.done,
+        set_aside=run.set_aside,
+        heartbeat=run.heartbeat,
+        cancel_asked_by=run.cancel_asked_by,
+        reason=run.reason,
+        report=run.report,
+    )

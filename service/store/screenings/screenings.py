@@ -1,0 +1,189 @@
+"""Writing and reading screenings, inside a session that the ``Store`` opened."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+
+from sqlalchemy import ScalarSelect, delete, func, insert, select
+from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, defer
+
+from stemwatch.models.findings import Screening
+from stemwatch.service.store.database.insert_or_update import upsert
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.records import (
+    Ranked,
+    StoredScreening,
+    StoredValve,
+    TrendPoint,
+    ValveFacts,
+)
+from stemwatch.service.store.screenings.rows import (
+    indicator_columns,
+    screening_columns,
+    stored_screening,
+    stored_valve,
+)
+from stemwatch.service.store.screenings.tables import IndicatorRow, RunRow, ScreeningRow, ValveRow
+
+_IN_ONE_STATEMENT = 500  # SQLite takes 32766 parameters
+
+
+def write_screening(
+    session: Session, screening: Screening, run_id: int, baseline_id: int | None = None
+) -> int:
+    """Write one screening with its indicators, replacing what is there of the same window."""
+    run = session.get(RunRow, run_id)
+    if run is None:
+        raise StoreError(f"run {run_id} is not in the store; begin_run gives the number of one")
+    ensure_valve(session, screening.valve)
+    columns = screening_columns(screening, datetime.now(UTC)) | {
+        "run_id": run_id,
+        "software_version": run.software_version,
+        "settings_digest": run.settings_digest,
+        "baseline_id": baseline_id,
+    }
+    statement = upsert(
+        session, ScreeningRow, [columns], ("valve", "window_key"), returning=ScreeningRow.id
+    )
+    screening_id: int = session.execute(statement).scalar_one()
+    session.execute(delete(IndicatorRow).where(IndicatorRow.screening_id == screening_id))
+    if indicators := indicator_columns(screening, screening_id, columns["at"]):
+        session.execute(insert(IndicatorRow), indicators)
+    return screening_id
+
+
+def ensure_valve(session: Session, valve: str) -> None:
+    """A row for the valve, where there is none; what is known of it already stays."""
+    values = {"id": valve, "description": "", "area": "", "criticality": 2}
+    session.execute(upsert(session, ValveRow, [values], ("id",), update=False))
+
+
+def write_valves(session: Session, valves: Iterable[ValveFacts]) -> None:
+    """Keep what the plant file says of each valve now; the last one of several with one id."""
+    values = {
+        valve.id: {
+            "id": valve.id,
+            "description": valve.description,
+            "area": valve.area,
+            "criticality": valve.criticality,
+        }
+        for valve in valves
+    }
+    rows = [values[valve] for valve in sorted(values)]  # in one order, against deadlocks
+    for first in range(0, len(rows), _IN_ONE_STATEMENT):
+        part = rows[first : first + _IN_ONE_STATEMENT]
+        session.execute(upsert(session, ValveRow, part, ("id",)))
+
+
+def read_valves(session: Session) -> list[StoredValve]:
+    """Every valve, by id."""
+    return [stored_valve(row) for row in session.scalars(select(ValveRow).order_by(ValveRow.id))]
+
+
+def read_previous(session: Session, valve: str, before: datetime) -> StoredScreening | None:
+    """The valve's last screening that speaks for an instant before ``before``."""
+    rows = select(ScreeningRow).where(ScreeningRow.valve == valve, ScreeningRow.at < before)
+    row = session.scalar(rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(1))
+    return None if row is None else stored_screening(row)
+
+
+def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:
+    """The valve's last screenings, newest first."""
+    rows = select(ScreeningRow).where(ScreeningRow.valve == valve)
+    rows = rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(limit)
+    return [stored_screening(row) for row in session.scalars(rows)]
+
+
+def read_of_window(
+    session: Session, valve: str, window: tuple[datetime | None, datetime | None]
+) -> StoredScreening | None:
+    """The valve's screening of exactly this window."""
+    row = session.scalar(
+        select(ScreeningRow).where(
+            ScreeningRow.valve == valve,
+            ScreeningRow.window_start == window[0],
+            ScreeningRow.window_end == window[1],
+        )
+    )
+    return None if row is None else stored_screening(row)
+
+
+def read_indicator(session: Session, name: str, screenings: Sequence[int]) -> dict[int, float]:
+    """One indicator of several screenings, by their numbers."""
+    rows = select(IndicatorRow.screening_id, IndicatorRow.value).where(
+        IndicatorRow.screening_id.in_(screenings), IndicatorRow.name == name
+    )
+    return {number: value for number, value in session.execute(rows) if value is not None}
+
+
+def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
+    """The valves of a run's worst screenings, the worst first."""
+    rows = select(ScreeningRow.valve).where(ScreeningRow.run_id == run_id)
+    rows = rows.group_by(ScreeningRow.valve).order_by(func.max(ScreeningRow.severity).desc())
+    return list(session.scalars(rows.order_by(ScreeningRow.valve).limit(limit)))
+
+
+def latest_screening_id(
+    valve: InstrumentedAttribute[str] = ValveRow.id, before: int = 0
+) -> ScalarSelect[int]:
+    """For each row with the column ``valve``, such as those of ``valves``, the number of its latest
+    screening, or of the one that is ``before`` places before that; NULL where there is none.
+
+    One index seek for each valve, so that the time does not grow with the years stored.
+    """
+    newest = aliased(ScreeningRow)
+    return (
+        select(newest.id)
+        .where(newest.valve == valve)
+        .order_by(newest.at.desc(), newest.id.desc())
+        .limit(1)
+        .offset(before)
+        .correlate(valve.parent)
+        .scalar_subquery()
+    )
+
+
+def read_latest(session: Session, area: str | None, limit: int | None) -> list[Ranked]:
+    """Each valve's latest screening without its mismatch, the worst first."""
+    statement = (
+        select(ValveRow, ScreeningRow)
+        .options(defer(ScreeningRow.mismatch))
+        .join(ScreeningRow, ScreeningRow.id == latest_screening_id())
+        .order_by(ScreeningRow.severity.desc(), ValveRow.criticality.desc(), ValveRow.id)
+        .limit(limit)
+    )
+    if area is not None:
+        statement = statement.where(ValveRow.area == area)
+    return [
+        Ranked(
+            valve=stored_valve(valve), screening=stored_screening(screening, with_mismatch=False)
+        )
+        for valve, screening in session.execute(statement)
+    ]
+
+
+def read_history(
+    session: Session, valve: str, indicator: str, since: datetime | None
+) -> list[TrendPoint]:
+    """One indicator of one valve over time, oldest first."""
+    statement = select(IndicatorRow).where(
+        IndicatorRow.valve == valve, IndicatorRow.name == indicator
+    )
+    if since is not None:
+        statement = statement.where(IndicatorRow.at >= since)
+    rows = session.scalars(statement.order_by(IndicatorRow.at, IndicatorRow.screening_id))
+    return [
+        TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
+        for row in rows
+    ]
+
+
+def count_verdicts(session: Session, run_id: int) -> dict[str, int]:
+    """How many of a run's screenings ended in each verdict."""
+    statement = (
+        select(ScreeningRow.verdict, func.count())
+        .where(ScreeningRow.run_id == run_id)
+        .group_by(ScreeningRow.verdict)
+    )
+    return {verdict: count for verdict, count in session.execute(statement)}

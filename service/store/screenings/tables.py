@@ -1,0 +1,186 @@
+"""Tables of results: valves, runs, screenings, indicators, networks, remarks.
+
+Times are UTC, numbers carry their unit in the name, and the migrations agree.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ForeignKey, Index, UniqueConstraint, text
+from sqlalchemy.orm import Mapped, mapped_column
+
+from stemwatch.service.store.database.columns import Base, of_valve
+
+
+class ValveRow(Base):
+    """A valve and what the plant file says of it."""
+
+    __tablename__ = "valves"
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    description: Mapped[str] = mapped_column(default="")
+    area: Mapped[str] = mapped_column(default="")
+    criticality: Mapped[int] = mapped_column(default=2)
+
+
+class RunRow(Base):
+    """One run of the program over many valves, waiting, going on or over.
+
+    A run of the command line has no schedule and no valves of its own in ``run_valves``. A run
+    that a schedule is due for exists once for each ``due``, however many services see it.
+    """
+
+    __tablename__ = "runs"
+    __table_args__ = (
+        Index("ix_runs_state", "state", "not_before"),
+        Index("uq_runs_schedule_due", "schedule", "due", unique=True),
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    started: Mapped[datetime]
+    finished: Mapped[datetime | None]
+    command: Mapped[str]  # without secrets
+    software_version: Mapped[str]
+    settings_digest: Mapped[str]
+    counts: Mapped[dict[str, Any]]  # screenings per verdict, known when the run has finished
+    state: Mapped[str] = mapped_column(server_default="done")  # a ``RunState``
+    schedule: Mapped[str | None]  # its name, or ``None`` for a run that a person asked for
+    due: Mapped[datetime | None]  # the instant of the schedule
+    not_before: Mapped[datetime | None]  # ``due`` and the schedule's jitter
+    window_start: Mapped[datetime | None]
+    window_stop: Mapped[datetime | None]
+    asked: Mapped[list[str] | None]  # valves that were asked for; ``None``: what the schedule says
+    who: Mapped[str] = mapped_column(server_default="")  # who asked for it
+    total: Mapped[int] = mapped_column(server_default="0")
+    done: Mapped[int] = mapped_column(server_default="0")
+    set_aside: Mapped[int] = mapped_column(server_default="0")
+    owner: Mapped[str | None]  # the process that works on it
+    heartbeat: Mapped[datetime | None]  # when that process last said that it lives
+    cancel_asked_by: Mapped[str | None]
+    reason: Mapped[str] = mapped_column(server_default="")  # why it was skipped, failed, cancelled
+    report: Mapped[str | None]  # where its report lies
+
+
+class ScreeningRow(Base):
+    """One valve, one window. The same window screened again replaces its row.
+
+    ``at`` is the instant the screening speaks for: the end of its window, or the moment it was
+    saved where the source does not tell its dates. S and J are in percent of OP span.
+    """
+
+    __tablename__ = "screenings"
+    __table_args__ = (
+        UniqueConstraint("valve", "window_key"),
+        Index("ix_screenings_valve_at", "valve", "at", "id"),
+        Index("ix_screenings_run", "run_id"),
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    valve: Mapped[str] = of_valve()
+    run_id: Mapped[int] = mapped_column(ForeignKey("runs.id"))
+    window_key: Mapped[str]
+    window_start: Mapped[datetime | None]
+    window_end: Mapped[datetime | None]
+    at: Mapped[datetime]
+    verdict: Mapped[str]
+    reason: Mapped[str]
+    advice: Mapped[str]
+    shape: Mapped[str | None]
+    severity: Mapped[float]
+    confidence: Mapped[float | None]
+    grade: Mapped[str]
+    grade_reasons: Mapped[list[str]]
+    s_percent: Mapped[float | None]
+    s_low_percent: Mapped[float | None]
+    s_high_percent: Mapped[float | None]
+    s_reason: Mapped[str | None]
+    j_percent: Mapped[float | None]
+    j_low_percent: Mapped[float | None]
+    j_high_percent: Mapped[float | None]
+    j_reason: Mapped[str | None]
+    residuals: Mapped[dict[str, Any]]
+    still_seen: Mapped[list[str]]
+    baseline_note: Mapped[str]
+    source: Mapped[str]
+    source_digest: Mapped[str]
+    layout: Mapped[str]
+    decisions: Mapped[list[str]]
+    software_version: Mapped[str]
+    settings_digest: Mapped[str]
+    seconds: Mapped[float]
+    baseline_id: Mapped[int | None]  # networks.id of the baseline that indicators refer to
+    mismatch_finding: Mapped[str | None]  # ``None`` where nothing was fitted
+    mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, strongest first
+    mismatch: Mapped[dict[str, Any] | None]  # all of it but samples
+
+
+class IndicatorRow(Base):
+    """One number of one screening; valve and ``at`` are repeated here for the trend's index."""
+
+    __tablename__ = "indicators"
+    __table_args__ = (Index("ix_indicators_trend", "valve", "name", "at"),)
+
+    screening_id: Mapped[int] = mapped_column(
+        ForeignKey("screenings.id", ondelete="CASCADE"), primary_key=True
+    )
+    name: Mapped[str] = mapped_column(primary_key=True)
+    valve: Mapped[str] = of_valve()
+    at: Mapped[datetime]
+    value: Mapped[float | None]
+    low: Mapped[float | None]
+    high: Mapped[float | None]
+    unit: Mapped[str]
+
+
+class NetworkRow(Base):
+    """A valve's NARX network. At most one of each kind is active; older baselines stay."""
+
+    __tablename__ = "networks"
+    __table_args__ = (
+        Index(
+            "uq_networks_active",
+            "valve",
+            "kind",
+            unique=True,
+            sqlite_where=text("active"),
+            postgresql_where=text("active"),
+        ),
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    valve: Mapped[str] = of_valve()
+    kind: Mapped[str]  # "baseline" or "fitted"
+    network: Mapped[bytes]
+    created: Mapped[datetime]
+    window_start: Mapped[datetime | None]
+    window_end: Mapped[datetime | None]
+    reason: Mapped[str]
+    active: Mapped[bool]
+
+
+class RemarkRow(Base):
+    """The columns that maintenance and notes share."""
+
+    __abstract__ = True
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    valve: Mapped[str] = mapped_column(ForeignKey("valves.id", ondelete="CASCADE"))
+    at: Mapped[datetime]
+    note: Mapped[str]
+    who: Mapped[str]
+
+
+class MaintenanceRow(RemarkRow):
+    """Work on a valve, after which its old baseline no longer describes it."""
+
+    __tablename__ = "maintenance"
+    __table_args__ = (Index("ix_maintenance_valve_at", "valve", "at"),)
+
+
+class NoteRow(RemarkRow):
+    """A remark about a valve; it changes nothing but what people know."""
+
+    __tablename__ = "notes"
+    __table_args__ = (Index("ix_notes_valve_at", "valve", "at"),)

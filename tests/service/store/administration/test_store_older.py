@@ -1,0 +1,85 @@
+"""Databases that older versions wrote: they open, and nothing is lost on the way, or back."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import pytest
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.administration.migrate import (
+    downgrade,
+    newest_revision,
+    take_back,
+    upgrade,
+)
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.store import open_store
+from tests.service.store.made_rows import AT_US, REVISIONS, contents, database_at
+
+NEWEST = newest_revision()
+
+
+@pytest.mark.parametrize("revision", REVISIONS)
+def test_a_database_of_an_older_version_opens(store_url: str, revision: str) -> None:
+    """Whatever version wrote it: valves, screenings, baselines and samples are read, and what
+    comes next gets a number of its own."""
+    with database_at(store_url, revision):
+        pass
+    with open_store(store_url) as store:
+        assert [valve.id for valve in store.valves()] == ["FIC-101", "FIC-1ü2"]
+        (latest,) = store.latest()
+        assert latest.screening.verdict is Verdict.HEALTHY
+        assert latest.screening.provenance.decisions == ("comma", "ü")
+        assert store.run(1).counts == {Verdict.STICKY: 1}
+        if revision >= "0002":
+            assert store.baseline("FIC-101") is not None
+        if revision >= "0003":
+            (tag,) = store.samples.tags("tags source 1 ü")
+            assert store.samples.read(tag.source, tag.name).values.tolist() == [41.25]
+        assert store.begin_run(software_version="2") == 3
+
+
+@pytest.mark.parametrize("revision", REVISIONS)
+def test_up_and_down_again_gives_every_value_back(store_url: str, revision: str) -> None:
+    """From any older schema to the newest and back: each table is as it was, to the last value."""
+    with database_at(store_url, revision) as engine:
+        before = contents(engine)
+        upgrade(engine, Address(store_url))
+        downgrade(engine, revision)
+        assert before == contents(engine)
+
+
+def test_down_and_up_again_keeps_what_the_older_schema_holds(store_url: str) -> None:
+    """From the newest schema down by one and up: nothing is lost, since only views and the layout
+    of samples change."""
+    with database_at(store_url, NEWEST) as engine:
+        before = contents(engine)
+        downgrade(engine, "0004")
+        upgrade(engine, Address(store_url))
+        assert before == contents(engine)
+
+
+def test_each_table_of_the_newest_schema_has_rows(store_url: str) -> None:
+    """The rows that these tests rely on are there: two in each table."""
+    with database_at(store_url, NEWEST) as engine:
+        found = contents(engine)
+    assert {2} == {len(next(iter(columns.values()))) for columns in found.values()}
+    assert len(found) > 15
+
+
+def test_taking_the_schema_back_refuses_what_is_none(store_url: str) -> None:
+    """A schema that does not exist, or that is newer than the present one, is named."""
+    with database_at(store_url, "0002") as engine:
+        with pytest.raises(StoreError, match=r"there is no schema 0999; 0001, 0002"):
+            take_back(engine, Address(store_url), "0999")
+        with pytest.raises(StoreError, match=r"has schema 0002, which is older already"):
+            take_back(engine, Address(store_url), "0003")
+        take_back(engine, Address(store_url), "0001")
+        assert "networks" not in contents(engine)
+
+
+def test_the_samples_of_the_fixture_are_of_march() -> None:
+    """The instants in the rows are what their comment says."""
+    assert datetime.fromtimestamp(AT_US / 1e6, UTC) == datetime(2026, 3, 1, 6, tzinfo=UTC)

@@ -1,0 +1,122 @@
+"""Alerts and messages: one open alert of each cause, each told of once."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.store import Store, open_store
+
+SOON = timedelta(hours=1)
+
+
+def found(cause: str = "sticky:FIC-1", **changes) -> Raised:
+    fields = {
+        "cause": cause,
+        "kind": AlertKind.STICKY,
+        "severity": AlertSeverity.MEDIUM,
+        "text": "FIC-1: It sticks.",
+        "valve": "FIC-1",
+    }
+    return Raised(**fields | changes)
+
+
+def test_a_cause_has_one_open_alert(store: Store, store_url: str) -> None:
+    """However many processes find it at the same time, people see it once."""
+    with closing(open_store(store_url)) as other, ThreadPoolExecutor(6) as pool:
+        opened = list(pool.map(lambda one: one.alerts.raise_all([found()]), [store, other] * 6))
+    assert sorted(map(len, opened)) == [0] * 11 + [1]
+    (alert,) = store.alerts.open()
+    assert (alert.cause, alert.valve, alert.closed) == ("sticky:FIC-1", "FIC-1", None)
+
+
+def test_a_cause_that_comes_back_is_a_new_alert(store: Store) -> None:
+    """Closed means over: what is found later is raised again, and both stay on record."""
+    (first,) = store.alerts.raise_all([found()])
+    (closed,) = store.alerts.clear(["sticky:FIC-1", "unknown"], "repaired")
+    assert (closed.id, closed.closed_why) == (first, "repaired")
+    (second,) = store.alerts.raise_all([found()])
+    assert [one.id for one in store.alerts.history(valve="FIC-1")] == [second, first]
+
+
+def test_acknowledging_and_snoozing(store: Store) -> None:
+    """Both name the person; a snoozed alert bothers nobody until its end."""
+    (number,) = store.alerts.raise_all([found()])
+    store.alerts.acknowledge(number, "Ann", "packing ordered")
+    until = datetime.now(UTC) + SOON
+    alert = store.alerts.snooze(number, until, "Ben")
+    assert (alert.acknowledged_by, alert.comment) == ("Ann", "packing ordered")
+    assert (alert.snoozed_by, alert.snoozed_until) == ("Ben", until)
+    assert alert.quiet(datetime.now(UTC))
+    assert not alert.quiet(until)
+    assert store.deliveries.untold() == []
+
+
+def test_a_false_alarm_is_not_raised_again_until_its_cause_was_gone(store: Store) -> None:
+    """It leaves the list and stays on record; only after its cause was gone is it news again."""
+    (number,) = store.alerts.raise_all([found()])
+    store.alerts.mark_false(number, "Ann", "a test stroke")
+    assert store.alerts.open() == []
+    assert store.alerts.raise_all([found()]) == []
+    store.alerts.clear(["sticky:FIC-1"], "gone")
+    assert len(store.alerts.raise_all([found()])) == 1
+    assert store.alerts.get(number).false_alarm
+
+
+def test_the_most_urgent_come_first(store: Store) -> None:
+    """Open alerts are sorted and counted by urgency, and filtered by valve and area."""
+    store.save_valves([_valve("A", "100"), _valve("B", "200")])
+    for valve, severity in (("A", "low"), ("B", "high")):
+        kind = AlertSeverity(severity)
+        store.alerts.raise_all([found(f"sticky:{valve}", valve=valve, severity=kind)])
+    assert [one.valve for one in store.alerts.open()] == ["B", "A"]
+    assert [one.valve for one in store.alerts.open(area="100")] == ["A"]
+    assert store.alerts.counts() == {AlertSeverity.HIGH: 1, AlertSeverity.LOW: 1}
+    assert store.alerts.open_causes(("sticky:A",)) == {"sticky:A"}
+
+
+def test_an_unknown_alert_is_said(store: Store) -> None:
+    """A number that does not exist changes nothing."""
+    with pytest.raises(StoreError, match="there is no alert 7"):
+        store.alerts.acknowledge(7, "Ann")
+
+
+def test_an_alert_is_told_of_once(store: Store, store_url: str) -> None:
+    """Two services that tell of the same alerts at the same time make one set of messages."""
+    numbers = store.alerts.raise_all([found(), found("sticky:B", valve="B")])
+    messages = {"mail": {"subject": "s"}, "hook": {"subject": "s"}}
+    with closing(open_store(store_url)) as other, ThreadPoolExecutor(4) as pool:
+        did = list(
+            pool.map(
+                lambda one: one.deliveries.put(messages, "k", numbers), [store, other, store, other]
+            )
+        )
+    assert sorted(did) == [False, False, False, True]
+    assert len(store.deliveries.recent()) == 2
+    assert store.deliveries.untold() == []
+
+
+def test_a_message_is_one_processs_until_it_is_sent(store: Store) -> None:
+    """A claimed message is nobody else's; a failed one comes again later; a sent one never."""
+    numbers = store.alerts.raise_all([found()])
+    store.deliveries.put({"mail": {"subject": "s"}}, "k", numbers)
+    first = store.deliveries.claim()
+    assert (first.key, first.attempts) == ("k", 1)
+    assert store.deliveries.claim() is None
+    store.deliveries.failed(first.id, "refused", datetime.now(UTC) - SOON)
+    again = store.deliveries.claim()
+    assert (again.id, again.attempts, again.error) == (first.id, 2, "refused")
+    store.deliveries.sent(again.id)
+    assert store.deliveries.claim() is None
+    assert store.deliveries.recent()[0].sent is not None
+
+
+def _valve(name: str, area: str):
+    from stemwatch.service.store.screenings.records import StoredValve
+
+    return StoredValve(id=name, area=area)
