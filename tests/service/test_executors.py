@@ -330,6 +330,34 @@ def test_workers_are_chosen() -> None:
     assert choose_executor(None, "dask://[::1]:8786") == DaskCluster("[::1]:8786")
 
 
+def test_an_executor_of_another_package_is_found_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stemwatch, one_valve: Path
+) -> None:
+    """A package with an entry point in ``stemwatch.executors`` is all it takes: the command line
+    screens a valve with it."""
+    (tmp_path / "tiny_executor.py").write_text(
+        "from pathlib import Path\n"
+        "from stemwatch.service.executors import InProcess\n"
+        "class Tiny(InProcess):\n"
+        "    def __init__(self, address):\n"
+        "        super().__init__()\n"
+        "        Path(__file__).with_name('asked').write_text(address)\n",
+        encoding="utf-8",
+    )
+    about = tmp_path / "tiny_executor-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: tiny-executor\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[stemwatch.executors]\ntiny = tiny_executor:Tiny\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    out = tmp_path / "out"
+    outcome = stemwatch("screen", one_valve, "--executor", "tiny://farm", "--out", out)
+    assert outcome.status == 0, outcome.said
+    assert (tmp_path / "asked").read_text() == "tiny://farm"
+    assert (out / "report.html").is_file()
+    with pytest.raises(UnknownExecutor, match=r"or tiny://"):
+        choose_executor(None, "huge://farm")
+
+
 @pytest.mark.parametrize(
     "address", ["ray://here:1", "dask", "dask://", "dask://here", "dask://h:99999", "10.0.0.5:8786"]
 )
