@@ -8,14 +8,14 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing, travel
-from stemwatch.models.findings import Indicator, Residual
 from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.recording import Recording
-from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.screening_result import Indicator, Residual
+from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import StickSlipFit
-from stemwatch.models.stickslip.problem import Problem
+from stemwatch.models.stickslip.problem import FitProblem
 
 
 def _one(
@@ -61,7 +61,7 @@ def of_recording(recording: Recording) -> list[Indicator]:
     return found
 
 
-def of_movement(problem: Problem, events: SlipEvents) -> list[Indicator]:
+def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
     """How the stem moved: jumps, reversals, way, and the noise of its reading."""
     hours = problem.op.size * problem.interval_s / 3600.0
     threshold = max(5.0 * problem.sigma, 0.1)
@@ -83,11 +83,11 @@ def of_friction(fit: StickSlipFit, S: Estimate, J: Estimate) -> list[Indicator]:
     """S, J, what they mean for this loop, and what stood before the stem; nothing without them."""
     if S.value is None:
         return []
-    swing_of_op = fit.bench.problem.swing
+    swing_of_op = fit.evaluator.problem.swing
     share = 100.0 * fit.S / swing_of_op if swing_of_op > 0 else None
-    naive_S = float(fit.naive[at.S_PERCENT])
-    naive_J = naive_S * float(fit.naive[at.RATIO])
-    zero = float(fit.candidate[at.ZERO])
+    naive_S = float(fit.naive[coordinate.S_PERCENT])
+    naive_J = naive_S * float(fit.naive[coordinate.RATIO])
+    zero = float(fit.candidate[coordinate.ZERO])
     found = [
         *_estimated("S_percent", S, "Deadband plus stickband, percent of OP span"),
         *_estimated("J_percent", J, "Slip jump, percent of OP span"),
@@ -104,9 +104,13 @@ def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
     """Only where the recording asks for more than friction."""
     c = fit.candidate
     found = [
-        *_one("dead_time_s", float(c[at.DEAD_TIME_S]), "s", "Command to stem, or a clock skew"),
-        *_one("lag_rising_s", float(c[at.LAG_UP_S]), "s", "Actuator lag, position rising"),
-        *_one("lag_falling_s", float(c[at.LAG_DOWN_S]), "s", "Actuator lag, position falling"),
+        *_one(
+            "dead_time_s", float(c[coordinate.DEAD_TIME_S]), "s", "Command to stem, or a clock skew"
+        ),
+        *_one("lag_rising_s", float(c[coordinate.LAG_UP_S]), "s", "Actuator lag, position rising"),
+        *_one(
+            "lag_falling_s", float(c[coordinate.LAG_DOWN_S]), "s", "Actuator lag, position falling"
+        ),
     ]
     for name, speed in shown_speed_limits(fit).items():
         text = f"Top speed of the stem, position {name}"

@@ -24,7 +24,7 @@ class Limits:
     max_bad_share: float = 0.3  # share of OP, MV pairs that may be unusable
     max_interpolated_share: float = 0.35  # share of samples that a historian drew, not measured
     # Of a record of more than twice as many samples only the most telling so many are fitted: what
-    # a fit costs grows with the samples, what it learns does not (see ``models.telling``).
+    # a fit costs grows with the samples, what it learns does not (see ``models.fit_window``).
     fitted_samples: float = 3600.0
     min_fit_percent: float = 40.0  # held-out fit below which S and J describe nothing
     # How much worse than in its baseline window a valve may follow its baseline network before it

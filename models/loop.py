@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.lags import lagged_products
+from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 
 MIN_CROSSINGS = 6  # zero crossings of the autocorrelation that make a period

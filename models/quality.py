@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.excitation import at_limits
-from stemwatch.models.findings import DataQuality
 from stemwatch.models.forensics import interpolated, quantum
 from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
-from stemwatch.models.obstacles import Obstacle as Obstacle
-from stemwatch.models.obstacles import (
+from stemwatch.models.percent import possible
+from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality
+from stemwatch.models.validity_checks import Obstacle as Obstacle
+from stemwatch.models.validity_checks import (
     foreign_obstacles,
     length_obstacles,
     movement_obstacles,
@@ -24,8 +26,6 @@ from stemwatch.models.obstacles import (
     record_obstacles,
     unit_obstacles,
 )
-from stemwatch.models.percent import possible
-from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.findings import Residual
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.narx.example import NarxFit
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip.fit import StickSlipFit
 
 FEWEST = 10  # samples that make a residual
@@ -27,7 +27,7 @@ class Compared:
 
 def _heldout(fit: StickSlipFit, *, resynced: bool) -> tuple[Floats, Floats]:
     """Residual and MV on the scored samples that the model was not fitted to."""
-    problem = fit.bench.problem
+    problem = fit.evaluator.problem
     late = problem.scored & (np.arange(problem.op.size) >= fit.first_heldout)
     return (problem.mv - fit.heldout(resynced=resynced))[late], problem.mv[late]
 

@@ -4,7 +4,7 @@
 
 Each valve stands alone: one that fails is a result with a reason and the rest goes on. The
 networks of all valves in a call train together. A long recording is fitted on its most telling
-stretch (``models.telling``); what needs no fit is taken from all of it.
+stretch (``models.fit_window``); what needs no fit is taken from all of it.
 """
 
 from __future__ import annotations
@@ -16,26 +16,31 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stemwatch.models import indicators, residual
+from stemwatch.models.decision import Decision, DecisionEvidence, decide, undetermined
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening, Traces
-from stemwatch.models.judge import Evidence, Judgement, judge, undetermined
+from stemwatch.models.fit_window import (
+    FitWindow,
+    choose_fit_window,
+    on_whole_clock,
+    window_sentence,
+)
 from stemwatch.models.limits import Limits
 from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Mismatch, Runs
+from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess
+from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
-from stemwatch.models.sight import still_seen
-from stemwatch.models.slowness import beside_friction, slowness
+from stemwatch.models.response_sentences import beside_friction, slowness
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.telling import Stretch, most_telling, on_whole_clock, said
 from stemwatch.models.verdict import Verdict
 
 
@@ -73,7 +78,7 @@ class _Fitted:
     assessment: Assessment  # of the whole recording
     recording: Recording
     masked: Recording
-    stretch: Stretch | None
+    stretch: FitWindow | None
     fit: StickSlipFit | None
     sample: StickSlipSample | None
     seconds: float
@@ -147,11 +152,11 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
 
 def _to_fit(
     recording: Recording, assessment: Assessment, limits: Limits
-) -> tuple[Recording, Recording, Stretch | None]:
+) -> tuple[Recording, Recording, FitWindow | None]:
     """What to fit, as it is and masked: the shortest telling stretch that carries a verdict as the
     whole does, each twice as long as the one before; else all."""
     samples = round(limits.fitted_samples)
-    while (stretch := most_telling(recording, samples)) is not None:
+    while (stretch := choose_fit_window(recording, samples)) is not None:
         part = recording.part(stretch.first, stretch.last)
         found = assess(part, limits)
         if not found.obstacles:
@@ -193,7 +198,7 @@ def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[Na
 
 def start_of(fit: StickSlipFit) -> StickSlipStart | None:
     """The element as it was fitted to the training part, for the network to start from."""
-    q = to_kernel(fit.trained, fit.bench.restick)[0]
+    q = to_kernel(fit.trained, fit.evaluator.restick)[0]
     if q[kernel.GAIN] == 0.0:
         return None
     names = ("dead_time_s", "lag_up_s", "lag_down_s")
@@ -231,7 +236,7 @@ def _conclude(one: _Fitted, network: NarxFit | None, options: Options) -> Screen
 
 def _screening(
     one: _Fitted,
-    judgement: Judgement,
+    judgement: Decision,
     S: Estimate,
     J: Estimate,
     residuals: dict[str, Residual | None],
@@ -259,11 +264,11 @@ def _screening(
     )
 
 
-def _remembering(recording: Recording, stretch: Stretch | None) -> Recording:
+def _remembering(recording: Recording, stretch: FitWindow | None) -> Recording:
     """The recording with the sentence that says what of it was fitted."""
     if stretch is None:
         return recording
-    decisions = (*recording.provenance.decisions, said(stretch, recording))
+    decisions = (*recording.provenance.decisions, window_sentence(stretch, recording))
     return replace(recording, provenance=replace(recording.provenance, decisions=decisions))
 
 
@@ -307,7 +312,7 @@ def _with_verdict(
     }
     events = slip_events(fit)
     cycle = signal_oscillation(one.recording.op, one.recording.interval_s)
-    evidence = Evidence(
+    evidence = DecisionEvidence(
         S=S,
         J=J,
         S_draws=S_draws,
@@ -317,13 +322,13 @@ def _with_verdict(
         following=residual.better_of(residual.of_stiction(fit, resynced=True), left_out),
         narx=residuals["narx"],
         typical_percent=residual.typical_percent(fit),
-        sigma=fit.bench.problem.sigma,
+        sigma=fit.evaluator.problem.sigma,
         slow=slowness(fit) if left_out is None else beside_friction(left_out),
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
     )
-    judgement = judge(evidence, limits)
+    judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
     found = [
@@ -345,10 +350,10 @@ def _with_verdict(
 def _movement(one: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[Indicator]:
     """How the stem moved in the whole recording, whatever part of it was fitted."""
     if one.stretch is None:
-        return indicators.of_movement(fit.bench.problem, events)
+        return indicators.of_movement(fit.evaluator.problem, events)
     whole = make_problem(one.assessment.recording)
-    bench = replace(fit.bench, problem=whole)
-    return indicators.of_movement(whole, slip_events(replace(fit, bench=bench)))
+    evaluator = replace(fit.evaluator, problem=whole)
+    return indicators.of_movement(whole, slip_events(replace(fit, evaluator=evaluator)))
 
 
 def _traces(one: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:
@@ -369,7 +374,7 @@ def _on_whole_clock(left_out: Mismatch | None, one: _Fitted) -> Mismatch | None:
     if left_out is None or left_out.runs is None or one.stretch is None:
         return left_out
     first, samples, runs = one.stretch.first, len(one.case.recording), left_out.runs
-    on_clock = Runs(
+    on_clock = FreeRuns(
         naive=on_whole_clock(runs.naive, first, samples),
         extended=on_whole_clock(runs.extended, first, samples),
         heldout_from=first + runs.heldout_from,

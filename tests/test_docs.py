@@ -18,19 +18,19 @@ from pydantic import BaseModel
 
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.narx.example import NarxSettings
-from stemwatch.models.plant import draw_sticky, simulate_loop
 from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.cli import app
-from stemwatch.service.plantfile.live import (
+from stemwatch.service.config.load import LimitsTable, TopTable
+from stemwatch.service.config.schema import Source, Tag, Valve
+from stemwatch.service.config.service_schema import (
     AlertRules,
     NotifierTable,
     ScheduleTable,
     ServiceSection,
 )
-from stemwatch.service.plantfile.schema import Source, Tag, Valve
-from stemwatch.service.plantfile.top import LimitsSection, Top
-from stemwatch.service.plantfile.valve_list import COLUMNS
+from stemwatch.service.config.valve_list import COLUMNS
 
 REPOSITORY = Path(__file__).parent.parent
 DOCS = REPOSITORY / "docs"
@@ -41,8 +41,8 @@ PAGES = [
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 COMMAND_LINE = re.compile(r"^(?:\$ |> )?stemwatch ([a-z-]+)(.*)$", re.MULTILINE)
 TABLES = (
-    Top,
-    LimitsSection,
+    TopTable,
+    LimitsTable,
     Source,
     Valve,
     Tag,
@@ -129,7 +129,7 @@ def test_every_page_is_reached_from_the_readme() -> None:
 
 
 @pytest.mark.parametrize(
-    "model", [Top, LimitsSection, Source, Valve, Tag], ids=lambda m: m.__name__
+    "model", [TopTable, LimitsTable, Source, Valve, Tag], ids=lambda m: m.__name__
 )
 def test_every_key_of_the_plant_file_is_described(model: type[BaseModel]) -> None:
     """Each key that plant.toml takes stands in docs/plant-file.md."""
@@ -148,7 +148,7 @@ def test_the_defaults_of_the_limits_are_the_documented_ones() -> None:
     """A default in the table of limits is the one in the code."""
     page = _page("plant-file.md")
     stated = dict(re.findall(r"\| `(\w+)` \| ([\d.]+) \|", page))
-    defaults = {name: field.default for name, field in LimitsSection.model_fields.items()}
+    defaults = {name: field.default for name, field in LimitsTable.model_fields.items()}
     assert {name: float(value) for name, value in stated.items()} == defaults
 
 

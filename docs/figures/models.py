@@ -16,11 +16,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from stemwatch.models.recording import Floats, Recording, Role, Signal
-from stemwatch.models.zoo.canonical import CANONICAL
-from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
-from stemwatch.models.zoo.model import ValveModel, values_of
-from stemwatch.models.zoo.networks.fit import fit_network
-from stemwatch.models.zoo.networks.network import Network
+from stemwatch.models.studies.literature.canonical import CANONICAL
+from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
+from stemwatch.models.studies.literature.model import ValveModel, values_of
+from stemwatch.models.studies.literature.networks.fit import fit_network
+from stemwatch.models.studies.literature.networks.network import Network
 from stemwatch.service.comparison.compare_models import NETWORKS
 
 HERE = Path(__file__).parent

@@ -11,20 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.bench import Ask, Bench, Hypothesis, Layout
-from stemwatch.models.mismatch.descent import descend
-from stemwatch.models.mismatch.instep import Search, together
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.batched_search import Search, together
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, RunRequest, TermSet
+from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.fit import Advantage, advantage
-from stemwatch.models.stickslip.search import CrossEntropy, Found, ordered
+from stemwatch.models.stickslip.search import CrossEntropy, SearchResult, ordered
 
 SEED = 1977
 
 
 @dataclass(frozen=True)
-class Effort:
+class FitEffort:
     """How long a search goes on: starts kept, of which some go on after the first rounds; rounds of
     descent, then a population about it."""
 
@@ -35,11 +35,11 @@ class Effort:
     width: float = 0.01
 
 
-LOOK = Effort(keep=2, rounds=5)
-CAREFUL = Effort(keep=3, rounds=10, go_on=2, population=24)
+LOOK = FitEffort(keep=2, rounds=5)
+CAREFUL = FitEffort(keep=3, rounds=10, go_on=2, population=24)
 FIRST_ROUNDS = 2  # after these, the worse of several starts are dropped
 HOPELESS = 1.05  # times the loss without the term, after the first rounds: no use to go on
-POLISH = Effort(keep=1, rounds=8, population=24, width=0.006)
+POLISH = FitEffort(keep=1, rounds=8, population=24, width=0.006)
 POPULATION_ROUNDS = 2
 RESTICKS = (0.0, 0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 4.0)  # percent per second
 AFTER_RESTICK = 4  # rounds of descent
@@ -54,7 +54,7 @@ class Fitted:
     the sums of the loss of all blocks by each.
     """
 
-    layout: Layout
+    layout: CoordinateLayout
     candidates: Floats
     losses: Floats
 
@@ -73,97 +73,107 @@ class Fitted:
         return np.asarray(self.candidates[:, self.layout.places[slug]])
 
 
-def folds(bench: Bench) -> tuple[Bools, Bools]:
+def folds(evaluator: Evaluator) -> tuple[Bools, Bools]:
     """Even and odd blocks of time."""
-    even = np.arange(bench.problem.n_blocks) % 2 == 0
+    even = np.arange(evaluator.problem.n_blocks) % 2 == 0
     return even, ~even
 
 
 def search(
-    bench: Bench, layout: Layout, blocks: Bools, starts: Floats, effort: Effort
-) -> Search[Found]:
+    evaluator: Evaluator, layout: CoordinateLayout, blocks: Bools, starts: Floats, effort: FitEffort
+) -> Search[SearchResult]:
     """The best candidate on ``blocks`` that is found from ``starts`` (m, size). Seeded."""
-    begun = yield from _cheapest(bench, layout, blocks, starts)
-    found = yield from _refined(bench, layout, blocks, begun[: effort.keep], effort)
+    begun = yield from _cheapest(evaluator, layout, blocks, starts)
+    found = yield from _refined(evaluator, layout, blocks, begun[: effort.keep], effort)
     return found
 
 
 def _cheapest(
-    bench: Bench, layout: Layout, blocks: Bools, candidates: Floats
-) -> Search[list[Found]]:
+    evaluator: Evaluator, layout: CoordinateLayout, blocks: Bools, candidates: Floats
+) -> Search[list[SearchResult]]:
     """Candidates (m, size), the best on ``blocks`` first."""
-    ask = Ask(layout, candidates)
+    ask = RunRequest(layout, candidates)
     yield [ask]
-    return ordered(candidates, bench.mean_loss(ask.losses, blocks))
+    return ordered(candidates, evaluator.mean_loss(ask.losses, blocks))
 
 
 def _refined(
-    bench: Bench,
-    layout: Layout,
+    evaluator: Evaluator,
+    layout: CoordinateLayout,
     blocks: Bools,
-    begun: list[Found],
-    effort: Effort,
+    begun: list[SearchResult],
+    effort: FitEffort,
     simple: float = np.inf,
-) -> Search[Found]:
+) -> Search[SearchResult]:
     """The best that is found from ``begun``; no further where the loss ``simple`` of a poorer
     hypothesis is out of reach."""
     reached = begun
     if len(begun) > 1:
-        reached = yield from _descended(bench, layout, blocks, begun, FIRST_ROUNDS)
+        reached = yield from _descended(evaluator, layout, blocks, begun, FIRST_ROUNDS)
     if reached[0].loss > HOPELESS * simple:
         return reached[0]
     left = effort.rounds - (FIRST_ROUNDS if len(begun) > 1 else 0)
-    found = yield from _descended(bench, layout, blocks, reached[: effort.go_on], left)
+    found = yield from _descended(evaluator, layout, blocks, reached[: effort.go_on], left)
     # Always: what makes the command late stands only with another speed of sticking again.
-    best = yield from _resticking(bench, layout, blocks, found[0])
+    best = yield from _resticking(evaluator, layout, blocks, found[0])
     if not effort.population or best.loss > simple:
         return best
-    best = yield from _around(bench, layout, blocks, best, effort)
+    best = yield from _around(evaluator, layout, blocks, best, effort)
     return best
 
 
 def _descended(
-    bench: Bench, layout: Layout, blocks: Bools, begun: list[Found], rounds: int
-) -> Search[list[Found]]:
+    evaluator: Evaluator,
+    layout: CoordinateLayout,
+    blocks: Bools,
+    begun: list[SearchResult],
+    rounds: int,
+) -> Search[list[SearchResult]]:
     """Where ``begun`` lead to, the best first."""
     reached = yield from together(
-        descend(bench, layout, blocks, one.candidate, rounds) for one in begun
+        descend(evaluator, layout, blocks, one.candidate, rounds) for one in begun
     )
     return sorted(reached, key=lambda one: one.loss)
 
 
-def _resticking(bench: Bench, layout: Layout, blocks: Bools, best: Found) -> Search[Found]:
+def _resticking(
+    evaluator: Evaluator, layout: CoordinateLayout, blocks: Bools, best: SearchResult
+) -> Search[SearchResult]:
     """Try other speeds below which the stem sticks again, and go on from a better one."""
-    if layout.bounds.high[at.RESTICK] <= 0.0:
+    if layout.bounds.high[base_coordinate.RESTICK] <= 0.0:
         return best
-    now = float(best.candidate[at.RESTICK])
+    now = float(best.candidate[base_coordinate.RESTICK])
     trials = np.tile(best.candidate, (len(RESTICKS) + 2, 1))
-    trials[:, at.RESTICK] = [*RESTICKS, 0.75 * now, 1.3 * now]
-    tried = yield from _cheapest(bench, layout, blocks, layout.bounds.clip(trials))
+    trials[:, base_coordinate.RESTICK] = [*RESTICKS, 0.75 * now, 1.3 * now]
+    tried = yield from _cheapest(evaluator, layout, blocks, layout.bounds.clip(trials))
     if tried[0].loss >= best.loss:
         return best
-    found = yield from descend(bench, layout, blocks, tried[0].candidate, AFTER_RESTICK)
+    found = yield from descend(evaluator, layout, blocks, tried[0].candidate, AFTER_RESTICK)
     return found
 
 
 def _around(
-    bench: Bench, layout: Layout, blocks: Bools, best: Found, effort: Effort
-) -> Search[Found]:
+    evaluator: Evaluator,
+    layout: CoordinateLayout,
+    blocks: Bools,
+    best: SearchResult,
+    effort: FitEffort,
+) -> Search[SearchResult]:
     """The best of populations about ``best``."""
-    spread, rng = bench.spread(layout, effort.width), np.random.default_rng(SEED)
+    spread, rng = evaluator.spread(layout, effort.width), np.random.default_rng(SEED)
     around = CrossEntropy(best, spread, layout.bounds, rng)
     for _ in range(POPULATION_ROUNDS):
-        ask = Ask(layout, around.draw(effort.population))
+        ask = RunRequest(layout, around.draw(effort.population))
         yield [ask]
-        around.learn(ask.candidates, bench.mean_loss(ask.losses, blocks))
+        around.learn(ask.candidates, evaluator.mean_loss(ask.losses, blocks))
     return around.best
 
 
 def crossfit(
-    bench: Bench,
-    layout: Layout,
+    evaluator: Evaluator,
+    layout: CoordinateLayout,
     starts: Floats,
-    effort: Effort,
+    effort: FitEffort,
     simple: tuple[float, float] = (np.inf, np.inf),
 ) -> Search[Fitted]:
     """Fit ``layout``'s hypothesis to each fold; ``starts`` (m, size) must not depend on them.
@@ -171,63 +181,67 @@ def crossfit(
     ``simple`` are the losses of a poorer hypothesis on both folds: what does not come near them
     is not searched further.
     """
-    begun = yield from ranked(bench, layout, starts)
-    of_folds = zip(folds(bench), begun, simple, strict=True)
+    begun = yield from ranked(evaluator, layout, starts)
+    of_folds = zip(folds(evaluator), begun, simple, strict=True)
     found = yield from together(
-        _refined(bench, layout, fold, first[: effort.keep], effort, least)
+        _refined(evaluator, layout, fold, first[: effort.keep], effort, least)
         for fold, first, least in of_folds
     )
     fitted = yield from scored(layout, np.array([one.candidate for one in found]))
     return fitted
 
 
-def ranked(bench: Bench, layout: Layout, starts: Floats) -> Search[tuple[list[Found], list[Found]]]:
+def ranked(
+    evaluator: Evaluator, layout: CoordinateLayout, starts: Floats
+) -> Search[tuple[list[SearchResult], list[SearchResult]]]:
     """The ``starts`` (m, size) for the even and for the odd blocks, the best first."""
-    ask = Ask(layout, starts)
+    ask = RunRequest(layout, starts)
     yield [ask]
-    even, odd = (ordered(starts, bench.mean_loss(ask.losses, fold)) for fold in folds(bench))
-    return even, odd
-
-
-def own_losses(bench: Bench, fitted: Fitted) -> tuple[float, float]:
-    """The mean loss of each fold by the fit to that fold."""
     even, odd = (
-        float(bench.mean_loss(row[None], fold)[0])
-        for row, fold in zip(fitted.losses, folds(bench), strict=True)
+        ordered(starts, evaluator.mean_loss(ask.losses, fold)) for fold in folds(evaluator)
     )
     return even, odd
 
 
-def again(bench: Bench, fitted: Fitted, effort: Effort, *more: Floats) -> Search[Fitted]:
+def own_losses(evaluator: Evaluator, fitted: Fitted) -> tuple[float, float]:
+    """The mean loss of each fold by the fit to that fold."""
+    even, odd = (
+        float(evaluator.mean_loss(row[None], fold)[0])
+        for row, fold in zip(fitted.losses, folds(evaluator), strict=True)
+    )
+    return even, odd
+
+
+def again(evaluator: Evaluator, fitted: Fitted, effort: FitEffort, *more: Floats) -> Search[Fitted]:
     """Go on from where ``fitted`` stands on each fold, and from more candidates for each (2, m)."""
     starts = np.stack((fitted.candidates, *more), axis=1)
     found = yield from together(
-        search(bench, fitted.layout, fold, of_fold, effort)
-        for fold, of_fold in zip(folds(bench), starts, strict=True)
+        search(evaluator, fitted.layout, fold, of_fold, effort)
+        for fold, of_fold in zip(folds(evaluator), starts, strict=True)
     )
     went_on = yield from scored(fitted.layout, np.array([one.candidate for one in found]))
-    return better(bench, fitted, went_on)
+    return better(evaluator, fitted, went_on)
 
 
-def better(bench: Bench, old: Fitted, new: Fitted) -> Fitted:
+def better(evaluator: Evaluator, old: Fitted, new: Fitted) -> Fitted:
     """The fit of each fold that is better on the fold it was fitted to; both of one layout."""
     candidates, losses = new.candidates.copy(), new.losses.copy()
-    for i, fold in enumerate(folds(bench)):
-        if bench.counts[fold].sum() and old.losses[i, fold].sum() < new.losses[i, fold].sum():
+    for i, fold in enumerate(folds(evaluator)):
+        if evaluator.counts[fold].sum() and old.losses[i, fold].sum() < new.losses[i, fold].sum():
             candidates[i], losses[i] = old.candidates[i], old.losses[i]
     return Fitted(new.layout, candidates, losses)
 
 
-def scored(layout: Layout, candidates: Floats) -> Search[Fitted]:
+def scored(layout: CoordinateLayout, candidates: Floats) -> Search[Fitted]:
     """Two fits (2, size), one to each fold, with their losses."""
-    ask = Ask(layout, candidates)
+    ask = RunRequest(layout, candidates)
     yield [ask]
     return Fitted(layout, candidates, ask.losses)
 
 
-def gain(bench: Bench, simple: Fitted, rich: Fitted) -> Advantage:
+def gain(evaluator: Evaluator, simple: Fitted, rich: Fitted) -> Advantage:
     """How much better ``rich`` predicts the blocks that neither was fitted to."""
-    return advantage(simple.heldout, rich.heldout, bench.counts, bench.delta)
+    return advantage(simple.heldout, rich.heldout, evaluator.counts, evaluator.delta)
 
 
 @dataclass(frozen=True)
@@ -246,23 +260,26 @@ class Beginning:
 
 
 def widened(
-    bench: Bench, rich: Hypothesis, simple: Fitted, term: Term, beginnings: Sequence[Beginning]
+    evaluator: Evaluator, rich: TermSet, simple: Fitted, term: Term, beginnings: Sequence[Beginning]
 ) -> Floats:
     """(m, size) starts of ``rich`` = simple + ``term``: the term's own grid over ``beginnings``."""
-    layout, grid = bench.layout(rich), term.starts(bench.look)
+    layout, grid = evaluator.layout(rich), term.starts(evaluator.look)
     centre = simple.candidates.mean(axis=0)
-    slow, fast = np.sort(simple.candidates[:, at.RESTICK])
+    slow, fast = np.sort(simple.candidates[:, base_coordinate.RESTICK])
     if fast - slow > DISAGREE:
         # The canonical end of it: a lag stands beside no other, and a higher speed is tried after
         # the descent.
-        centre[at.RESTICK] = slow
+        centre[base_coordinate.RESTICK] = slow
     rows = []
     for one in beginnings:
         base = np.zeros(layout.size)
-        base[: at.N_BASE] = centre[: at.N_BASE]
-        base[at.S_PERCENT], base[at.RATIO] = one.S, one.J / max(one.S, 1e-6)
+        base[: base_coordinate.N_BASE] = centre[: base_coordinate.N_BASE]
+        base[base_coordinate.S_PERCENT], base[base_coordinate.RATIO] = (
+            one.S,
+            one.J / max(one.S, 1e-6),
+        )
         if one.plain:
-            base[[at.ZERO, at.GAIN]] = 0.0
+            base[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
         for slug, place in simple.layout.places.items():
             base[layout.places[slug]] = centre[place]
         block = np.tile(base, (grid.shape[0], 1))
@@ -270,6 +287,9 @@ def widened(
         S = np.maximum(one.S - one.S_less * grid[:, 0], 0.3 * one.S)
         J = np.clip(one.J - one.J_less * grid[:, 0], 0.05 * S, S)
         if one.S_less != 0.0 or one.J_less != 0.0:
-            block[:, at.S_PERCENT], block[:, at.RATIO] = S, J / np.maximum(S, 1e-6)
+            block[:, base_coordinate.S_PERCENT], block[:, base_coordinate.RATIO] = (
+                S,
+                J / np.maximum(S, 1e-6),
+            )
         rows.append(block)
     return layout.bounds.clip(np.vstack(rows))

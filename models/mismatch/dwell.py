@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri, stdtr
 
-from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.bench import Bench
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, scored
-from stemwatch.models.mismatch.instep import conclude
+from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.mismatch.terms.dwell_dependent_breakaway import T0_S
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.parameters import Bounds
@@ -49,23 +49,23 @@ class Dwelling:
         return self.z >= LEAST_Z and LEAST_RISE <= self.rise <= MOST_RISE
 
 
-def dwelling(bench: Bench, fitted: Fitted) -> Dwelling | None:
+def dwelling(evaluator: Evaluator, fitted: Fitted) -> Dwelling | None:
     """The slope of how late breakaways come over the logarithm of the rest before.
 
     Robust regression (Cauchy's weights) with one level for each direction, on the breakaways that
     the model assimilates; Student's t read as a normal score. ``None`` with fewer than ten, and
     where an archive drew lines: when the stem let go is not known well enough there.
     """
-    if bench.slack.any():
+    if evaluator.slack.any():
         return None
     candidate = fitted.candidates.mean(axis=0)
-    _, early_late = bench.assimilated(fitted.layout, candidate)
+    _, early_late = evaluator.assimilated(fitted.layout, candidate)
     seen = early_late != 0.0
     late = early_late[seen]
     if late.size < FEWEST_EVENTS:
         return None
-    rested = bench.onsets.rested[seen] * bench.problem.interval_s
-    side = bench.onsets.side[seen]
+    rested = evaluator.onsets.rested[seen] * evaluator.problem.interval_s
+    side = evaluator.onsets.side[seen]
     columns = np.column_stack((side > 0.0, side < 0.0, np.log1p(rested / T0_S))).astype(np.float64)
     slope, error = _slope(columns[:, columns.any(axis=0)], late)
     t = slope / max(error, _SMALLEST)
@@ -74,7 +74,7 @@ def dwelling(bench: Bench, fitted: Fitted) -> Dwelling | None:
     return Dwelling(slope, error, float(np.clip(z, -MOST_Z, MOST_Z)), usual, int(late.size))
 
 
-def begun(bench: Bench, plain: Fitted, seen: Dwelling) -> Fitted:
+def begun(evaluator: Evaluator, plain: Fitted, seen: Dwelling) -> Fitted:
     """``plain``, a fit with the term of dwell at neutral, refitted with the rise that was ``seen``.
 
     The rise is held to two standard errors about it: the trajectories hardly tell it, and would
@@ -86,14 +86,17 @@ def begun(bench: Bench, plain: Fitted, seen: Dwelling) -> Fitted:
     high[place] = min(seen.rise + 2.0 * seen.error, MOST_RISE)
     layout = replace(plain.layout, bounds=Bounds(low, high))
     candidates = plain.candidates.copy()
-    S, J = candidates[:, at.S_PERCENT], candidates[:, at.S_PERCENT] * candidates[:, at.RATIO]
+    S, J = (
+        candidates[:, base_coordinate.S_PERCENT],
+        candidates[:, base_coordinate.S_PERCENT] * candidates[:, base_coordinate.RATIO],
+    )
     # It raises the breakaway only: S and J alike were read too large by what is usual.
     less = np.minimum(seen.rise * seen.usual, 0.9 * J)
-    candidates[:, at.S_PERCENT] = S - less
-    candidates[:, at.RATIO] = (J - less) / np.maximum(S - less, _SMALLEST)
+    candidates[:, base_coordinate.S_PERCENT] = S - less
+    candidates[:, base_coordinate.RATIO] = (J - less) / np.maximum(S - less, _SMALLEST)
     candidates[:, place] = seen.rise
-    first = conclude(bench, scored(layout, layout.bounds.clip(candidates)))
-    return conclude(bench, again(bench, first, CAREFUL))
+    first = conclude(evaluator, scored(layout, layout.bounds.clip(candidates)))
+    return conclude(evaluator, again(evaluator, first, CAREFUL))
 
 
 def _slope(columns: Floats, values: Floats) -> tuple[float, float]:

@@ -14,25 +14,8 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.forensics import quiet_sigma
-from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.audit import NO_POSITION, audit
-from stemwatch.models.mismatch.base import Base, fit_base, fit_naive, naive_bench, naive_layout
-from stemwatch.models.mismatch.bench import Bench, Layout
-from stemwatch.models.mismatch.bend import bend
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search
-from stemwatch.models.mismatch.findings import (
-    Effect,
-    Finding,
-    HeldOut,
-    Mismatch,
-    RecordEffect,
-    ResidualMap,
-    Stiction,
-    Untestable,
-)
-from stemwatch.models.mismatch.flow import as_position
-from stemwatch.models.mismatch.instep import conclude
-from stemwatch.models.mismatch.limits import (
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance_limits import (
     MEAN_OF_A_LINE,
     MEAN_WHERE_MUCH_IS_LEFT,
     chance,
@@ -40,23 +23,46 @@ from stemwatch.models.mismatch.limits import (
     much_left,
     not_little_left,
 )
-from stemwatch.models.mismatch.naming import Named, Needed, Score, name
-from stemwatch.models.mismatch.reading import Off, findings, values_of
-from stemwatch.models.mismatch.record import RecordSettled, settle
-from stemwatch.models.mismatch.show import show
-from stemwatch.models.mismatch.telling import (
+from stemwatch.models.mismatch.base_fit import (
+    BaseFit,
+    fit_base,
+    fit_naive,
+    naive_evaluator,
+    naive_layout,
+)
+from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search
+from stemwatch.models.mismatch.curvature import curvature
+from stemwatch.models.mismatch.describe_effect import (
     Directions,
     by_events,
     directions,
     effect,
     residual_map,
 )
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.findings import (
+    Effect,
+    Finding,
+    HeldOutFit,
+    Mismatch,
+    RecordEffect,
+    ResidualMap,
+    Stiction,
+    Untestable,
+)
+from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.held_out import show
+from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
+from stemwatch.models.mismatch.reading import Off, findings, values_of
+from stemwatch.models.mismatch.record_effects import RecordSettled, settle
 from stemwatch.models.mismatch.term import Look, Term, Way
+from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
-from stemwatch.models.stickslip.problem import Problem, make_problem
+from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 FEWEST_SAMPLES = 60
 WORSE = 1.15
@@ -79,7 +85,7 @@ class _Case:
 
     recording: Recording
     settled: RecordSettled
-    base: Base
+    base: BaseFit
     refused: Mapping[str, str]
     ceiling: Floats | None
     own_reading: bool
@@ -144,7 +150,7 @@ def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
     return None
 
 
-def problem_of(recording: Recording, settled: RecordSettled) -> Problem:
+def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
     """The fitting problem, scored on samples that were measured, or drawn near what was."""
     problem = make_problem(recording)
     n = problem.op.size
@@ -168,7 +174,7 @@ def _measured(recording: Recording, settled: RecordSettled) -> Floats:
     return np.where(recording.usable & settled.real, recording.mv.values, np.nan)
 
 
-def look_of(problem: Problem) -> Look:
+def look_of(problem: FitProblem) -> Look:
     """What terms may know of the recording."""
     op, mv = problem.op, problem.mv[problem.scored]
     op_low, op_high = np.percentile(op, (1.0, 99.0))
@@ -196,8 +202,8 @@ def _fitted(
     problem = problem_of(recording, settled)
     base = fit_base(problem, look_of(problem), settled.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
-    simulated = base.bench.simulate(base.fitted.layout, candidate)
-    look = base.bench.look
+    simulated = base.evaluator.simulate(base.fitted.layout, candidate)
+    look = base.evaluator.look
     refused = audit(
         problem.op,
         problem.mv,
@@ -222,20 +228,20 @@ def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
 def _told(case: _Case) -> Mismatch:
     terms = admissible(case.refused)
     named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
-    bench = named.bench
-    off, fitted = findings(bench, named.fitted, terms)
-    layout, best = _whole(bench, fitted)
-    drawn = draws(bench, layout, best)
+    evaluator = named.evaluator
+    off, fitted = findings(evaluator, named.fitted, terms)
+    layout, best = _whole(evaluator, fitted)
+    drawn = draws(evaluator, layout, best)
     found = _effects(case.recording, named, off, layout, best, drawn)
     large = tuple(one for one in found if _matters(one))
-    everything = np.ones(bench.problem.n_blocks, dtype=bool)
-    plain = naive_bench(bench)
+    everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
+    plain = naive_evaluator(evaluator)
     simple = naive_layout(plain)
     naive = conclude(plain, fit_naive(plain, everything))
-    shown = show(bench, layout, [one.term for one in named.needed], case.ceiling)
-    effects, open_end = _standing(case, bench, fitted, large, shown.heldout)
+    shown = show(evaluator, layout, [one.term for one in named.needed], case.ceiling)
+    effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
-    before = residual_map(bench, shown.runs.naive)
+    before = residual_map(evaluator, shown.runs.naive)
     return Mismatch(
         finding=finding,
         sentence=_sentence(finding, effects, case.refused, before),
@@ -246,14 +252,18 @@ def _told(case: _Case) -> Mismatch:
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=shown.heldout,
         before=before,
-        after=residual_map(bench, shown.runs.extended),
+        after=residual_map(evaluator, shown.runs.extended),
         runs=shown.runs,
         p_value=chance(max(one.evidence.strength for one in effects)) if effects else None,
     )
 
 
 def _standing(
-    case: _Case, bench: Bench, fitted: Fitted, effects: tuple[Effect, ...], heldout: HeldOut
+    case: _Case,
+    evaluator: Evaluator,
+    fitted: Fitted,
+    effects: tuple[Effect, ...],
+    heldout: HeldOutFit,
 ) -> tuple[tuple[Effect, ...], bool]:
     """The effects that stand although something is left, and whether it must be said to be unknown.
 
@@ -262,11 +272,13 @@ def _standing(
     """
     # An archive that drew lines, or a flow, leaves no noise to compare with.
     noise_known = case.own_reading and not _compressed(case.settled)
-    open_end = noise_known and not_little_left(bench, fitted)
-    if noise_known and much_left(bench, fitted):
+    open_end = noise_known and not_little_left(evaluator, fitted)
+    if noise_known and much_left(evaluator, fitted):
         effects = tuple(one for one in effects if one.evidence.mean >= _least_mean(one))
     lines = [one for one in effects if one.slug in STRAIGHT_LINE]
-    if lines and (_refuted(heldout) or convincing(bend(bench, fitted), bench.told, BEND)):
+    if lines and (
+        _refuted(heldout) or convincing(curvature(evaluator, fitted), evaluator.told, BEND)
+    ):
         effects = tuple(one for one in effects if one.slug not in STRAIGHT_LINE)
         open_end = open_end or not effects
     return effects, open_end
@@ -276,21 +288,26 @@ def _least_mean(effect: Effect) -> float:
     return MEAN_OF_A_LINE if effect.slug in STRAIGHT_LINE else MEAN_WHERE_MUCH_IS_LEFT
 
 
-def _whole(bench: Bench, fitted: Fitted) -> tuple[Layout, Floats]:
+def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floats]:
     """The hypothesis fitted to the whole record, from the fits to both folds."""
-    everything = np.ones(bench.problem.n_blocks, dtype=bool)
+    everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
     starts = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
-    found = conclude(bench, search(bench, fitted.layout, everything, starts, CAREFUL))
+    found = conclude(evaluator, search(evaluator, fitted.layout, everything, starts, CAREFUL))
     return fitted.layout, found.candidate
 
 
 def _stiction(drawn: Floats, best: Floats) -> Stiction:
-    S, J = best[at.S_PERCENT], best[at.S_PERCENT] * best[at.RATIO]
+    S, J = (
+        best[base_coordinate.S_PERCENT],
+        best[base_coordinate.S_PERCENT] * best[base_coordinate.RATIO],
+    )
     error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
-    S_drawn = drawn[:, at.S_PERCENT]
+    S_drawn = drawn[:, base_coordinate.S_PERCENT]
     return Stiction(
         S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
-        J=_positive(estimate(S_drawn * drawn[:, at.RATIO], float(J), PERCENT, float(error))),
+        J=_positive(
+            estimate(S_drawn * drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
+        ),
     )
 
 
@@ -302,18 +319,18 @@ def _effects(
     recording: Recording,
     named: Named,
     off: list[Off],
-    layout: Layout,
+    layout: CoordinateLayout,
     best: Floats,
     drawn: Floats,
 ) -> tuple[Effect, ...]:
     """The accepted terms and the reading's errors, strongest first."""
-    bench, way = named.bench, directions(recording)
+    evaluator, way = named.evaluator, directions(recording)
     found = [_needed_effect(named, one, layout, best, drawn, way) for one in named.needed]
     for one in off:
-        share = _share(bench, one.without, named.fitted)
+        share = _share(evaluator, one.without, named.fitted)
         found.append(
             effect(
-                bench,
+                evaluator,
                 one.term,
                 (one.term.slug,),
                 values_of(one.term.slug, best),
@@ -328,17 +345,22 @@ def _effects(
 
 
 def _needed_effect(
-    named: Named, one: Needed, layout: Layout, best: Floats, drawn: Floats, way: Directions
+    named: Named,
+    one: Needed,
+    layout: CoordinateLayout,
+    best: Floats,
+    drawn: Floats,
+    way: Directions,
 ) -> Effect:
     place = layout.places[one.term.slug]
     told = effect(
-        named.bench,
+        named.evaluator,
         one.term,
         one.members,
         best[place],
         drawn[:, place],
         one.advantage,
-        _share(named.bench, one.without, named.fitted),
+        _share(named.evaluator, one.without, named.fitted),
         (one.without.layout, one.without.candidates.mean(axis=0)),
         way,
     )
@@ -350,12 +372,12 @@ def _matters(effect: Effect) -> bool:
     return effect.evidence.share >= LEAST_SHARE or effect.evidence.events_z > 0.0
 
 
-def _share(bench: Bench, before: Fitted, after: Fitted) -> float:
+def _share(evaluator: Evaluator, before: Fitted, after: Fitted) -> float:
     """The share of the held-out loss that goes."""
     return float(np.clip(1.0 - after.heldout.sum() / max(before.heldout.sum(), 1e-12), -1.0, 1.0))
 
 
-def _refuted(heldout: HeldOut) -> bool:
+def _refuted(heldout: HeldOutFit) -> bool:
     """True where the extended model, fitted to the first part, predicts the rest clearly worse."""
     if heldout.rmse_naive is None or heldout.rmse_extended is None or heldout.gain_high is None:
         return False
@@ -403,7 +425,7 @@ def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
         restated=nothing,
         record_effects=effects,
         not_testable=tuple(Untestable(slug=slug, reason=reason) for slug in catalogue()),
-        heldout=HeldOut(),
+        heldout=HeldOutFit(),
     )
 
 
@@ -416,5 +438,5 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     case = _fitted(recording, settled, None)
     terms = admissible(case.refused)
     named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
-    first: tuple[Score, ...] = named.stages[0].scores
+    first: tuple[TermScore, ...] = named.stages[0].scores
     return {one.slug: (one.advantage.mean, one.advantage.t) for one in first}

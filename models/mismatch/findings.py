@@ -21,7 +21,7 @@ class Finding(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
+class EffectEvidence:
     """What speaks for an effect: its gain on blocks of time that it was not fitted to.
 
     ``mean`` is the mean log ratio of the robust losses without and with it, ``t`` its t-like
@@ -48,7 +48,7 @@ class Effect:
     check: str  # what to look at in the field
     decide: str  # the test that would tell the members apart; empty where there is one
     parameters: Mapping[str, Estimate]
-    evidence: Evidence
+    evidence: EffectEvidence
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +111,7 @@ class ResidualMap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeldOut:
+class HeldOutFit:
     """The fit before and after on data that the fit did not see.
 
     Errors in percent of span, fits ``100 (1 - rmse / std(MV))``; ``None`` where it cannot be said.
@@ -138,7 +138,7 @@ class Stiction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Runs:
+class FreeRuns:
     """(n,) free runs of MV in percent: S and J alone, and with what was named.
 
     ``heldout_from`` is the first sample that neither was fitted to.
@@ -160,10 +160,10 @@ class Mismatch:
     effects: tuple[Effect, ...] = ()
     record_effects: tuple[RecordEffect, ...] = ()
     not_testable: tuple[Untestable, ...] = ()
-    heldout: HeldOut = field(default_factory=HeldOut)
+    heldout: HeldOutFit = field(default_factory=HeldOutFit)
     before: ResidualMap = field(default_factory=ResidualMap)
     after: ResidualMap = field(default_factory=ResidualMap)
-    runs: Runs | None = None
+    runs: FreeRuns | None = None
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None
     seconds: float = 0.0

@@ -18,14 +18,49 @@ The equations stand in ``stem``.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from stemwatch.models.mismatch import stem as of
-from stemwatch.models.mismatch.given import Record, Scoring
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.recording import Floats
+
+
+class Record(NamedTuple):
+    """What every candidate is run over, ``n`` samples every ``interval_s`` seconds.
+
+    ``marks`` (n,): at START the whole state is taken from ``mv`` (n,), percent, at RESYNC only the
+    place where a resting stem rests. ``next_up`` and ``next_down`` (n,) are the samples at which
+    the recorded stem next lets go, or n; ``window`` (a share of ``fs``, 0: a free run) is how far
+    from ``fs`` it may do so.
+    """
+
+    mv: Floats
+    marks: NDArray[np.uint8]
+    next_up: NDArray[np.int64]
+    next_down: NDArray[np.int64]
+    interval_s: float
+    window: float
+
+
+class Scoring(NamedTuple):
+    """What a run costs: Cauchy's loss ``delta^2 log(1 + (r/delta)^2)`` of its samples, and more.
+
+    ``block`` (n,) is the block number of a sample, negative where it is not scored; neighbours
+    must be grouped. ``slack`` (n,) is how far a value may lie from ``mv`` at no cost, percent: 0
+    where it was measured. A breakaway that was assimilated ``e`` percent from its level costs
+    ``event`` times ``delta^2 log(1 + (e/scatter)^2)``.
+    """
+
+    block: NDArray[np.int64]
+    slack: Floats
+    delta: float
+    scatter: float
+    event: float
+
 
 LANES = 32  # candidates that run side by side at most
 
@@ -51,8 +86,10 @@ _ROWS = 30
 @njit(cache=True)
 def _at(tables: Floats, lane: int, x: float) -> float:
     """The table of ``lane`` at place ``x``, linear between its entries and constant beyond."""
-    place = (x - of.PLACE_LOW) * ((of.PLACES - 1) / (of.PLACE_HIGH - of.PLACE_LOW))
-    place = min(max(place, 0.0), of.PLACES - 1.000001)
+    place = (x - stem_number.PLACE_LOW) * (
+        (stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW)
+    )
+    place = min(max(place, 0.0), stem_number.PLACES - 1.000001)
     i = int(place)
     here, there = tables[lane, i], tables[lane, i + 1]
     value: float = here + (place - i) * (there - here)
@@ -63,10 +100,10 @@ def _at(tables: Floats, lane: int, x: float) -> float:
 def _share_and_least(dt: float, q: Floats) -> tuple[float, float]:
     """The share of its way that a dragging stem makes in a sample, and the speed below which it
     sticks, as a gap; a negative one lets only a turn stop it."""
-    share = 1.0 - np.exp(-dt / q[of.DRAG_S]) if q[of.DRAG_S] > 1e-3 else 1.0
-    if q[of.RESTICK] < 0.0:
+    share = 1.0 - np.exp(-dt / q[stem_number.DRAG_S]) if q[stem_number.DRAG_S] > 1e-3 else 1.0
+    if q[stem_number.RESTICK] < 0.0:
         return share, -_ROUNDING
-    speed = max(q[of.RESTICK], _STANDS_BELOW if share < 1.0 else 0.0)
+    speed = max(q[stem_number.RESTICK], _STANDS_BELOW if share < 1.0 else 0.0)
     return share, max(speed * dt / share, _ROUNDING)
 
 
@@ -111,12 +148,16 @@ def _begin(
         s[_SIDE + i] = s[_PRODUCT + i] = 1.0
         s[_MOVING + i] = s[_BEFORE + i] = s[_RESTED + i] = s[_PUSHED + i] = s[_WANDER + i] = 0.0
         s[_SHARE + i], s[_LEAST + i] = _share_and_least(dt, q)
-        s[_STEP + i] = q[of.CREEP] * dt
-        s[_LOW + i], s[_HIGH + i], s[_HALF + i] = q[of.STOP_LOW], q[of.STOP_HIGH], 0.5 * q[of.PLAY]
-        s[_S_HALF + i], s[_J_HALF + i] = 0.5 * q[of.S], 0.5 * q[of.J]
-        s[_UNEVEN + i], s[_GROWN + i] = q[of.ASYMMETRY], q[of.GROWTH] / n
-        s[_SPAN + i], s[_OFFSET + i] = q[of.GAIN], 50.0 + q[of.ZERO]
-        s[_DRIFTS + i] = q[of.DRIFT] / n
+        s[_STEP + i] = q[stem_number.CREEP] * dt
+        s[_LOW + i], s[_HIGH + i], s[_HALF + i] = (
+            q[stem_number.STOP_LOW],
+            q[stem_number.STOP_HIGH],
+            0.5 * q[stem_number.PLAY],
+        )
+        s[_S_HALF + i], s[_J_HALF + i] = 0.5 * q[stem_number.S], 0.5 * q[stem_number.J]
+        s[_UNEVEN + i], s[_GROWN + i] = q[stem_number.ASYMMETRY], q[stem_number.GROWTH] / n
+        s[_SPAN + i], s[_OFFSET + i] = q[stem_number.GAIN], 50.0 + q[stem_number.ZERO]
+        s[_DRIFTS + i] = q[stem_number.DRIFT] / n
         s[_FRICTION + i], s[_RISE + i], s[_LOOKED_UP + i] = 0.0, 0.0, np.nan
     _set_levels(s, _U(lanes), 0)
 
@@ -126,8 +167,12 @@ def used(numbers: Floats) -> tuple[bool, bool]:
     """Whether levels of some stem vary along the record, and whether readings wander."""
     varied, timed = False, False
     for q in numbers:
-        varied |= q[of.GROWTH] != 0.0 or q[of.BY_PLACE] != 0.0 or q[of.BY_REST] != 0.0
-        timed |= q[of.BY_TIME] != 0.0
+        varied |= (
+            q[stem_number.GROWTH] != 0.0
+            or q[stem_number.BY_PLACE] != 0.0
+            or q[stem_number.BY_REST] != 0.0
+        )
+        timed |= q[stem_number.BY_TIME] != 0.0
     return varied, timed
 
 
@@ -229,7 +274,7 @@ def _look_up(s: Floats, numbers: Floats, friction: Floats, force: Floats) -> Non
     for lane in range(numbers.shape[0]):
         i = _U(lane)
         x = s[_X + i]
-        if x != s[_LOOKED_UP + i] and numbers[lane, of.BY_PLACE] != 0.0:
+        if x != s[_LOOKED_UP + i] and numbers[lane, stem_number.BY_PLACE] != 0.0:
             s[_LOOKED_UP + i] = x
             s[_FRICTION + i] = _at(friction, lane, x)
             s[_PUSHED + i] = _at(force, lane, x)
@@ -242,7 +287,7 @@ def _rise(s: Floats, numbers: Floats, breakaway: Floats) -> None:
         i = _U(lane)
         # A stem that sticks at this very sample has not rested yet.
         rested = 0.0 if s[_MOVING + i] > 0.0 else s[_RESTED + i]
-        if numbers[lane, of.BY_REST] != 0.0:
+        if numbers[lane, stem_number.BY_REST] != 0.0:
             s[_RISE + i] = breakaway[lane, int(rested)]
         s[_RESTED + i] = rested + 1.0
 
@@ -334,14 +379,14 @@ def _wander_and_rest(
     start = mark == _START
     for lane in range(numbers.shape[0]):
         i, q = _U(lane), numbers[lane]
-        if q[of.BY_TIME] != 0.0:
+        if q[stem_number.BY_TIME] != 0.0:
             s[_WANDER + i] = wander[lane, k]
         if not (start or (mark == _RESYNC and s[_MOVING + i] == 0.0)):
             continue
         offset = s[_OFFSET + i] + s[_DRIFTS + i] * t + s[_WANDER + i]
         z, half = ((now if start else ago) - offset) / s[_SPAN + i] + 50.0, s[_HALF + i]
         band = abs(s[_S_HALF + i] + s[_J_HALF + i]) * (1.0 + abs(s[_GROWN + i]) * k) + half
-        if q[of.BY_PLACE] != 0.0:
+        if q[stem_number.BY_PLACE] != 0.0:
             band += abs(_at(friction, lane, z)) + abs(_at(force, lane, z))
         z = min(max(z, laid[lane] - band), laid[lane] + band)
         # At a RESYNC it rests within the play of its reading.

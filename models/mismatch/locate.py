@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.mismatch.facets import (
+from stemwatch.models.mismatch.conditioning import (
     PHASES,
     command_speed,
     direction,

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, gain, scored
-from stemwatch.models.mismatch.instep import conclude
-from stemwatch.models.mismatch.limits import convincing
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
@@ -22,9 +22,9 @@ from stemwatch.models.stickslip.parameters import Bounds
 
 # Coordinate of each, and the largest value that is nothing to speak of.
 COORDINATES = {
-    "span_error": (at.GAIN, 0.0),
-    "zero_shift": (at.ZERO, 0.0),
-    "low_speed_restick": (at.RESTICK, 0.12),
+    "span_error": (base_coordinate.GAIN, 0.0),
+    "zero_shift": (base_coordinate.ZERO, 0.0),
+    "low_speed_restick": (base_coordinate.RESTICK, 0.12),
 }
 DRIFT = "sensor_drift"
 LEAST_ZERO = 0.4  # percent, all through a drift
@@ -39,7 +39,7 @@ class Off:
     without: Fitted  # the hypothesis with the number held at neutral
 
 
-def pinned(layout: Layout, coordinate: int, most: float) -> Layout:
+def pinned(layout: CoordinateLayout, coordinate: int, most: float) -> CoordinateLayout:
     """``layout`` with one base coordinate held at neutral, or below ``most``."""
     low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
     low[coordinate], high[coordinate] = 0.0, min(most, float(high[coordinate]))
@@ -51,7 +51,9 @@ def values_of(slug: str, candidate: Floats) -> Floats:
     return np.asarray(candidate[[COORDINATES[slug][0]]])
 
 
-def findings(bench: Bench, fitted: Fitted, terms: dict[str, Term]) -> tuple[list[Off], Fitted]:
+def findings(
+    evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term]
+) -> tuple[list[Off], Fitted]:
     """What is off, and ``fitted`` with the gain held at 1 where that is not a finding.
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
@@ -60,11 +62,11 @@ def findings(bench: Bench, fitted: Fitted, terms: dict[str, Term]) -> tuple[list
     for slug, (coordinate, most) in COORDINATES.items():
         if slug not in terms or (slug == "zero_shift" and _explained(fitted, found)):
             continue
-        off = _dropped(bench, fitted, terms[slug], coordinate, most)
+        off = _dropped(evaluator, fitted, terms[slug], coordinate, most)
         if off is not None:
             found.append(off)
         elif slug == "span_error":
-            fitted = without(bench, fitted, coordinate, most)
+            fitted = without(evaluator, fitted, coordinate, most)
     return found, fitted
 
 
@@ -75,25 +77,27 @@ def _explained(fitted: Fitted, found: list[Off]) -> bool:
         return True
     if DRIFT not in fitted.layout.places:
         return False
-    zero = float(fitted.candidates[:, at.ZERO].mean())
+    zero = float(fitted.candidates[:, base_coordinate.ZERO].mean())
     half = 0.5 * float(fitted.values(DRIFT)[:, 0].mean())
     least = min(abs(zero - half), abs(zero), abs(zero + half))
     return least < LEAST_ZERO or abs(half) > abs(zero)
 
 
-def without(bench: Bench, fitted: Fitted, coordinate: int, most: float) -> Fitted:
+def without(evaluator: Evaluator, fitted: Fitted, coordinate: int, most: float) -> Fitted:
     """``fitted`` with one base coordinate held at neutral, refitted."""
     layout = pinned(fitted.layout, coordinate, most)
-    begun = conclude(bench, scored(layout, layout.bounds.clip(fitted.candidates)))
-    return conclude(bench, again(bench, begun, CAREFUL))
+    begun = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
+    return conclude(evaluator, again(evaluator, begun, CAREFUL))
 
 
-def _dropped(bench: Bench, fitted: Fitted, term: Term, coordinate: int, most: float) -> Off | None:
+def _dropped(
+    evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, most: float
+) -> Off | None:
     value = fitted.candidates.mean(axis=0)[[coordinate]]
-    if not term.material(value, bench.look):
+    if not term.material(value, evaluator.look):
         return None
-    plain = without(bench, fitted, coordinate, most)
-    advantage = gain(bench, plain, fitted)
-    if not convincing(advantage, bench.told, term.slug):
+    plain = without(evaluator, fitted, coordinate, most)
+    advantage = gain(evaluator, plain, fitted)
+    if not convincing(advantage, evaluator.told, term.slug):
         return None
     return Off(term, advantage, plain)

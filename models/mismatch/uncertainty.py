@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.bench import Bench, Layout
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.recording import Floats
 
 REPLICATES = 240
@@ -21,22 +21,22 @@ FIRST_WIDTH = 0.015
 _SMALLEST = 1e-4
 
 
-def draws(bench: Bench, layout: Layout, best: Floats) -> Floats:
+def draws(evaluator: Evaluator, layout: CoordinateLayout, best: Floats) -> Floats:
     """(REPLICATES, size) what the coordinates could have been, by the blocks of time. Seeded."""
     rng = np.random.default_rng(11)
-    weights = _weights(bench.counts, rng)
-    width = bench.spread(layout, FIRST_WIDTH)
-    smallest = bench.spread(layout, _SMALLEST)
+    weights = _weights(evaluator.counts, rng)
+    width = evaluator.spread(layout, FIRST_WIDTH)
+    smallest = evaluator.spread(layout, _SMALLEST)
     drawn = best[None, :]
     seen = np.empty((0, layout.size))
-    losses = np.empty((0, bench.problem.n_blocks))
+    losses = np.empty((0, evaluator.problem.n_blocks))
     for _ in range(ROUNDS):
         centre = drawn[rng.integers(drawn.shape[0], size=CLOUD)]
         cloud = layout.bounds.clip(centre + width * rng.standard_normal(centre.shape))
         if not seen.size:
             cloud[0] = best
         seen = np.vstack((seen, cloud))
-        losses = np.vstack((losses, bench.block_losses(layout, cloud)))
+        losses = np.vstack((losses, evaluator.block_losses(layout, cloud)))
         totals = weights @ losses.T
         totals += 1e-9 * totals.mean() * rng.random(totals.shape)
         drawn = seen[np.argmin(totals, axis=1)]

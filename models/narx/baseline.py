@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.narx.ensemble_run import run_plan
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.narx.plan import Step, plan_run
-from stemwatch.models.narx.running import run_plan
+from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.scaling import believable
 from stemwatch.models.recording import Bools, Floats
 
@@ -67,7 +67,7 @@ def score_baseline(
     inside = usable & _inside(network, op)
     outside_share = 1.0 - inside.sum() / usable.sum() if usable.any() else 0.0
     plan = plan_run(inside, horizon or network.reference_horizon)
-    scored = plan >= Step.RUN
+    scored = plan >= PlanStep.RUN
     samples = int(scored.sum())
     reason = _objection(network, samples, float(outside_share))
     if reason is not None:

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from stemwatch.models.narx.plan import Indices, segments
-from stemwatch.models.narx.prepared import Prepared
+from stemwatch.models.narx.run_plan import Indices, segments
 from stemwatch.models.narx.sensitivities import Block, Bounds
+from stemwatch.models.narx.training_record import TrainingRecord
 from stemwatch.models.recording import Floats
 
 # Samples in a block for each network. The size depends on the horizon alone, never on the batch:
@@ -22,7 +22,7 @@ _MOST_ROWS = 256
 _Columns = tuple[Floats, Floats, Floats, Floats, Floats, Floats]
 
 
-def blocks(valves: Sequence[Prepared], horizon: int, seeds: int, device: str) -> list[Block]:
+def blocks(valves: Sequence[TrainingRecord], horizon: int, seeds: int, device: str) -> list[Block]:
     """Every valve's training segments of ``horizon`` samples.
 
     Networks are ordered valve by valve, each valve's seeds together.
@@ -45,7 +45,7 @@ def blocks(valves: Sequence[Prepared], horizon: int, seeds: int, device: str) ->
     ]
 
 
-def bounds(valves: Sequence[Prepared], seeds: int, device: str) -> Bounds:
+def bounds(valves: Sequence[TrainingRecord], seeds: int, device: str) -> Bounds:
     """The clamps of each network."""
     table = torch.tensor([(*valve.limits, valve.ratio) for valve in valves], dtype=torch.float64)
     columns = table.repeat_interleave(seeds, dim=0).to(device)
@@ -54,7 +54,7 @@ def bounds(valves: Sequence[Prepared], seeds: int, device: str) -> Bounds:
 
 
 def _columns(
-    valve: Prepared, starts: Indices, lengths: Indices, horizon: int, total: int
+    valve: TrainingRecord, starts: Indices, lengths: Indices, horizon: int, total: int
 ) -> _Columns:
     """Level, move, target, mask (T, R), before and last (R,), padded with zeros."""
     steps = np.arange(horizon)[:, None]

@@ -159,7 +159,7 @@ class StageLog:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeldOut:
+class HeldOutErrors:
     """The ensemble on samples it was not trained on, restarted only at gaps.
 
     ``rmse`` and ``one_step_rmse`` in MV's unit; ``normalised`` = rmse / std(MV) there.
@@ -188,7 +188,7 @@ class NarxFit:
     valve: str
     network: NarxNetwork | None = None
     reason: str | None = None
-    heldout: HeldOut | None = None
+    heldout: HeldOutErrors | None = None
     simulated: Floats | None = None
     log: tuple[StageLog, ...] = ()
     seconds: float = 0.0

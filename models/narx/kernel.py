@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stemwatch.models.narx.plan import Indices, Plan
+from stemwatch.models.narx.run_plan import Indices, Plan
 from stemwatch.models.recording import Floats
 
 _Limits = tuple[float, float, float, float, float, float]

@@ -122,7 +122,7 @@ class NarxNetwork:
         Raises ``ValueError`` on unequal lengths, a horizon below 1, or gaps without a measured MV
         to start from again.
         """
-        from stemwatch.models.narx.running import run
+        from stemwatch.models.narx.ensemble_run import run
 
         return run(self, op, y0, usable, horizon)
 

@@ -12,12 +12,12 @@ from torch import Tensor
 
 from stemwatch.models.narx.example import NarxSettings, StageLog
 from stemwatch.models.narx.kernel import free_run
-from stemwatch.models.narx.levenberg import descend
+from stemwatch.models.narx.levenberg_marquardt import descend
 from stemwatch.models.narx.network import EDGE
-from stemwatch.models.narx.normal import normal_of
-from stemwatch.models.narx.plan import CODES, Plan, Step, plan_run
-from stemwatch.models.narx.prepared import Prepared
+from stemwatch.models.narx.normal_equations import normal_of
+from stemwatch.models.narx.run_plan import CODES, Plan, PlanStep, plan_run
 from stemwatch.models.narx.starts import fitted_starts, random_starts
+from stemwatch.models.narx.training_record import TrainingRecord
 from stemwatch.models.recording import Bools, Floats
 
 _LEAST_WATCHED = 30
@@ -28,7 +28,9 @@ _FITTED_DECAY = 1e-4
 _Trained = tuple[Floats, list[tuple[StageLog, ...]]]
 
 
-def train_members(valves: Sequence[Prepared], settings: NarxSettings, device: str) -> _Trained:
+def train_members(
+    valves: Sequence[TrainingRecord], settings: NarxSettings, device: str
+) -> _Trained:
     """Weights (valves, seeds, P) after the last stage, and each valve's log.
 
     Either every valve has a start or none has. What starts from a fitted element is trained on the
@@ -50,7 +52,7 @@ def train_members(valves: Sequence[Prepared], settings: NarxSettings, device: st
     return np.concatenate(weights, axis=1), joined
 
 
-def _fitted(valve: Prepared, settings: NarxSettings, members: int) -> Floats:
+def _fitted(valve: TrainingRecord, settings: NarxSettings, members: int) -> Floats:
     start = valve.example.start
     assert start is not None
     unit_percent = valve.scaling["error_scale"] / abs(valve.scaling["gain"])
@@ -58,7 +60,7 @@ def _fitted(valve: Prepared, settings: NarxSettings, members: int) -> Floats:
 
 
 def _train_stages(
-    valves: Sequence[Prepared],
+    valves: Sequence[TrainingRecord],
     starts: Floats,
     stages: Sequence[tuple[int, int]],
     settings: NarxSettings,
@@ -93,7 +95,7 @@ class _Watch:
     """
 
     def __init__(
-        self, valves: Sequence[Prepared], settings: NarxSettings, horizon: int, members: int
+        self, valves: Sequence[TrainingRecord], settings: NarxSettings, horizon: int, members: int
     ) -> None:
         self._valves, self._settings = valves, settings
         self._plans = [plan_run(valve.watched, horizon) for valve in valves]
@@ -127,7 +129,7 @@ class _Watch:
         return errors.ravel()
 
 
-def member_errors(valve: Prepared, weights: Floats, plan: Plan, hidden: int) -> Floats:
+def member_errors(valve: TrainingRecord, weights: Floats, plan: Plan, hidden: int) -> Floats:
     """(m,) root mean square error of each member's free run by ``plan``, scaled; inf where the run
     left the finite or there was nothing to run on."""
     out = np.full((weights.shape[0], plan.size), np.nan)
@@ -145,7 +147,7 @@ def member_errors(valve: Prepared, weights: Floats, plan: Plan, hidden: int) -> 
         EDGE,
         out,
     )
-    scored = plan >= Step.RUN
+    scored = plan >= PlanStep.RUN
     if not scored.any():
         return np.full(weights.shape[0], np.inf)
     errors = np.sqrt(np.mean((out[:, scored] - signals.position[scored]) ** 2, axis=1))
@@ -158,7 +160,11 @@ def _by_valve(weights: Tensor, valves: int) -> Floats:
 
 
 def _stage_logs(
-    valves: Sequence[Prepared], watch: _Watch, horizon: int, steps: Tensor, settings: NarxSettings
+    valves: Sequence[TrainingRecord],
+    watch: _Watch,
+    horizon: int,
+    steps: Tensor,
+    settings: NarxSettings,
 ) -> list[StageLog]:
     logs = []
     taken = steps.cpu().numpy().reshape(len(valves), -1)

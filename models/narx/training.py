@@ -10,13 +10,19 @@ import numpy as np
 import torch
 
 from stemwatch.models.narx.actuator import NONE
-from stemwatch.models.narx.example import HeldOut, NarxExample, NarxFit, NarxSettings, StageLog
-from stemwatch.models.narx.levenberg import one_thread
+from stemwatch.models.narx.ensemble_run import run_plan
+from stemwatch.models.narx.example import (
+    HeldOutErrors,
+    NarxExample,
+    NarxFit,
+    NarxSettings,
+    StageLog,
+)
+from stemwatch.models.narx.levenberg_marquardt import one_thread
 from stemwatch.models.narx.network import INPUTS, NarxNetwork
-from stemwatch.models.narx.plan import Step, plan_run
-from stemwatch.models.narx.prepared import Prepared, prepare
-from stemwatch.models.narx.running import run_plan
+from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.stages import member_errors, train_members
+from stemwatch.models.narx.training_record import TrainingRecord, prepare
 from stemwatch.models.recording import Bools, Floats
 
 DEFAULTS = NarxSettings()
@@ -25,7 +31,7 @@ DEFAULTS = NarxSettings()
 _DOUBT = 1.3
 # A member whose error is so many times the best one's spoils the mean.
 _NEAR = 1.3
-_Ready = tuple[int, Prepared]
+_Ready = tuple[int, TrainingRecord]
 
 
 def train(
@@ -63,7 +69,9 @@ def _parts(ready: list[_Ready], most: int) -> Iterator[list[_Ready]]:
             yield alike[first : first + most]
 
 
-def _train_part(valves: Sequence[Prepared], settings: NarxSettings, device: str) -> list[NarxFit]:
+def _train_part(
+    valves: Sequence[TrainingRecord], settings: NarxSettings, device: str
+) -> list[NarxFit]:
     began = time.perf_counter()
     with one_thread(), torch.inference_mode():
         weights, logs = train_members(valves, settings, device)
@@ -76,7 +84,7 @@ def _train_part(valves: Sequence[Prepared], settings: NarxSettings, device: str)
 
 
 def _judged(
-    valve: Prepared, weights: Floats, log: tuple[StageLog, ...], settings: NarxSettings
+    valve: TrainingRecord, weights: Floats, log: tuple[StageLog, ...], settings: NarxSettings
 ) -> NarxFit:
     """The ensemble of the best members, run over the whole record."""
     example = valve.example
@@ -84,7 +92,7 @@ def _judged(
     plan = plan_run(valve.usable, cuts=(example.train_until,))
     simulated = run_plan(network, valve.op, valve.mv, plan)
     late = np.arange(plan.size) >= example.train_until
-    known = (plan == Step.RUN) & ~late
+    known = (plan == PlanStep.RUN) & ~late
     rmse = _rmse(simulated, valve.mv, known)
     if not rmse < np.std(valve.mv[known]):
         reason = (
@@ -95,16 +103,18 @@ def _judged(
     return NarxFit(
         valve=example.valve,
         network=replace(network, reference_rmse=_reference_rmse(network, valve)),
-        heldout=_held_out(network, valve, simulated, (plan == Step.RUN) & late),
+        heldout=_held_out(network, valve, simulated, (plan == PlanStep.RUN) & late),
         simulated=simulated,
         log=log,
     )
 
 
-def _held_out(network: NarxNetwork, valve: Prepared, simulated: Floats, scored: Bools) -> HeldOut:
+def _held_out(
+    network: NarxNetwork, valve: TrainingRecord, simulated: Floats, scored: Bools
+) -> HeldOutErrors:
     rmse = _rmse(simulated, valve.mv, scored)
     one_step = network.one_step(valve.op, valve.mv, valve.usable)
-    return HeldOut(
+    return HeldOutErrors(
         rmse=rmse,
         one_step_rmse=_rmse(one_step, valve.mv, scored),
         normalised=rmse / float(np.std(valve.mv[scored])),
@@ -112,16 +122,16 @@ def _held_out(network: NarxNetwork, valve: Prepared, simulated: Floats, scored: 
     )
 
 
-def _reference_rmse(network: NarxNetwork, valve: Prepared) -> float:
+def _reference_rmse(network: NarxNetwork, valve: TrainingRecord) -> float:
     """The error later scores are divided by, so never 0: on the whole record, the held-out part
     included, because a valve's error on what it was trained on is too small to compare with."""
     horizon = network.reference_horizon
     run = network.free_run(valve.op, valve.mv, valve.usable, horizon=horizon)
-    error = _rmse(run, valve.mv, plan_run(valve.usable) == Step.RUN)
+    error = _rmse(run, valve.mv, plan_run(valve.usable) == PlanStep.RUN)
     return max(error, 1e-6 * float(np.std(valve.mv[valve.usable])))
 
 
-def _best(valve: Prepared, weights: Floats, settings: NarxSettings) -> Floats:
+def _best(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> Floats:
     """(m, P) the members with the lowest free-run error on the training part, not restarted."""
     plan = plan_run(valve.trained | valve.watched, valve.usable.size)
     errors = member_errors(valve, weights, plan, settings.hidden)
@@ -132,7 +142,7 @@ def _best(valve: Prepared, weights: Floats, settings: NarxSettings) -> Floats:
     return np.asarray(weights[near])
 
 
-def _network(valve: Prepared, weights: Floats, settings: NarxSettings) -> NarxNetwork:
+def _network(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> NarxNetwork:
     hidden, members = settings.hidden, weights.shape[0]
     gate = hidden + INPUTS + 1
     rows = gate + hidden + 1

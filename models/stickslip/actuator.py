@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
 
 FASTER = 1.5  # the command must be so many times faster than the limit ...
@@ -18,10 +18,13 @@ def shown_speed_limits(fit: StickSlipFit) -> dict[str, float]:
     Only where the command went clearly faster often enough: a limit shows in nothing else, and the
     smear of a slip between two samples would be taken for one.
     """
-    problem = fit.bench.problem
+    problem = fit.evaluator.problem
     speed = np.diff(problem.op) / problem.interval_s
     found: dict[str, float] = {}
-    for name, sign, where in (("rising", 1.0, at.SLOW_UP), ("falling", -1.0, at.SLOW_DOWN)):
+    for name, sign, where in (
+        ("rising", 1.0, coordinate.SLOW_UP),
+        ("falling", -1.0, coordinate.SLOW_DOWN),
+    ):
         slow = float(fit.candidate[where])
         if slow <= 0.0:
             continue

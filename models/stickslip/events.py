@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.excitation import slips, travel
-from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
 
 # Simulated healthy valves have a share below 0.1 (0 for nearly all); sticking ones whose slips the
@@ -40,13 +40,13 @@ class SlipEvents:
 
 def slip_events(fit: StickSlipFit) -> SlipEvents:
     """The slips of the recording, measured against its way and its command."""
-    problem = fit.bench.problem
+    problem = fit.evaluator.problem
     seen = slips(problem.mv, problem.op, problem.sigma)
     way = travel(problem.mv, max(5.0 * problem.sigma, 0.1))
     share = float(np.abs(seen.sizes).sum()) / max(way, 1e-9)
     if not seen.count:
         return SlipEvents(0, 0.0, 0.0)
-    gain, zero = 1.0 + fit.candidate[at.GAIN], fit.candidate[at.ZERO]
+    gain, zero = 1.0 + fit.candidate[coordinate.GAIN], fit.candidate[coordinate.ZERO]
     force = problem.op[seen.begins] - (problem.mv[seen.begins] - zero) / gain
     towards = float(np.mean(np.sign(force) == np.sign(seen.sizes)))
     return SlipEvents(seen.count, min(share, 1.0), towards)

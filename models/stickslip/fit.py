@@ -18,10 +18,10 @@ import numpy as np
 
 from stemwatch.models.forensics import repeat_share
 from stemwatch.models.recording import Bools, Floats, Recording
-from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.parameters import Bounds, bounds, to_kernel
-from stemwatch.models.stickslip.problem import Problem, make_problem
-from stemwatch.models.stickslip.search import Found, Loss, best_of, refine
+from stemwatch.models.stickslip.problem import FitProblem, make_problem
+from stemwatch.models.stickslip.search import Loss, SearchResult, best_of, refine
 
 SEED = 20051
 # A richer hypothesis must lower the held-out loss, block by block. S and J are at stake, not a name
@@ -37,23 +37,23 @@ CLEARLY = 0.97  # share of the canonical reading's loss that another reading mus
 
 
 @dataclass(frozen=True)
-class Hypothesis:
+class FreeCoordinates:
     """A named set of free coordinates."""
 
     name: str
     free: tuple[int, ...]
 
 
-STICKING = Hypothesis("sticking", at.STICKING)
-ACTUATOR = Hypothesis("actuator", at.ACTUATOR)
-BOTH = Hypothesis("both", at.STICKING + at.ACTUATOR)
+STICKING = FreeCoordinates("sticking", coordinate.STICKING)
+ACTUATOR = FreeCoordinates("actuator", coordinate.ACTUATOR)
+BOTH = FreeCoordinates("both", coordinate.STICKING + coordinate.ACTUATOR)
 
 
 @dataclass(frozen=True)
-class Workbench:
+class StickSlipEvaluator:
     """The problem with the settings that every search on it shares."""
 
-    problem: Problem
+    problem: FitProblem
     bounds: Bounds
     delta: float  # scale of the robust loss, percent
     restick: float  # %/s, see the kernel
@@ -80,13 +80,13 @@ class Workbench:
     def spread(self, free: tuple[int, ...], scale: float) -> Floats:
         """(9,) widths of a search over the free coordinates and the reading's own."""
         full = (self.bounds.high - self.bounds.low) * scale
-        width = np.zeros(at.N_COORDINATES)
-        coordinates = [*free, *at.READING, *((at.GAIN,) if self.free_gain else ())]
+        width = np.zeros(coordinate.N_COORDINATES)
+        coordinates = [*free, *coordinate.READING, *((coordinate.GAIN,) if self.free_gain else ())]
         width[coordinates] = full[coordinates]
         return width
 
 
-def _reading(problem: Problem) -> tuple[float, float]:
+def _reading(problem: FitProblem) -> tuple[float, float]:
     """First guess of (gain - 1, zero) from the axes of the OP-MV loop."""
     op, mv = problem.op[problem.scored], problem.mv[problem.scored]
     if problem.mv_is_percent:
@@ -101,73 +101,76 @@ def _reading(problem: Problem) -> tuple[float, float]:
     return gain - 1.0, float(np.median(mv) - gain * np.median(op))
 
 
-def _sticking_grid(bench: Workbench, base: Floats) -> Floats:
+def _sticking_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     """(m, 9) candidates over S, J/S and the reading's zero, around ``base``."""
     # Widths below the swing matter most, and a valve of a wide swing may still have a small S.
-    widths = bench.bounds.high[at.S_PERCENT] * np.linspace(0.0, 1.0, 23) ** 1.6
+    widths = evaluator.bounds.high[coordinate.S_PERCENT] * np.linspace(0.0, 1.0, 23) ** 1.6
     ratios = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3])
-    zeros = bench.problem.swing * np.array([-0.06, 0.0, 0.06, 0.0])
-    if bench.problem.mv_is_percent:
-        zeros[3] = -base[at.ZERO]  # a reading without an offset is worth a try of its own
+    zeros = evaluator.problem.swing * np.array([-0.06, 0.0, 0.06, 0.0])
+    if evaluator.problem.mv_is_percent:
+        zeros[3] = -base[coordinate.ZERO]  # a reading without an offset is worth a try of its own
     grid = np.array(np.meshgrid(widths, ratios, zeros, indexing="ij")).reshape(3, -1).T
     candidates = np.tile(base, (grid.shape[0], 1))
-    candidates[:, at.S_PERCENT] = grid[:, 0]
-    candidates[:, at.RATIO] = grid[:, 1]
-    candidates[:, at.ZERO] += grid[:, 2]
+    candidates[:, coordinate.S_PERCENT] = grid[:, 0]
+    candidates[:, coordinate.RATIO] = grid[:, 1]
+    candidates[:, coordinate.ZERO] += grid[:, 2]
     return candidates
 
 
-def _actuator_grid(bench: Workbench, base: Floats) -> Floats:
+def _actuator_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     """(m, 9) candidates over dead time, lag and slowness in each direction."""
-    dt = bench.problem.interval_s
+    dt = evaluator.problem.interval_s
     dead_times = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0]) * max(dt, 1.0)
     lags = np.array([0.0, 0.7, 1.5, 3.0, 6.0]) * max(dt, 1.0)
     slow = np.array([0.0, 0.1, 0.35, 1.0])
     grid = np.array(np.meshgrid(dead_times, lags, slow, slow, indexing="ij")).reshape(4, -1).T
     candidates = np.tile(base, (grid.shape[0], 1))
-    candidates[:, at.DEAD_TIME_S] = grid[:, 0]
-    candidates[:, at.LAG_UP_S] = candidates[:, at.LAG_DOWN_S] = grid[:, 1]
-    candidates[:, at.SLOW_UP] = grid[:, 2]
-    candidates[:, at.SLOW_DOWN] = grid[:, 3]
-    return bench.bounds.clip(candidates)
+    candidates[:, coordinate.DEAD_TIME_S] = grid[:, 0]
+    candidates[:, coordinate.LAG_UP_S] = candidates[:, coordinate.LAG_DOWN_S] = grid[:, 1]
+    candidates[:, coordinate.SLOW_UP] = grid[:, 2]
+    candidates[:, coordinate.SLOW_DOWN] = grid[:, 3]
+    return evaluator.bounds.clip(candidates)
 
 
 def _search(
-    bench: Workbench,
+    evaluator: StickSlipEvaluator,
     loss: Loss,
-    starts: list[Found],
+    starts: list[SearchResult],
     free: tuple[int, ...],
     scale: float,
     rounds: int,
-) -> Found:
+) -> SearchResult:
     rng = np.random.default_rng(SEED)
-    spread = bench.spread(free, scale)
+    spread = evaluator.spread(free, scale)
     found = [
-        refine(loss, start.candidate, spread, bench.bounds, rng, rounds=rounds) for start in starts
+        refine(loss, start.candidate, spread, evaluator.bounds, rng, rounds=rounds)
+        for start in starts
     ]
     return min(found, key=lambda f: f.loss)
 
 
-def _joint_grid(bench: Workbench, sticking: Floats) -> Floats:
+def _joint_grid(evaluator: StickSlipEvaluator, sticking: Floats) -> Floats:
     """(m, 9) candidates that trade the sticking alone against a lag and a dead time."""
-    unit = max(bench.problem.interval_s, 1.0)
-    widths = sticking[at.S_PERCENT] * np.array([0.5, 0.75, 1.0])
+    unit = max(evaluator.problem.interval_s, 1.0)
+    widths = sticking[coordinate.S_PERCENT] * np.array([0.5, 0.75, 1.0])
     ratios = np.array([0.0, 0.2, 0.5, 1.0])
     lags = unit * np.array([0.7, 1.5, 3.0, 6.0])
     dead_times = unit * np.array([0.0, 1.0, 2.0])
     grid = np.array(np.meshgrid(widths, ratios, lags, dead_times, indexing="ij")).reshape(4, -1).T
     candidates = np.tile(sticking, (grid.shape[0], 1))
-    candidates[:, at.S_PERCENT] = grid[:, 0]
-    candidates[:, at.RATIO] = grid[:, 1]
-    candidates[:, at.LAG_UP_S] = candidates[:, at.LAG_DOWN_S] = grid[:, 2]
-    candidates[:, at.DEAD_TIME_S] = grid[:, 3]
-    return bench.bounds.clip(candidates)
+    candidates[:, coordinate.S_PERCENT] = grid[:, 0]
+    candidates[:, coordinate.RATIO] = grid[:, 1]
+    candidates[:, coordinate.LAG_UP_S] = candidates[:, coordinate.LAG_DOWN_S] = grid[:, 2]
+    candidates[:, coordinate.DEAD_TIME_S] = grid[:, 3]
+    return evaluator.bounds.clip(candidates)
 
 
-def _both_starts(sticking: Found, actuator: Found, loss: Loss, bench: Workbench) -> list[Found]:
+def _both_starts(
+    sticking: SearchResult, actuator: SearchResult, loss: Loss, evaluator: StickSlipEvaluator
+) -> list[SearchResult]:
     """Starts for the joint search: each part alone, and each with the other laid over it."""
-    over_actuator = _sticking_grid(bench, actuator.candidate)[1::4]  # its own zero only
-    over_sticking = _joint_grid(bench, sticking.candidate)
+    over_actuator = _sticking_grid(evaluator, actuator.candidate)[1::4]  # its own zero only
+    over_sticking = _joint_grid(evaluator, sticking.candidate)
     return [
         sticking,
         actuator,
@@ -176,20 +179,24 @@ def _both_starts(sticking: Found, actuator: Found, loss: Loss, bench: Workbench)
     ]
 
 
-def _fit_all(bench: Workbench, blocks: Bools, base: Floats) -> dict[str, Found]:
+def _fit_all(evaluator: StickSlipEvaluator, blocks: Bools, base: Floats) -> dict[str, SearchResult]:
     """The best candidate of each hypothesis on the chosen blocks."""
-    loss = bench.loss(blocks)
-    starts = best_of(loss, _sticking_grid(bench, base), keep=4)
-    sticking = _search(bench, loss, starts, at.STICKING, 0.06, 7)
-    starts = best_of(loss, _actuator_grid(bench, base), keep=2)
-    actuator = _search(bench, loss, starts, at.ACTUATOR, 0.08, 8)
-    starts = _both_starts(sticking, actuator, loss, bench)
-    both = _search(bench, loss, starts, BOTH.free, 0.06, 9)
-    both = _search(bench, loss, [both], BOTH.free, 0.02, 9)
+    loss = evaluator.loss(blocks)
+    starts = best_of(loss, _sticking_grid(evaluator, base), keep=4)
+    sticking = _search(evaluator, loss, starts, coordinate.STICKING, 0.06, 7)
+    starts = best_of(loss, _actuator_grid(evaluator, base), keep=2)
+    actuator = _search(evaluator, loss, starts, coordinate.ACTUATOR, 0.08, 8)
+    starts = _both_starts(sticking, actuator, loss, evaluator)
+    both = _search(evaluator, loss, starts, BOTH.free, 0.06, 9)
+    both = _search(evaluator, loss, [both], BOTH.free, 0.02, 9)
     # The simpler hypothesis gets every chance: it restarts from the S and J of the richer one.
     again = sticking.candidate.copy()
-    again[[at.S_PERCENT, at.RATIO, at.ZERO]] = both.candidate[[at.S_PERCENT, at.RATIO, at.ZERO]]
-    restarted = _search(bench, loss, [Found(again, np.inf)], at.STICKING, 0.03, 6)
+    again[[coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]] = both.candidate[
+        [coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]
+    ]
+    restarted = _search(
+        evaluator, loss, [SearchResult(again, np.inf)], coordinate.STICKING, 0.03, 6
+    )
     sticking = min(sticking, restarted, key=lambda f: f.loss)
     return {"sticking": sticking, "actuator": actuator, "both": both}
 
@@ -227,7 +234,7 @@ class StickSlipFit:
     ``both``.
     """
 
-    bench: Workbench
+    evaluator: StickSlipEvaluator
     hypothesis: str
     candidate: Floats
     trained: Floats
@@ -238,72 +245,74 @@ class StickSlipFit:
 
     @property
     def S(self) -> float:
-        return float(self.candidate[at.S_PERCENT])
+        return float(self.candidate[coordinate.S_PERCENT])
 
     @property
     def J(self) -> float:
-        return float(self.candidate[at.S_PERCENT] * self.candidate[at.RATIO])
+        return float(self.candidate[coordinate.S_PERCENT] * self.candidate[coordinate.RATIO])
 
     def heldout(self, *, resynced: bool = False) -> Floats:
         """(n,) free run of MV with the parameters of the training part.
 
         ``resynced``: put right at the start of each block of time, as in the fit.
         """
-        return self.bench.simulate(self.trained, resynced=resynced)
+        return self.evaluator.simulate(self.trained, resynced=resynced)
 
 
-def _workbench(problem: Problem, base: Floats, delta: float) -> Workbench:
+def _scaled(problem: FitProblem, base: Floats, delta: float) -> StickSlipEvaluator:
     free_gain = not problem.mv_is_percent
-    limits = bounds(problem.swing, problem.interval_s, float(base[at.ZERO]), free_gain)
+    limits = bounds(problem.swing, problem.interval_s, float(base[coordinate.ZERO]), free_gain)
     if free_gain:
-        gain = float(base[at.GAIN]) + 1.0
-        limits.low[at.GAIN], limits.high[at.GAIN] = sorted((0.6 * gain - 1.0, 1.7 * gain - 1.0))
+        gain = float(base[coordinate.GAIN]) + 1.0
+        limits.low[coordinate.GAIN], limits.high[coordinate.GAIN] = sorted(
+            (0.6 * gain - 1.0, 1.7 * gain - 1.0)
+        )
         reach = abs(gain) * 0.5 * problem.swing
-        limits.low[at.ZERO] = base[at.ZERO] - reach
-        limits.high[at.ZERO] = base[at.ZERO] + reach
-    return Workbench(
+        limits.low[coordinate.ZERO] = base[coordinate.ZERO] - reach
+        limits.high[coordinate.ZERO] = base[coordinate.ZERO] + reach
+    return StickSlipEvaluator(
         problem=problem, bounds=limits, delta=delta, restick=CANONICAL, free_gain=free_gain
     )
 
 
-def _scale(problem: Problem, simulated: Floats) -> float:
+def _scale(problem: FitProblem, simulated: Floats) -> float:
     """Scale of the robust loss: three times the noise, or the bulk of the residual."""
     residual = (problem.mv - simulated)[problem.scored]
     spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
     return max(3.0 * problem.sigma, spread, 0.05)
 
 
-def _first_bench(problem: Problem) -> tuple[Workbench, Floats]:
-    """A workbench scaled by a first look, and the base candidate (neutral but for the reading)."""
-    base = np.zeros(at.N_COORDINATES)
-    base[at.GAIN], base[at.ZERO] = _reading(problem)
+def _first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
+    """An evaluator scaled by a first look, and the base candidate (neutral but for the reading)."""
+    base = np.zeros(coordinate.N_COORDINATES)
+    base[coordinate.GAIN], base[coordinate.ZERO] = _reading(problem)
     spread = float(np.std(problem.mv[problem.scored]))
-    bench = _workbench(problem, base, max(3.0 * problem.sigma, 0.1 * spread, 0.05))
+    evaluator = _scaled(problem, base, max(3.0 * problem.sigma, 0.1 * spread, 0.05))
     everything = np.ones(problem.n_blocks, dtype=bool)
-    look = best_of(bench.loss(everything), _sticking_grid(bench, base))[0]
-    delta = _scale(problem, bench.simulate(look.candidate))
-    return _workbench(problem, base, min(delta, bench.delta * 3.0)), base
+    look = best_of(evaluator.loss(everything), _sticking_grid(evaluator, base))[0]
+    delta = _scale(problem, evaluator.simulate(look.candidate))
+    return _scaled(problem, base, min(delta, evaluator.delta * 3.0)), base
 
 
-def _resticking(bench: Workbench, base: Floats, blocks: Bools) -> Workbench:
+def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> StickSlipEvaluator:
     """Let the recording say when a moving stem sticks again: the reading of S and J that fits.
 
     The canonical element unless another reading is better on the training part. The scale of the
     loss is then that of the best reading's own residual.
     """
-    readings = [bench, replace(bench, restick=ALWAYS)]
-    if repeat_share(bench.problem.op) >= COARSE_COMMAND:
-        readings.append(replace(bench, restick=ONLY_WHEN_TURNING))
+    readings = [evaluator, replace(evaluator, restick=ALWAYS)]
+    if repeat_share(evaluator.problem.op) >= COARSE_COMMAND:
+        readings.append(replace(evaluator, restick=ONLY_WHEN_TURNING))
     found = []
     for reading in readings:
         loss = reading.loss(blocks)
         starts = best_of(loss, _sticking_grid(reading, base), keep=2)
-        found.append(_search(reading, loss, starts, at.STICKING, 0.06, 5))
+        found.append(_search(reading, loss, starts, coordinate.STICKING, 0.06, 5))
     best = int(np.argmin([one.loss for one in found]))
     if found[best].loss >= CLEARLY * found[0].loss:
         best = 0
     simulated = readings[best].simulate(found[best].candidate, resynced=True)
-    return replace(readings[best], delta=min(bench.delta, _scale(bench.problem, simulated)))
+    return replace(readings[best], delta=min(evaluator.delta, _scale(evaluator.problem, simulated)))
 
 
 def fit_stickslip(recording: Recording) -> StickSlipFit:
@@ -315,25 +324,25 @@ def fit_stickslip(recording: Recording) -> StickSlipFit:
     problem = make_problem(recording)
     if not problem.scored.any():
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
-    bench, base = _first_bench(problem)
+    evaluator, base = _first_look(problem)
     train = problem.training_blocks()
-    bench = _resticking(bench, base, train)
-    trained = _fit_all(bench, train, base)
+    evaluator = _resticking(evaluator, base, train)
+    trained = _fit_all(evaluator, train, base)
     names = list(trained)
-    losses, counts = bench.block_losses(np.array([trained[name].candidate for name in names]))
+    losses, counts = evaluator.block_losses(np.array([trained[name].candidate for name in names]))
     held = {name: losses[i, ~train] for i, name in enumerate(names)}
 
     def gain(rich: str, simple: str) -> Advantage:
-        return advantage(held[simple], held[rich], counts[~train], bench.delta)
+        return advantage(held[simple], held[rich], counts[~train], evaluator.delta)
 
     of_actuator, of_sticking = gain("both", "sticking"), gain("both", "actuator")
     needs_actuator = of_actuator.mean >= MIN_GAIN and of_actuator.t >= MIN_T
     hypothesis = "both" if needs_actuator else "sticking"
     everything = np.ones(problem.n_blocks, dtype=bool)
-    final = _polish(bench, everything, trained[hypothesis].candidate, hypothesis)
-    naive = _polish(bench, everything, trained["sticking"].candidate, "sticking")
+    final = _polish(evaluator, everything, trained[hypothesis].candidate, hypothesis)
+    naive = _polish(evaluator, everything, trained["sticking"].candidate, "sticking")
     return StickSlipFit(
-        bench=bench,
+        evaluator=evaluator,
         hypothesis=hypothesis,
         candidate=final.candidate,
         trained=trained[hypothesis].candidate,
@@ -344,11 +353,14 @@ def fit_stickslip(recording: Recording) -> StickSlipFit:
     )
 
 
-def _polish(bench: Workbench, blocks: Bools, start: Floats, hypothesis: str) -> Found:
+def _polish(
+    evaluator: StickSlipEvaluator, blocks: Bools, start: Floats, hypothesis: str
+) -> SearchResult:
     """Refit a chosen hypothesis to more blocks, starting where it stands."""
-    free = BOTH.free if hypothesis == "both" else at.STICKING
-    loss = bench.loss(blocks)
+    free = BOTH.free if hypothesis == "both" else coordinate.STICKING
+    loss = evaluator.loss(blocks)
     searches = [
-        _search(bench, loss, [Found(start, np.inf)], free, scale, 7) for scale in (0.05, 0.01)
+        _search(evaluator, loss, [SearchResult(start, np.inf)], free, scale, 7)
+        for scale in (0.05, 0.01)
     ]
     return min(searches, key=lambda f: f.loss)

@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
-from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import BOTH, STICKING, StickSlipFit
 
 REPLICATES = 300
@@ -73,22 +73,22 @@ def _estimates(cloud: Floats, losses: Floats, weights: Floats, rng: np.random.Ge
 def bootstrap(fit: StickSlipFit) -> StickSlipSample:
     """Draw S and J as the recording's blocks of time allow them to be. Seeded."""
     rng = np.random.default_rng(7)
-    bench = fit.bench
+    evaluator = fit.evaluator
     free = BOTH.free if fit.hypothesis == "both" else STICKING.free
-    width = bench.spread(free, 0.03)
-    smallest = bench.spread(free, 1e-4)
+    width = evaluator.spread(free, 0.03)
+    smallest = evaluator.spread(free, 1e-4)
     draws = fit.candidate[None, :]
     for _ in range(ROUNDS):
         centre = draws[rng.integers(draws.shape[0], size=CLOUD)]
         cloud = centre + width * rng.standard_normal(centre.shape)
-        cloud = bench.bounds.clip(np.vstack((fit.candidate, draws, cloud)))
-        losses, counts = bench.block_losses(cloud)
+        cloud = evaluator.bounds.clip(np.vstack((fit.candidate, draws, cloud)))
+        losses, counts = evaluator.block_losses(cloud)
         draws = _estimates(cloud, losses, _block_weights(counts, rng), rng)
         # Kernel smoothing of the draws: the next cloud fills the space between them.
         spread = np.asarray(draws.std(axis=0))
         width = np.where(width > 0, np.maximum(0.5 * spread, smallest), 0.0)
-    S = draws[:, at.S_PERCENT]
-    J = S * draws[:, at.RATIO]
+    S = draws[:, coordinate.S_PERCENT]
+    J = S * draws[:, coordinate.RATIO]
     step = _command_step(fit)
     error = max(MODEL_ERROR * 0.5 * (fit.S + fit.J), LEAST_ERROR_PERCENT)
     return StickSlipSample(S=_blur(S, step, error, rng), J=_blur(J, step, error, rng))
@@ -96,12 +96,12 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
 
 def _command_step(fit: StickSlipFit) -> float:
     """Median step of OP between samples where it moves, shared among the reversals, percent."""
-    op = fit.bench.problem.op
+    op = fit.evaluator.problem.op
     moving = np.abs(np.diff(op))
     moving = moving[moving > 0]
     if not moving.size:
         return 0.0
-    turns = reversals(op, 0.1 * fit.bench.problem.swing).size
+    turns = reversals(op, 0.1 * fit.evaluator.problem.swing).size
     return float(np.median(moving) / np.sqrt(1.0 + turns / 10.0))
 
 

@@ -26,7 +26,7 @@ LONGEST_BRIDGE_SAMPLES = 3  # a longer hole restarts the free run
 
 
 @dataclass(frozen=True)
-class Problem:
+class FitProblem:
     """OP and MV of one valve with everything a free run needs to know.
 
     ``op`` and ``mv`` (n,) have short holes bridged by the last value; ``start`` (n,) marks
@@ -67,7 +67,7 @@ class Problem:
         )
         return losses, counts
 
-    def only(self, blocks: Bools) -> Problem:
+    def only(self, blocks: Bools) -> FitProblem:
         """The same problem scored on some of its blocks; nothing is run beyond the last of them."""
         chosen = np.append(blocks, False)[self.block]  # block -1 is the False at the end
         return replace(self, block=np.where(chosen, self.block, -1))
@@ -139,7 +139,7 @@ def scored_samples(recording: Recording) -> Bools:
     return _scored(usable, _restarts(usable), max(warm_up, 1))
 
 
-def make_problem(recording: Recording) -> Problem:
+def make_problem(recording: Recording) -> FitProblem:
     """The fitting problem of a recording that has OP and MV; raises ``ValueError`` without MV."""
     if recording.mv is None:
         raise ValueError(f"{recording.valve}: a stick-slip fit needs the valve position (MV)")
@@ -156,7 +156,7 @@ def make_problem(recording: Recording) -> Problem:
     low, high = np.percentile(op, (1.0, 99.0))
     steps = np.where(usable, recording.mv.values, np.nan)
     sigma = max(noise_sigma(steps), quantum(steps) / np.sqrt(12.0), 1e-3)
-    return Problem(
+    return FitProblem(
         op=op,
         mv=mv,
         start=np.where(start, kernel.START, 0).astype(np.uint8),

@@ -18,22 +18,22 @@ Loss = Callable[[Floats], Floats]  # (m, 9) candidates to (m,) losses
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """The best candidate (9,) of a search and its loss."""
 
     candidate: Floats
     loss: float
 
 
-def best_of(loss: Loss, candidates: Floats, keep: int = 1) -> list[Found]:
+def best_of(loss: Loss, candidates: Floats, keep: int = 1) -> list[SearchResult]:
     """The ``keep`` best of given candidates."""
     return ordered(candidates, loss(candidates))[:keep]
 
 
-def ordered(candidates: Floats, losses: Floats) -> list[Found]:
+def ordered(candidates: Floats, losses: Floats) -> list[SearchResult]:
     """Candidates (m, size) of given losses (m,), the best first."""
     order = np.argsort(losses, kind="stable")
-    return [Found(candidates[i].copy(), float(losses[i])) for i in order]
+    return [SearchResult(candidates[i].copy(), float(losses[i])) for i in order]
 
 
 def refine(
@@ -45,7 +45,7 @@ def refine(
     *,
     rounds: int = 8,
     population: int = 32,
-) -> Found:
+) -> SearchResult:
     """Cross-entropy descent from ``start`` (9,); coordinates with zero ``spread`` stay fixed.
 
     See ``CrossEntropy``, which learns from ``loss`` here.
@@ -65,7 +65,7 @@ class CrossEntropy:
     """
 
     def __init__(
-        self, begun: Found, spread: Floats, bounds: Bounds, rng: np.random.Generator
+        self, begun: SearchResult, spread: Floats, bounds: Bounds, rng: np.random.Generator
     ) -> None:
         self.best = begun
         self._spread, self._bounds, self._rng = spread, bounds, rng
@@ -82,7 +82,7 @@ class CrossEntropy:
         """What the losses (m,) of the candidates ``drawn`` (m, size) say of where to look next."""
         order = np.argsort(losses, kind="stable")
         if losses[order[0]] < self.best.loss:
-            self.best = Found(drawn[order[0]].copy(), float(losses[order[0]]))
+            self.best = SearchResult(drawn[order[0]].copy(), float(losses[order[0]]))
         elite = drawn[order[: drawn.shape[0] // 4]]
         mean = self._mean = 0.5 * self.best.candidate + 0.5 * elite.mean(axis=0)
         # The elite's spread about the best, a little widened, so that the search does not stall

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from stemwatch.service.alerts.after_maintenance import note_result_of_work
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
 from stemwatch.service.alerts.rules import apply_rules
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
 from stemwatch.service.store.store import Store
 

@@ -16,7 +16,7 @@ from stemwatch.models.recording import PERCENT
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.after_maintenance import WRITER
 from stemwatch.service.alerts.rules import RATIO, JudgedScreening, ValveRecord
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.screenings.baselines import BASELINE
 from stemwatch.service.store.screenings.held_back import remark_column
 from stemwatch.service.store.screenings.mismatch_json import mismatch_of

@@ -15,7 +15,7 @@ from enum import Enum
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.plantfile.live import AlertRules
+from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
 from stemwatch.service.store.screenings.records import StoredValve
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 
 from stemwatch.service.alerts.dead_tags import MANY, VALVE, dead_tags, raised_of
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store

@@ -89,7 +89,7 @@ app.add_typer(modbus_app, name="modbus")
 def main() -> None:
     """Run the command line; errors with a cause a user can mend are one sentence and status 2."""
     from stemwatch.connectors.connector import ConnectorError
-    from stemwatch.service.plantfile.problem import PlantFileError
+    from stemwatch.service.config.problems import PlantFileError
     from stemwatch.service.store.errors import StoreError
 
     for stream in (sys.stdout, sys.stderr):

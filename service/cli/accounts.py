@@ -128,7 +128,7 @@ def enable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
 
 @contextmanager
 def _store(plant: Path | None, db: str) -> Iterator[Store]:
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
     from stemwatch.service.store.store import open_store
 
     if not db and plant is None:

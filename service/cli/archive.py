@@ -51,9 +51,9 @@ def simulate_archive(
     """
     from rich.progress import Progress
 
-    from stemwatch.service.archiving import ArchivePlan, write_archive
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
+    from stemwatch.service.studies.simulated_archive import ArchivePlan, write_archive
 
     plan = ArchivePlan(
         valves=valves,

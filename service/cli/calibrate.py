@@ -14,7 +14,7 @@ from stemwatch.service.cli import options as o
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from stemwatch.service.proof.nulls import TermNulls
+    from stemwatch.service.studies.proof.nulls import TermNulls
 
 SHOWN_FROM = 0.95  # the lowest quantile of the table
 
@@ -40,9 +40,8 @@ def calibrate_mismatch(
 
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.proof.calibration import calibrate
-    from stemwatch.service.proof.nulls import common, term_nulls
-    from stemwatch.service.proof.seeds import CALIBRATED_WITH
+    from stemwatch.service.studies.proof.draw import CALIBRATED_WITH
+    from stemwatch.service.studies.proof.nulls import calibrate, common, term_nulls
 
     if seed not in CALIBRATED_WITH:
         views.say(f"Seed {seed} is not one that is kept for calibration; do not prove with it.")
@@ -71,7 +70,7 @@ def calibrate_mismatch(
 def _table(rows: Sequence[TermNulls]) -> Table:
     """The upper quantiles that fit into a terminal; the JSON has all."""
     from stemwatch.service.cli.prove_tables import plain_table
-    from stemwatch.service.proof.nulls import QUANTILES
+    from stemwatch.service.studies.proof.nulls import QUANTILES
 
     shown = [place for place, quantile in enumerate(QUANTILES) if quantile >= SHOWN_FROM]
     names = [f"{QUANTILES[place]:.0%}" for place in shown]

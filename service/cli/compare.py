@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from stemwatch.models.recording import Recording
-    from stemwatch.models.zoo.scores import Score
+    from stemwatch.models.studies.literature.scores import FitScore
     from stemwatch.service.comparison.compare_models import Comparison, ModelRow
     from stemwatch.service.run.plan import Request
 
@@ -173,7 +173,7 @@ def _parameters(row: ModelRow) -> str:
     return ", ".join(f"{name} {one}" for name, one in named if one.value is not None)
 
 
-def _marks(score: Score | None) -> tuple[str, str, str]:
+def _marks(score: FitScore | None) -> tuple[str, str, str]:
     if score is None:
         return "-", "-", "-"
     return f"{score.rmse:.3g}", f"{score.fit_percent:.1f}", f"{score.direction_percent:.1f}"

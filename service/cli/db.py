@@ -10,7 +10,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from stemwatch.service.plantfile.plant import Plant
+    from stemwatch.service.config.plant import Plant
     from stemwatch.service.store.database_url import Address
 
 db_app = typer.Typer(
@@ -240,7 +240,7 @@ def _address(plant: Path | None, db: str) -> Address:
 
 
 def _plant(path: Path) -> Plant:
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
 
     return load_plant(o.need_file(path, "--plant"))
 

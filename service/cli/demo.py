@@ -66,7 +66,7 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.screen import screen_plant
     from stemwatch.service.cli.simulate import START, What, simulated
-    from stemwatch.service.export import write_export
+    from stemwatch.service.studies.simulated_export import write_export
 
     began = time.perf_counter()
     views.say("1/3  Simulating two hours of a plant with 15 valves ...")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from stemwatch.models.estimate import Estimate
-    from stemwatch.service.drift import Followed, Way
+    from stemwatch.service.studies.drift import Followed, ValveFate
 
 TARGET = 0.95  # area under the curve that the indicator is meant to reach
 FALSE_ALARMS = (0.05, 0.02)  # shares of healthy valves that calibrated limits let raise an alarm
@@ -43,18 +43,18 @@ def drift(
     from rich.progress import Progress
 
     from stemwatch.service.cli import views
-    from stemwatch.service.drift import HEALTHY, Way, run_drift
     from stemwatch.service.executors import choose_executor
+    from stemwatch.service.studies.drift import HEALTHY, ValveFate, run_drift
 
     executor = choose_executor(workers)
     with Progress(console=views.err) as progress:
 
-        def followed_with(own: int, ways: Sequence[Way], what: str) -> list[Followed]:
+        def followed_with(own: int, ways: Sequence[ValveFate], what: str) -> list[Followed]:
             bar = progress.add_task(what, total=valves)
             tell = partial(_tell, progress, bar)
             return run_drift(valves, own, executor, tell, ways)
 
-        followed = followed_with(seed, tuple(Way), "valves")
+        followed = followed_with(seed, tuple(ValveFate), "valves")
         calibration = followed_with(seed + 1, HEALTHY, "calibration")
     show(followed, calibration)
     if json_file is not None:
@@ -72,16 +72,15 @@ def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
     The last one leaves out nothing: a valve that could not be scored raises no alarm, so it ranks
     below all that were.
     """
-    from stemwatch.service.drift import HEALTHY, Way, scores
-    from stemwatch.service.separation import auc
+    from stemwatch.service.studies.drift import HEALTHY, ValveFate, auc, scores
 
-    growing = scores(followed, Way.GROWING)
+    growing = scores(followed, ValveFate.GROWING)
     found = {way.value: auc(scores(followed, way), growing) for way in HEALTHY}
     found["both"] = auc(scores(followed, *HEALTHY), growing)
     ranked = [(one.way, one.score or 0.0) for one in followed]
     found["both, a refusal being no alarm"] = auc(
         [score for way, score in ranked if way in HEALTHY],
-        [score for way, score in ranked if way is Way.GROWING],
+        [score for way, score in ranked if way is ValveFate.GROWING],
     )
     return found
 
@@ -89,8 +88,7 @@ def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
 def limits(calibration: Sequence[Followed]) -> dict[str, float]:
     """The limits that alarms are counted with: name, ratio."""
     from stemwatch.models.limits import Limits
-    from stemwatch.service.drift import HEALTHY, scores
-    from stemwatch.service.separation import calibrated_limit
+    from stemwatch.service.studies.drift import HEALTHY, calibrated_limit, scores
 
     healthy = scores(calibration, *HEALTHY)
     found = {f"calibrated, {share:.0%}": calibrated_limit(healthy, share) for share in FALSE_ALARMS}
@@ -100,14 +98,14 @@ def limits(calibration: Sequence[Followed]) -> dict[str, float]:
 
 def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, int]]:
     """(of which valves, how many alarms, of how many that were scored)."""
-    from stemwatch.service.drift import Way, scores
+    from stemwatch.service.studies.drift import ValveFate, scores
 
-    groups = [(way.value, scores(followed, way)) for way in Way]
-    grown = [one for one in followed if one.way is Way.GROWING]
+    groups = [(way.value, scores(followed, way)) for way in ValveFate]
+    grown = [one for one in followed if one.way is ValveFate.GROWING]
     for low, high in _BANDS:
         band = [one for one in grown if low <= round(one.S, 6) < high]
         upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
-        groups.append((f"growing, to S of {upto}", scores(band, Way.GROWING)))
+        groups.append((f"growing, to S of {upto}", scores(band, ValveFate.GROWING)))
     counted = [(name, sum(score > limit for score in group), len(group)) for name, group in groups]
     everyone = sum((one.score or 0.0) > limit for one in grown)
     return [*counted, ("growing, with those refused", everyone, len(grown))]
@@ -117,7 +115,7 @@ def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> di
     """Everything that was found, as JSON has it."""
     from dataclasses import asdict
 
-    from stemwatch.service.trial import wilson
+    from stemwatch.service.studies.trial import wilson
 
     return {
         "target_auc": TARGET,
@@ -174,13 +172,13 @@ def _ratio_table(followed: Sequence[Followed]) -> Table:
     import numpy as np
     from rich.table import Table
 
-    from stemwatch.service.drift import WINDOWS, Way, scores
+    from stemwatch.service.studies.drift import WINDOWS, ValveFate, scores
 
     table = Table(title="Ratio to the baseline's reference error", title_justify="left")
     table.add_column("valves")
     for name in ("scored", "windows refused", "lowest", "median", "nine in ten", "highest"):
         table.add_column(name, justify="right")
-    for way in Way:
+    for way in ValveFate:
         group = [one for one in followed if one.way is way]
         own = scores(followed, way)
         refused = sum(one.refused for one in group)
@@ -194,7 +192,7 @@ def _ratio_table(followed: Sequence[Followed]) -> Table:
 def _alarm_table(followed: Sequence[Followed], named: dict[str, float]) -> Table:
     from rich.table import Table
 
-    from stemwatch.service.trial import wilson
+    from stemwatch.service.studies.trial import wilson
 
     table = Table(title="Alarms", title_justify="left")
     for name in ("limit", "valves"):

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Effect, Finding, HeldOut, Mismatch
+from stemwatch.models.mismatch.findings import Effect, Finding, HeldOutFit, Mismatch
 from stemwatch.service.cli import views
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.report.mismatch_words import (
@@ -114,7 +114,7 @@ def _number(estimate: Estimate) -> str:
     return span_percent(estimate.value) + (f" ({around})" if around else "")
 
 
-def _caption(held: HeldOut) -> str:
+def _caption(held: HeldOutFit) -> str:
     """The interval of the gain, and what is systematic at all."""
     said = []
     if finite(held.gain_low) is not None and finite(held.gain_high) is not None:

@@ -26,7 +26,7 @@ def maintenance(
     that begins after it becomes the new baseline.
     """
     from stemwatch.service.cli import views
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
     from stemwatch.service.store.store import open_store
 
     if not db and plant is None:

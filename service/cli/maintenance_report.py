@@ -35,8 +35,8 @@ def maintenance_report(
     check in which order, parts and isolation hints; the work orders as XLSX and CSV.
     """
     from stemwatch.service.cli import views
+    from stemwatch.service.config import load_plant
     from stemwatch.service.maintenance.from_store import report_of_store
-    from stemwatch.service.plantfile import load_plant
     from stemwatch.service.store.store import open_store
 
     if not db and plant is None:

@@ -152,7 +152,7 @@ def _devices(file: Path, wanted: str) -> list[Device]:
     """The devices of a plant file; what is wrong with the others is said on standard error."""
     from stemwatch.connectors.modbus.config import read_devices
     from stemwatch.service.cli import options, views
-    from stemwatch.service.plantfile.toml import read_toml
+    from stemwatch.service.config.toml import read_toml
 
     data, lines = read_toml(options.need_file(file, "--map"))
     tables = data.get("devices", [])

@@ -16,10 +16,10 @@ from stemwatch.service.cli import options as o
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from stemwatch.models.plant.hidden import HiddenCase
+    from stemwatch.models.studies.simulator.hidden import HiddenCase
     from stemwatch.service.executors import Executor
-    from stemwatch.service.proof.marks import Mark
-    from stemwatch.service.proof.truth import Seal
+    from stemwatch.service.studies.proof.marks import CaseMark
+    from stemwatch.service.studies.proof.truth import Seal
 
 TRUTH_FILE = "truth.json"
 
@@ -53,8 +53,7 @@ def prove(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.proof.draw import draw_cases
-    from stemwatch.service.proof.seeds import CALIBRATED_WITH
+    from stemwatch.service.studies.proof.draw import CALIBRATED_WITH, draw_cases
 
     if seed in CALIBRATED_WITH:
         views.say(f"Seed {seed} is one that thresholds were calibrated with: this is not blind.")
@@ -89,12 +88,12 @@ def _trial(
     folder: Path,
     executor: Executor,
     options: Sequence[str],
-) -> tuple[Seal, list[Mark]]:
+) -> tuple[Seal, list[CaseMark]]:
     """Draw and seal, say the digest, judge, open, count."""
     from stemwatch.service.cli import views
-    from stemwatch.service.proof.draw import write_cases
-    from stemwatch.service.proof.judge import judge
-    from stemwatch.service.proof.score import score
+    from stemwatch.service.studies.proof.answers import judge
+    from stemwatch.service.studies.proof.draw import write_cases
+    from stemwatch.service.studies.proof.score import score
 
     with _progress("simulating", len(drawn)) as tell:
         sealed = write_cases(drawn, seed, folder, executor, tell)
@@ -120,10 +119,10 @@ def _progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
         yield lambda done: progress.update(bar, completed=done)
 
 
-def _report(marks: Sequence[Mark], sealed: Seal, seed: int, json_file: Path | None) -> None:
+def _report(marks: Sequence[CaseMark], sealed: Seal, seed: int, json_file: Path | None) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.prove_tables import figures_lines, tables
-    from stemwatch.service.proof.score import as_json
+    from stemwatch.service.studies.proof.score import as_json
 
     for table in tables(marks):
         views.out.print(table, "")

@@ -9,8 +9,8 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from stemwatch.service.cli.views import escape
-from stemwatch.service.proof import figures
-from stemwatch.service.proof.rates import (
+from stemwatch.service.studies.proof import figures
+from stemwatch.service.studies.proof.rates import (
     Rate,
     Tally,
     by_concealment,
@@ -20,16 +20,16 @@ from stemwatch.service.proof.rates import (
     record_rates,
     without_verdict,
 )
-from stemwatch.service.proof.truth import Kind
+from stemwatch.service.studies.proof.truth import CaseKind
 
 if TYPE_CHECKING:
-    from stemwatch.service.proof.marks import Mark
+    from stemwatch.service.studies.proof.marks import CaseMark
 
 MOST_REASONS = 5
 _STATE = {True: "[green]reached[/]", False: "[red]short[/]", None: ""}
 
 
-def tables(marks: Sequence[Mark]) -> Iterator[Table]:
+def tables(marks: Sequence[CaseMark]) -> Iterator[Table]:
     """Rates against targets, by effect, by concealment, record effects, confusions."""
     yield _rates("What was right and what was wrong", headline(marks))
     yield _tallies("One effect, excited, by effect (right by class)", by_effect(marks))
@@ -38,7 +38,7 @@ def tables(marks: Sequence[Mark]) -> Iterator[Table]:
     yield _confusions(marks)
 
 
-def figures_lines(marks: Sequence[Mark]) -> Iterator[str]:
+def figures_lines(marks: Sequence[CaseMark]) -> Iterator[str]:
     """Held-out improvement, errors of S and J, time, and why there was no verdict: a line each."""
     fit = figures.heldout(marks)
     if fit is not None:
@@ -123,11 +123,11 @@ def _tallies(title: str, tallies: Sequence[Tally]) -> Table:
     return table
 
 
-def _confusions(marks: Sequence[Mark]) -> Table:
+def _confusions(marks: Sequence[CaseMark]) -> Table:
     """What was said of each single truth, where it was something else."""
     table = plain_table("What else was said", ("hidden", "said"), ("cases",))
     last = ""
-    for truth, said, count in confusions([m for m in marks if m.truth.kind is not Kind.PAIR]):
+    for truth, said, count in confusions([m for m in marks if m.truth.kind is not CaseKind.PAIR]):
         if truth != said:
             table.add_row("" if truth == last else escape(truth), escape(said), str(count))
             last = truth

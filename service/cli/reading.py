@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from stemwatch.service.plantfile import Plant
+    from stemwatch.service.config import Plant
 
 
 def read_options(
@@ -44,7 +44,7 @@ def read_options(
 
 def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> Plant | None:
     """The plant file, or ``None`` where only sources are given; neither is wrong usage."""
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
 
     if plant is None:
         if not source:

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from stemwatch.models.paper.study import CaseResult, Result, Unseen
-    from stemwatch.models.paper.targets import Target
+    from stemwatch.models.studies.reproduction.study import CaseResult, Result, Target, Unseen
 
 
 class Study(StrEnum):
@@ -42,13 +41,13 @@ def reproduce(
     """
     from rich.progress import Progress
 
-    from stemwatch.models.paper.cases import CASES
-    from stemwatch.models.paper.study import Task
-    from stemwatch.models.paper.study import study as study_case
+    from stemwatch.models.studies.reproduction.cases import CASES
+    from stemwatch.models.studies.reproduction.study import StudyTask
+    from stemwatch.models.studies.reproduction.study import study as study_case
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
 
-    tasks = [Task(case=case, seeds=seeds) for case in CASES]
+    tasks = [StudyTask(case=case, seeds=seeds) for case in CASES]
     found: dict[int, CaseResult] = {}
     with Progress(console=views.err) as progress:
         bar = progress.add_task("cases", total=len(tasks))
@@ -66,10 +65,10 @@ def as_json(results: Sequence[CaseResult], seeds: int) -> dict[str, Any]:
     """Everything that was found, as JSON has it."""
     from dataclasses import asdict
 
-    from stemwatch.models.paper.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD
-    from stemwatch.models.paper.layers import SIZES
-    from stemwatch.models.paper.step import LIMIT
-    from stemwatch.models.paper.targets import targets
+    from stemwatch.models.studies.reproduction.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD
+    from stemwatch.models.studies.reproduction.layers import SIZES
+    from stemwatch.models.studies.reproduction.step import LIMIT
+    from stemwatch.models.studies.reproduction.study import targets
 
     return {
         "study": "Zabiri, Samyudia and Zainudin: neural network modeling of valve stiction",
@@ -88,9 +87,9 @@ def as_json(results: Sequence[CaseResult], seeds: int) -> dict[str, Any]:
 
 def show(results: Sequence[CaseResult], seeds: int) -> None:
     """The settings, the paper's table, new inputs case by case, and the targets."""
-    from stemwatch.models.paper.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD
-    from stemwatch.models.paper.layers import SIZES
-    from stemwatch.models.paper.targets import targets
+    from stemwatch.models.studies.reproduction.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD
+    from stemwatch.models.studies.reproduction.layers import SIZES
+    from stemwatch.models.studies.reproduction.study import targets
     from stemwatch.service.cli import views
 
     views.out.print(

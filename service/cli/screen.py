@@ -12,7 +12,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from stemwatch.models.findings import Screening
+    from stemwatch.models.screening_result import Screening
     from stemwatch.service.run.plan import Request
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it

@@ -13,7 +13,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from stemwatch.service.plantfile import Plant
+    from stemwatch.service.config import Plant
     from stemwatch.service.store.screenings.records import StoredRun
     from stemwatch.service.store.store import Store
 
@@ -112,7 +112,7 @@ def run_now(
 
 def _load(plant: Path) -> Plant:
     from stemwatch.service.cli import views
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
 
     loaded = load_plant(o.need_file(plant, "--plant"))
     for problem in loaded.problems:

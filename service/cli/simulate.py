@@ -12,7 +12,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from stemwatch.models.plant import PlantLoop, SimulatedLoop
+    from stemwatch.models.studies.simulator import PlantLoop, SimulatedLoop
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 LIVE = "A live plant behind Modbus"
@@ -103,7 +103,7 @@ def simulate(
 
 def _export(out: Path, what: What, count: int, seed: int, start: str, zone: str) -> None:
     from stemwatch.service.cli import views
-    from stemwatch.service.export import write_export
+    from stemwatch.service.studies.simulated_export import write_export
 
     begin = o.instant(start, zone, "--start") or START
     views.say(f"Simulating {what.value} loops ...")
@@ -114,7 +114,7 @@ def _export(out: Path, what: What, count: int, seed: int, start: str, zone: str)
 
 def simulated(what: What, count: int, seed: int) -> list[SimulatedLoop]:
     """The loops, each with a seed of its own."""
-    from stemwatch.models.plant import simulate_loop
+    from stemwatch.models.studies.simulator import simulate_loop
 
     return [
         simulate_loop(loop, seed + place) for place, loop in enumerate(_loops(what, count, seed))
@@ -122,7 +122,7 @@ def simulated(what: What, count: int, seed: int) -> list[SimulatedLoop]:
 
 
 def _loops(what: What, count: int, seed: int) -> list[PlantLoop]:
-    from stemwatch.models.plant import demo_plant, draw_healthy, draw_sticky
+    from stemwatch.models.studies.simulator import demo_plant, draw_healthy, draw_sticky
 
     if what is What.DEMO:
         return demo_plant(seed)

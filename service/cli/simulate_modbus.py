@@ -14,7 +14,7 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from stemwatch.models.plant import PlantLoop
+    from stemwatch.models.studies.simulator import PlantLoop
     from stemwatch.service.modbus_plant import PlantServer, Wear
     from stemwatch.service.store.store import Store
 

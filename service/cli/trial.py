@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from stemwatch.service.trial import Marked
+    from stemwatch.service.studies.trial import Marked
 
 CALIBRATED_WITH = 11  # the seed that intervals were calibrated with; the default is another
 
@@ -41,7 +41,7 @@ def trial(
 
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.trial import run_trial
+    from stemwatch.service.studies.trial import run_trial
 
     if seed == CALIBRATED_WITH:
         views.say("Seed 11 is the one that intervals were calibrated with: these are not blind.")
@@ -63,7 +63,7 @@ def _print(marked: Sequence[Marked]) -> None:
     from rich.table import Table
 
     from stemwatch.service.cli import views
-    from stemwatch.service.trial import accuracy, rates, shapes, wilson
+    from stemwatch.service.studies.trial import accuracy, rates, shapes, wilson
 
     table = Table(title="Verdicts", title_justify="left")
     for name in ("loops", "verdict", "count", "share", "95 % interval"):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from stemwatch.connectors.historian import Inspection
     from stemwatch.models.estimate import Estimate
-    from stemwatch.models.findings import Screening
+    from stemwatch.models.screening_result import Screening
 
 out = Console()
 err = Console(stderr=True)

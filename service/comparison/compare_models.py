@@ -8,15 +8,15 @@ from typing import Any
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Floats, Recording
-from stemwatch.models.zoo.canonical import CANONICAL
-from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
-from stemwatch.models.zoo.fit import ModelFit, fit_model
-from stemwatch.models.zoo.model import ValveModel
-from stemwatch.models.zoo.networks.fit import fit_network
-from stemwatch.models.zoo.networks.network import Network
-from stemwatch.models.zoo.networks.ours import OURS
-from stemwatch.models.zoo.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
-from stemwatch.models.zoo.scores import Score
+from stemwatch.models.studies.literature.canonical import CANONICAL
+from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
+from stemwatch.models.studies.literature.fit import ModelFit, fit_model
+from stemwatch.models.studies.literature.model import ValveModel
+from stemwatch.models.studies.literature.networks.fit import fit_network
+from stemwatch.models.studies.literature.networks.network import Network
+from stemwatch.models.studies.literature.networks.ours import OURS
+from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
+from stemwatch.models.studies.literature.scores import FitScore
 
 Tell = Callable[[str, int, int], None]  # model, done, of
 NETWORKS: tuple[Network, ...] = (FEEDFORWARD_PAPER, NARX_PAPER, OURS)
@@ -29,8 +29,8 @@ class ModelRow:
     model: str
     kind: str  # "data-driven", "force balance" or "network"
     parameters: Mapping[str, Estimate] = field(default_factory=dict)
-    training: Score | None = None
-    heldout: Score | None = None
+    training: FitScore | None = None
+    heldout: FitScore | None = None
     seconds: float = 0.0
     outcome: str = ""
     simulated: Floats | None = None

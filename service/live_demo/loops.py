@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from stemwatch.models.plant import Actuator, PlantLoop, Valve
-from stemwatch.models.plant.loop import (
-    Archive,
+from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve
+from stemwatch.models.studies.simulator.loop import (
     Controller,
     Load,
     LoadKind,
     Process,
     PvRange,
+    SimulatedArchive,
 )
 
 WEARING = "FIC-101"
@@ -30,10 +30,10 @@ def live_loops() -> list[PlantLoop]:
             area="Reforming",
             criticality=3,
             story="healthy at first, then it wears",
-            valve=Valve.showing(0.4, 0.16, actuator=Actuator(air_lag_s=0.4)),
+            valve=SimulatedValve.showing(0.4, 0.16, actuator=Actuator(air_lag_s=0.4)),
             process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
             controller=Controller(gain=0.5, reset_s=2.4, scan_s=0.2),
-            archive=Archive(interval_s=INTERVAL_S),
+            archive=SimulatedArchive(interval_s=INTERVAL_S),
             pv_range=_FLOW,
             loads=(load,),
         ),
@@ -46,7 +46,7 @@ def live_loops() -> list[PlantLoop]:
             valve=_positioned(),
             process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
             controller=Controller(gain=0.5, reset_s=3.0, scan_s=0.2, set_point=42.0, output=55.0),
-            archive=Archive(interval_s=INTERVAL_S),
+            archive=SimulatedArchive(interval_s=INTERVAL_S),
             pv_range=_FLOW,
             loads=(Load(kind=LoadKind.COLOURED, size=1.2, time_s=10.0),),
         ),
@@ -56,16 +56,16 @@ def live_loops() -> list[PlantLoop]:
             area="Fractionation",
             criticality=2,
             story="healthy, oscillating disturbance",
-            valve=Valve.showing(0.4, 0.1, actuator=Actuator(air_lag_s=0.4)),
+            valve=SimulatedValve.showing(0.4, 0.1, actuator=Actuator(air_lag_s=0.4)),
             process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
             controller=Controller(gain=0.5, reset_s=3.0, scan_s=0.2, set_point=58.0, output=47.0),
-            archive=Archive(interval_s=INTERVAL_S),
+            archive=SimulatedArchive(interval_s=INTERVAL_S),
             pv_range=_FLOW,
             loads=(wave, Load(kind=LoadKind.COLOURED, size=0.6, time_s=8.0)),
         ),
     ]
 
 
-def _positioned() -> Valve:
+def _positioned() -> SimulatedValve:
     actuator = Actuator(air_lag_s=1.5)
-    return Valve.showing(0.3, 0.0, positioner_gain=9.0, actuator=actuator)
+    return SimulatedValve.showing(0.3, 0.0, positioner_gain=9.0, actuator=actuator)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from stemwatch.models.plant import PlantLoop
+from stemwatch.models.studies.simulator import PlantLoop
 from stemwatch.service.live_demo.folder import REPORTS, SPOOL
 from stemwatch.service.live_demo.loops import STROKES
 from stemwatch.service.live_demo.pace import Pace

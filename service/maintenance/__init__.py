@@ -2,14 +2,12 @@
 
 from stemwatch.service.maintenance.valve_history import (
     NOTHING_KNOWN,
-    EarlierScreening,
     ValveHistory,
 )
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
 
 __all__ = [
     "NOTHING_KNOWN",
-    "EarlierScreening",
     "MaintenanceFiles",
     "ValveHistory",
     "write_maintenance",

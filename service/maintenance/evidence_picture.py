@@ -8,8 +8,8 @@ from datetime import timedelta, tzinfo
 
 import numpy as np
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.drawing import (
     Drawing,
     DrawnArea,

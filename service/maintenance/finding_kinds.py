@@ -6,8 +6,8 @@ position cannot be trusted.
 
 from __future__ import annotations
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Effect, Finding
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
 
 STICTION = {
@@ -23,8 +23,8 @@ WRONG, BAD = "wrong_position", "bad_signal"
 SIGNAL = frozenset({NO_POSITION, FROZEN, WRONG, BAD})
 NO_WORK = frozenset({HEALTHY, RECORDING, WATCH})
 
-# What an undetermined verdict's reason says, as ``models.obstacles`` and ``models.judge`` word it:
-# a stored screening keeps the sentence and not the obstacle. A test holds them together.
+# What an undetermined verdict's reason says, as ``models.validity_checks`` and ``models.decision``
+# word it: a stored screening keeps the sentence and not the obstacle. A test holds them together.
 SAID_OF = (
     ("there is no valve position in this recording", NO_POSITION),
     ("the position did not change by one digit", FROZEN),

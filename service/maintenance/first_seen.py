@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from datetime import datetime, tzinfo
 
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import finding_kinds as k
-from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening
+from stemwatch.service.maintenance.valve_history import LOOK_BACK
 from stemwatch.service.report.wording import instant
 from stemwatch.service.store.screenings.records import Remark
 
@@ -23,16 +24,16 @@ class FirstSeen:
     """
 
     count: int
-    first: EarlierScreening | None = None
-    before: EarlierScreening | None = None
+    first: PreviousFinding | None = None
+    before: PreviousFinding | None = None
     at_least: bool = False
 
 
-def first_seen(kind: str, earlier: Sequence[EarlierScreening]) -> FirstSeen:
+def first_seen(kind: str, earlier: Sequence[PreviousFinding]) -> FirstSeen:
     """How far back ``kind`` goes without a break. Screenings that allowed no verdict neither
     show nor deny anything of friction, and are passed over."""
     judged = earlier if _of_signal(kind) else [one for one in earlier if _is_judged(one)]
-    run: list[EarlierScreening] = []
+    run: list[PreviousFinding] = []
     for one in judged:
         if not shows(kind, one):
             return FirstSeen(count=1 + len(run), first=run[-1] if run else None, before=one)
@@ -41,7 +42,7 @@ def first_seen(kind: str, earlier: Sequence[EarlierScreening]) -> FirstSeen:
     return FirstSeen(count=1 + len(run), first=first, at_least=len(earlier) >= LOOK_BACK)
 
 
-def shows(kind: str, past: EarlierScreening) -> bool:
+def shows(kind: str, past: PreviousFinding) -> bool:
     """Whether an earlier screening shows the same kind of finding."""
     if kind in k.STICTION.values():
         return past.verdict is Verdict.STICKY
@@ -86,7 +87,7 @@ def work_sentence(work: Sequence[Remark], began: datetime | None, zone: tzinfo) 
     return f"{text} It came {days} {'day' if days == 1 else 'days'} after that work."
 
 
-def _said(past: EarlierScreening, zone: tzinfo) -> str:
+def _said(past: PreviousFinding, zone: tzinfo) -> str:
     return f"of {instant(past.at, zone)}, said {past.verdict.value} and did not show it"
 
 
@@ -94,5 +95,5 @@ def _of_signal(kind: str) -> bool:
     return kind in k.SIGNAL or kind in (k.UNEXPLAINED, k.RECORDING)
 
 
-def _is_judged(past: EarlierScreening) -> bool:
+def _is_judged(past: PreviousFinding) -> bool:
     return past.verdict is not Verdict.UNDETERMINED

@@ -6,7 +6,8 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.stored import (
     background_of,
     facts_of,
@@ -14,7 +15,6 @@ from stemwatch.service.maintenance.stored import (
     screenings_of_run,
 )
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.false_discoveries import tested
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead
 from stemwatch.service.store.errors import StoreError

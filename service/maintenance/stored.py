@@ -11,12 +11,12 @@ from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session, defer
 
 from stemwatch.connectors.connector import ConnectorError, Window
-from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening, ValveHistory
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
+from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
 from stemwatch.service.report.report_context import ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples
@@ -48,9 +48,8 @@ def latest_screenings(store: Store) -> list[Restored]:
 def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> ValveHistory:
     """What the store knows beside the screenings; pictures of valves whose samples it keeps."""
 
-    def earlier(screening: Screening) -> Sequence[EarlierScreening]:
-        with store.access.reading("reading earlier screenings") as session:
-            return read_earlier(session, screening)
+    def earlier(screening: Screening) -> Sequence[PreviousFinding]:
+        return store.previous_findings(screening, limit=LOOK_BACK)
 
     def samples(screening: Screening) -> Recording | None:
         if screening.recording is not None:
@@ -60,43 +59,15 @@ def background_of(store: Store, plant: Plant | None = None, run: int | None = No
     return ValveHistory(earlier=earlier, work=store.maintenance, samples=samples, run=run)
 
 
-def read_earlier(
-    session: Session, screening: Screening, limit: int = LOOK_BACK
-) -> list[EarlierScreening]:
-    """The screenings before this one, newest first. One without dates is taken to be the last."""
-    one = ScreeningRow
-    columns = (one.at, one.run_id, one.verdict, one.severity, one.s_percent, one.j_percent)
-    found = (one.mismatch_finding, one.mismatch_slugs)
-    statement = select(*columns, *found).where(one.valve == screening.valve)
-    statement = statement.order_by(one.at.desc(), one.id.desc()).limit(limit)
-    end = screening.window[1]
-    # Its own row stands first where nothing tells when it was.
-    statement = statement.offset(1) if end is None else statement.where(one.at < end)
-    return [
-        EarlierScreening(
-            at=row.at,
-            run=row.run_id,
-            verdict=Verdict(row.verdict),
-            severity=row.severity,
-            S=row.s_percent,
-            J=row.j_percent,
-            finding=row.mismatch_finding,
-            effects=tuple(row.mismatch_slugs or ()),
-        )
-        for row in session.execute(statement)
-    ]
-
-
 def facts_of(
     store: Store, plant: Plant | None, screenings: Sequence[Screening]
 ) -> dict[str, ValveFacts]:
     """What plant file and store say of the valves, and what was found of them before."""
     known = {valve.id: valve for valve in store.valves()}
-    with store.access.reading("reading earlier screenings") as session:
-        return {
-            one.valve: _facts(known.get(one.valve), plant, one.valve, _previous(session, one))
-            for one in screenings
-        }
+    return {
+        one.valve: _facts(known.get(one.valve), plant, one.valve, store.previous_finding(one))
+        for one in screenings
+    }
 
 
 def _facts(
@@ -112,16 +83,6 @@ def _facts(
         criticality=str(told.criticality),
         stroke="" if entry is None else entry.stroke or "",
         previous=previous,
-    )
-
-
-def _previous(session: Session, screening: Screening) -> PreviousFinding | None:
-    earlier = read_earlier(session, screening, limit=1)
-    if not earlier:
-        return None
-    last = earlier[0]
-    return PreviousFinding(
-        verdict=last.verdict, S=last.S, J=last.J, severity=last.severity, at=last.at
     )
 
 

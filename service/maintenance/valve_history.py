@@ -4,35 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Recording
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.store.screenings.records import Remark
 
 # A year of daily runs: "since when" goes back no further, and says so.
 LOOK_BACK = 400
 
 
-@dataclass(frozen=True, kw_only=True)
-class EarlierScreening:
-    """One earlier screening; S and J in percent of OP span, ``None`` where they are not known.
-
-    ``effects`` are the slugs that were named and ``finding`` the word for them.
-    """
-
-    at: datetime
-    run: int
-    verdict: Verdict
-    severity: float = 0.0
-    S: float | None = None
-    J: float | None = None
-    finding: str | None = None
-    effects: tuple[str, ...] = ()
-
-
-def _no_past(screening: Screening) -> Sequence[EarlierScreening]:
+def _no_past(screening: Screening) -> Sequence[PreviousFinding]:
     return ()
 
 
@@ -53,7 +34,7 @@ class ValveHistory:
     the number of the run that is reported.
     """
 
-    earlier: Callable[[Screening], Sequence[EarlierScreening]] = _no_past
+    earlier: Callable[[Screening], Sequence[PreviousFinding]] = _no_past
     work: Callable[[str], Sequence[Remark]] = _no_work
     samples: Callable[[Screening], Recording | None] = _no_samples
     run: int | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory

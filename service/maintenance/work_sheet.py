@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from datetime import tzinfo
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Effect
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import advice
 from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance import first_seen as s
@@ -21,8 +22,7 @@ from stemwatch.service.maintenance.drawing import Drawing
 from stemwatch.service.maintenance.evidence_picture import picture_of
 from stemwatch.service.maintenance.first_seen import FirstSeen
 from stemwatch.service.maintenance.priority import Priority, priority
-from stemwatch.service.maintenance.valve_history import EarlierScreening, ValveHistory
-from stemwatch.service.plantfile.stroke import Stroke, parse_stroke
+from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.report.false_discoveries import LEVEL_PERCENT, Discoveries
 from stemwatch.service.report.mismatch_words import effect_name, effect_names, others
 from stemwatch.service.report.ranking import RankedValve
@@ -74,7 +74,7 @@ class WorkSheet:
     isolation: tuple[tuple[IsolationLevel, str], ...]
     since: s.FirstSeen
     since_said: tuple[str, ...]
-    past: tuple[EarlierScreening, ...]
+    past: tuple[PreviousFinding, ...]
     sure: tuple[str, ...]
     priority: Priority
     picture: Drawing | None

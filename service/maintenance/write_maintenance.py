@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.maintenance_html import book_html
 from stemwatch.service.maintenance.pdf import book_pdf
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory

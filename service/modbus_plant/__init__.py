@@ -1,6 +1,7 @@
 """A plant to try things on: simulated valves behind a Modbus server, live, some of them wearing.
 
-``PlantServer`` serves loops of ``stemwatch.models.plant`` as registers; ``serve_plant`` does so
+``PlantServer`` serves loops of the simulator (``stemwatch.models.studies.simulator``) as registers;
+``serve_plant`` does so
 until it is stopped and writes the plant file that reads them.
 """
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.plant import PlantLoop
 from stemwatch.models.recording import Floats, Role
+from stemwatch.models.studies.simulator import PlantLoop
 
 STRIDE = 10  # registers of one loop; the last one is spare
 PLACE = {Role.OP: 0, Role.MV: 2, Role.PV: 4, Role.SP: 6, Role.MODE: 8}

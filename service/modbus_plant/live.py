@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.plant import PlantLoop
 from stemwatch.models.recording import Floats
+from stemwatch.models.studies.simulator import PlantLoop
 from stemwatch.service.modbus_plant.layout import MOST_LOOPS
 from stemwatch.service.modbus_plant.tape import ROLES, Stretch, Tape, simulate_stretch
 from stemwatch.service.modbus_plant.wear import Wear

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 
-from stemwatch.models.plant import PlantLoop
 from stemwatch.models.recording import Role
+from stemwatch.models.studies.simulator import PlantLoop
 from stemwatch.service.modbus_plant.layout import Register, registers, signals, tag, unit
 
 NAME = "plc-1"

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stemwatch.models.plant import PlantLoop
+from stemwatch.models.studies.simulator import PlantLoop
 from stemwatch.service.modbus_plant.layout import STRIDE, words
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml

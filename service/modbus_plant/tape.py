@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from stemwatch.models.plant import PlantLoop, simulate_loop
 from stemwatch.models.recording import Floats, Role
+from stemwatch.models.studies.simulator import PlantLoop, simulate_loop
 from stemwatch.service.modbus_plant.wear import Wear, worn
 
 ROLES = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)

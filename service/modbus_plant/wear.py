@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from stemwatch.models.plant import PlantLoop, Valve
+from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve
 
 _SHORTEST_S = 10.0  # a kink in the wear that is nearer is passed over: no stretch is that short
 
@@ -64,11 +64,11 @@ def worn(loop: PlantLoop, wear: Wear | None, worn_s: float, length_s: float = 0.
     return replace(loop, valve=valve, upsets=replace(loop.upsets, growth=growth))
 
 
-def _valve(new: Valve, wear: Wear, share: float) -> Valve:
+def _valve(new: SimulatedValve, wear: Wear, share: float) -> SimulatedValve:
     """The valve on the way from ``new``, with ``share`` of the wear done."""
     if share == 0.0:
         return new
-    return Valve.showing(
+    return SimulatedValve.showing(
         new.S_read + share * (wear.S_percent - new.S_read),
         new.J_read + share * (wear.J_percent - new.J_read),
         positioner_gain=new.positioner_gain,

@@ -1,12 +1,10 @@
 """The report of one run: a page that stands alone, and the same findings as CSV, XLSX and JSON."""
 
-from stemwatch.models.findings import PreviousFinding
 from stemwatch.service.report.json_contract import to_contract, to_contracts
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead, ValveFacts
 from stemwatch.service.report.write_report import ReportFiles, ReportNotWritten, write_report
 
 __all__ = [
-    "PreviousFinding",
     "ReportContext",
     "ReportFiles",
     "ReportNotWritten",

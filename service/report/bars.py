@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Residual, Screening
+from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service.report.wording import finite
 
 MODEL_NAMES = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.wording import finite, span_percent
 
 # Below a tenth of the sampling interval a time is not seen in samples but guessed between them,

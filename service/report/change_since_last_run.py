@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import PreviousFinding
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.wording import finite
 

@@ -12,15 +12,15 @@ from datetime import datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Indicator, Residual, Screening
 from stemwatch.models.mismatch.findings import (
     Effect,
-    HeldOut,
+    HeldOutFit,
     HotPlace,
     Mismatch,
     RecordEffect,
     Stiction,
 )
+from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.service.report.false_discoveries import discoveries
 from stemwatch.service.report.report_context import software_name
 from stemwatch.service.report.wording import finite, printable
@@ -115,7 +115,7 @@ def _stiction(stiction: Stiction) -> dict[str, Any]:
     return {"S": estimate_object(stiction.S), "J": estimate_object(stiction.J)}
 
 
-def _heldout(heldout: HeldOut) -> dict[str, float | None]:
+def _heldout(heldout: HeldOutFit) -> dict[str, float | None]:
     return {name: finite(getattr(heldout, name)) for name in HELD_OUT}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from stemwatch.models.mismatch.findings import Cell, Finding, HeldOut, Mismatch
+from stemwatch.models.mismatch.findings import Cell, Finding, HeldOutFit, Mismatch
 from stemwatch.models.recording import Recording
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_charts import overlay_of
@@ -74,7 +74,7 @@ def mismatch_view(
     )
 
 
-def left_over_bars(heldout: HeldOut) -> list[LeftOver]:
+def left_over_bars(heldout: HeldOutFit) -> list[LeftOver]:
     """Rmse before and after beside what is systematic at all and the noise; known ones only."""
     rows = (
         ("naive", "S and J alone", heldout.rmse_naive, heldout.fit_naive),

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import overload
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.mismatch.findings import Mismatch, ResidualMap
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots

@@ -8,7 +8,7 @@ from datetime import datetime, tzinfo
 from types import MappingProxyType
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from stemwatch.models.findings import PreviousFinding
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.false_discoveries import LEVEL_PERCENT
 from stemwatch.service.report.mismatch_words import left_out
 from stemwatch.service.report.ranking import RankedValve

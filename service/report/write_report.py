@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.csv_file import write_csv
 from stemwatch.service.report.html_page import write_html

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from stemwatch.models.findings import Residual, Screening
 from stemwatch.models.limits import Limits
+from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
 from stemwatch.service.report import ReportFiles

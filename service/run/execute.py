@@ -10,14 +10,14 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
-from stemwatch.models.findings import PreviousFinding, Screening
 from stemwatch.models.limits import Limits
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.html_page import MOST_PLOTTED
 from stemwatch.service.run.chunking import make_chunks
-from stemwatch.service.run.saving import Found, Saving, previous_finding, with_baselines
+from stemwatch.service.run.saving import Found, Saving, with_baselines
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import Task, given_up, screen_packed
 from stemwatch.service.store.store import Store
@@ -101,7 +101,7 @@ def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threa
     for done in _screened(run, with_baselines(tasks, run.store), stop):
         for outcome in done:
             one = _put(executed.results, outcome, first)
-            found = previous_finding(run.store, one.screening, run.started)
+            found = run.store.previous_finding(one.screening, run.started)
             executed.previous[one.screening.valve] = found
 
 

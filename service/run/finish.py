@@ -9,14 +9,14 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
-from stemwatch.models.findings import PreviousFinding, Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.held_back import Tested, hold_back, p_elsewhere
+from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of, screenings_of_run
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run

@@ -19,8 +19,8 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
+from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, outcomes
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.run.header import header_tags
 from stemwatch.service.run.task import (
     InStore,

@@ -18,8 +18,8 @@ from datetime import timedelta
 from pathlib import Path
 
 from stemwatch.connectors.connector import Window
+from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, ExecutorUnavailable, choose_executor
-from stemwatch.service.plantfile import Plant
 from stemwatch.service.run.engine import work_off
 from stemwatch.service.run.execute import Run
 from stemwatch.service.run.finish import finish

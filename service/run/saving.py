@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from stemwatch.models.findings import PreviousFinding, Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.screenings.restored import finding_of
 from stemwatch.service.store.store import Store
 
 JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
@@ -125,7 +124,7 @@ class Saving:
             self._over(valve, self._given_up.get(valve, ""))
 
     def _note_previous(self, screening: Screening) -> None:
-        self.previous[screening.valve] = previous_finding(self._store, screening, self._started)
+        self.previous[screening.valve] = self._store.previous_finding(screening, self._started)
 
     def _keep_network(self, screening: Screening) -> None:
         try:
@@ -174,14 +173,3 @@ def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
 def _after(screening: Screening, instant: datetime) -> bool:
     start, _ = screening.window
     return start is not None and start >= instant
-
-
-def previous_finding(store: Store, screening: Screening, now: datetime) -> PreviousFinding | None:
-    """What was found of the valve in an earlier window, for the trend."""
-    _, end = screening.window
-    kept = store.previous(screening.valve, end or now)
-    if kept is None:
-        return None
-    if end is None and kept.provenance.digest == screening.provenance.digest:
-        return None  # the same file without dates again is not a change
-    return finding_of(kept)

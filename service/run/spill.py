@@ -9,7 +9,7 @@ import weakref
 from collections.abc import Sequence
 from typing import Any, overload
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import worst_first
 

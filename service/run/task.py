@@ -20,9 +20,9 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
-from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Provenance, Recording
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store import Address, StoreError
 
 if TYPE_CHECKING:

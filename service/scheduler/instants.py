@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
-from stemwatch.service.plantfile.cron import CronTimes
+from stemwatch.service.config.cron import CronTimes
 from stemwatch.service.store.runs.schedule import Schedule
 
 # Intervals are counted from a fixed midnight, so that a restart does not shift them.

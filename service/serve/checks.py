@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState

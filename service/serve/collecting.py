@@ -15,7 +15,7 @@ from pathlib import Path
 from stemwatch.connectors.modbus import SampleBatch
 from stemwatch.connectors.modbus.state import DeviceState
 from stemwatch.service.collector import Collector, Spool, collect
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.process_lifecycle import quiet_start, take_signals
 from stemwatch.service.serve.logs import hide_secrets, set_up_logs
 from stemwatch.service.store.errors import StoreError

@@ -11,7 +11,7 @@ from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.notifiers import notifiers_of
 from stemwatch.service.alerts.sender import Sender
 from stemwatch.service.alerts.silent_sources import watch_sources
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store
 from stemwatch.service.watch import WatchedFolder

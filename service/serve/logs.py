@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+from stemwatch.service.config import Plant
 from stemwatch.service.logs import hide
 from stemwatch.service.logs import set_up_logs as set_up_logs
-from stemwatch.service.plantfile import Plant
 
 _TOKEN = "STEMWATCH_WEB_TOKEN"
 

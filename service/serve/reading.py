@@ -8,7 +8,7 @@ from stemwatch.connectors.archive.address import Archive
 from stemwatch.connectors.connector import ConnectorError, ValveTags, Window
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Recording
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.run.task import open_archive, open_file
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.store import Store

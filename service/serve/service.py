@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stemwatch.service.access.setup import first_link
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.serve.checks import checks

@@ -11,7 +11,7 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions
@@ -30,6 +30,7 @@ from stemwatch.service.store.runs.schedules import Schedules
 from stemwatch.service.store.samples.samples import Samples
 from stemwatch.service.store.samples.sources import Sources
 from stemwatch.service.store.screenings import baselines, screenings
+from stemwatch.service.store.screenings.previous import read_previous
 from stemwatch.service.store.screenings.records import (
     Baseline,
     Ranked,
@@ -217,10 +218,24 @@ class Store:
         with self.access.reading() as session:
             return screenings.read_worst(session, run_id, limit)
 
-    def previous(self, valve: str, before: datetime) -> StoredScreening | None:
-        """The valve's last screening that speaks for an instant before ``before``."""
+    def previous_finding(
+        self, screening: Screening, now: datetime | None = None
+    ) -> PreviousFinding | None:
+        """What was said of the valve before this screening, for the trend; see
+        ``previous_findings``."""
+        found = self.previous_findings(screening, limit=1, now=now)
+        return found[0] if found else None
+
+    def previous_findings(
+        self, screening: Screening, *, limit: int, now: datetime | None = None
+    ) -> list[PreviousFinding]:
+        """What was said of the valve in earlier windows, newest first.
+
+        A screening without dates comes after all that was saved before ``now``, or where that is
+        not given before it was saved itself.
+        """
         with self.access.reading() as session:
-            return screenings.read_previous(session, valve, before)
+            return read_previous(session, screening, limit, now)
 
     def history(
         self, valve: str, indicator: str, since: datetime | None = None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.store.store import Store
 from stemwatch.service.watch.intake import Rejected, take_in

@@ -15,7 +15,7 @@ from stemwatch.connectors.historian.opened import OpenedFile, open_file
 from stemwatch.connectors.historian.recordings import find_tag
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Quality, Role
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.samples.samples import Samples
 
 BATCH = 20_000  # samples in one transaction

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from stemwatch.models.findings import Indicator
+from stemwatch.models.screening_result import Indicator
 from stemwatch.service.store.screenings.records import TrendPoint
 
 _MODELS = {

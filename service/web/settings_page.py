@@ -14,7 +14,7 @@ from fastapi.responses import HTMLResponse
 
 from stemwatch.connectors.modbus import Device
 from stemwatch.connectors.modbus.link import keys_of
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.database_url import masked
 from stemwatch.service.web.desk import AtDesk
 

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.recording import Floats, Recording, Role
-from stemwatch.service.plantfile.schema import Tag
+from stemwatch.service.config.schema import Tag
 from stemwatch.service.report.charts.thinning import ThinningGrid, lowest_and_highest
 from stemwatch.service.web.queries import samples
 from stemwatch.service.web.queries.samples import Drawn

@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 from stemwatch.connectors.connector import Window
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.actions import Actions
 

@@ -11,15 +11,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Role
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
-from stemwatch.service.store.screenings.restored import finding_of, screening_of
+from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web.desk import AtDesk, Desk
 from stemwatch.service.web.forms import Sent
@@ -57,7 +57,7 @@ def valve(request: Request, desk: AtDesk) -> HTMLResponse:
     name = desk.need_valve(request.query_params.get("id", ""))
     with desk.reading() as session:
         stored = read_valve(session, name) or _from_plant(desk, name)
-        shown = _shown(session, name)
+        shown = _shown(desk, session, name)
         points = read_history(session, name)
         marks = read_marks(session, name)
         raised = alerts.read_alerts(session, "all", desk.now, valve=name)
@@ -132,8 +132,8 @@ def _from_plant(desk: Desk, name: str) -> StoredValve:
     )
 
 
-def _shown(session: Session, name: str) -> Shown | None:
-    latest = read_last(session, name, 2)
+def _shown(desk: Desk, session: Session, name: str) -> Shown | None:
+    latest = read_last(session, name, 1)
     if not latest:
         return None
     stored = latest[0]
@@ -144,7 +144,7 @@ def _shown(session: Session, name: str) -> Shown | None:
     return Shown(
         screening=screening,
         stored=stored,
-        trend=change_since_last_run(screening, finding_of(latest[1]) if len(latest) > 1 else None),
+        trend=change_since_last_run(screening, desk.store.previous_finding(screening)),
         mismatch=None
         if found is None
         else mismatch_view(found, None, ANCHOR, name, stored.held_back),

@@ -22,7 +22,7 @@ from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.held_back import hold_back
 from stemwatch.service.alerts.silent_sources import watch_sources
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.runs.tables import RunValveRow
 from stemwatch.service.store.samples.samples import microseconds

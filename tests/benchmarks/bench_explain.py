@@ -17,14 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.plant.hidden import (
+from stemwatch.models.recording import Recording
+from stemwatch.models.studies.simulator.hidden import (
     PHYSICS,
     draw_effect,
     draw_hidden,
     draw_nulls,
     simulate_hidden,
 )
-from stemwatch.models.recording import Recording
 
 ASKED_S = 1.0
 

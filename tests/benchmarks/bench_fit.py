@@ -32,13 +32,13 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from stemwatch.models.plant import draw_sticky, simulate_loop
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip import parameters as at
-from stemwatch.models.stickslip.fit import StickSlipFit, Workbench, fit_stickslip
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.fit import StickSlipEvaluator, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.parameters import to_kernel
-from stemwatch.models.stickslip.problem import Problem
+from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 
 GRID_S, GRID_RATIO, GRID_ZERO = 40, 12, 3
 SEED = 1
@@ -63,22 +63,22 @@ class Result:
 
 
 class Counter:
-    """Counts the candidates that ``Problem.losses`` is asked for while it stands in its place."""
+    """Counts the candidates that ``FitProblem.losses`` is asked for, in its place."""
 
     def __init__(self) -> None:
         self.simulations = 0
-        self._own = Problem.losses
+        self._own = FitProblem.losses
 
     def __enter__(self) -> Counter:
-        def counted(problem: Problem, candidates: Floats, delta: float) -> tuple[Floats, Floats]:
+        def counted(problem: FitProblem, candidates: Floats, delta: float) -> tuple[Floats, Floats]:
             self.simulations += candidates.shape[0]
             return self._own(problem, candidates, delta)
 
-        Problem.losses = counted  # type: ignore[method-assign, assignment]  # to count
+        FitProblem.losses = counted  # type: ignore[method-assign, assignment]  # to count
         return self
 
     def __exit__(self, *_: object) -> None:
-        Problem.losses = self._own  # type: ignore[method-assign]
+        FitProblem.losses = self._own  # type: ignore[method-assign]
 
 
 def valves(count: int, seed: int) -> list[Valve]:
@@ -100,7 +100,7 @@ def ours(valve: Valve) -> tuple[Result, StickSlipFit]:
 
 def bare_seconds(fit: StickSlipFit, simulations: int) -> float:
     """Seconds that so many bare simulations of this recording take, one vector after another."""
-    problem, q = fit.bench.problem, to_kernel(fit.candidate, fit.bench.restick)[0]
+    problem, q = fit.evaluator.problem, to_kernel(fit.candidate, fit.evaluator.restick)[0]
     out, marks = np.empty(problem.op.size), problem.resynced_marks
     taken = []
     for _ in range(50):
@@ -110,16 +110,16 @@ def bare_seconds(fit: StickSlipFit, simulations: int) -> float:
     return simulations * float(np.median(taken))
 
 
-def training_loss(bench: Workbench) -> Callable[[Floats], Floats]:
+def training_loss(evaluator: StickSlipEvaluator) -> Callable[[Floats], Floats]:
     """The loss over the training part as a function of candidates (m, 9)."""
-    return bench.loss(bench.problem.training_blocks())
+    return evaluator.loss(evaluator.problem.training_blocks())
 
 
-def numpy_grid(bench: Workbench) -> Result:
+def numpy_grid(evaluator: StickSlipEvaluator) -> Result:
     """S, J/S and zero on a grid, every candidate in one array, sample by sample."""
     began = time.process_time()
-    problem = bench.problem
-    widths = np.linspace(0.0, bench.bounds.high[at.S_PERCENT], GRID_S)
+    problem = evaluator.problem
+    widths = np.linspace(0.0, evaluator.bounds.high[coordinate.S_PERCENT], GRID_S)
     ratios = np.linspace(0.0, 1.3, GRID_RATIO)
     error = (problem.mv - problem.op)[problem.scored]
     middle = float(np.percentile(error, 2) + np.percentile(error, 98)) / 2.0
@@ -140,32 +140,38 @@ def numpy_grid(bench: Workbench) -> Result:
         moving |= breaks
         x = np.where(moving, problem.op[k] - way * fd, x)
         if problem.block[k] >= 0:
-            product += np.log1p(((problem.mv[k] - x - zero) / bench.delta) ** 2)
+            product += np.log1p(((problem.mv[k] - x - zero) / evaluator.delta) ** 2)
             total += 1
     best = int(np.argmin(product))
-    candidate = np.zeros(at.N_COORDINATES)
-    candidate[[at.S_PERCENT, at.RATIO, at.ZERO]] = s[best], ratio[best], zero[best]
+    candidate = np.zeros(coordinate.N_COORDINATES)
+    candidate[[coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]] = (
+        s[best],
+        ratio[best],
+        zero[best],
+    )
     return Result(time.process_time() - began, candidate, s.size)
 
 
-def evolution(bench: Workbench, free: tuple[int, ...]) -> Result:
+def evolution(evaluator: StickSlipEvaluator, free: tuple[int, ...]) -> Result:
     """scipy's differential evolution over ``free``, its population handed over at once."""
-    loss = training_loss(bench)
+    loss = training_loss(evaluator)
     count = 0
 
     def value(drawn: Floats) -> Floats:
         nonlocal count
-        candidates = np.zeros((drawn.shape[1], at.N_COORDINATES))
+        candidates = np.zeros((drawn.shape[1], coordinate.N_COORDINATES))
         candidates[:, list(free)] = drawn.T
         count += candidates.shape[0]
         return loss(candidates)
 
-    limits = list(zip(bench.bounds.low[list(free)], bench.bounds.high[list(free)], strict=True))
+    limits = list(
+        zip(evaluator.bounds.low[list(free)], evaluator.bounds.high[list(free)], strict=True)
+    )
     began = time.process_time()
     found = differential_evolution(
         value, limits, rng=SEED, vectorized=True, updating="deferred", polish=False
     )
-    candidate = np.zeros(at.N_COORDINATES)
+    candidate = np.zeros(coordinate.N_COORDINATES)
     candidate[list(free)] = found.x
     return Result(time.process_time() - began, candidate, count)
 
@@ -174,20 +180,20 @@ def measure(count: int, seed: int) -> list[dict[str, object]]:
     """One row for each method."""
     some = valves(count, seed)
     fit_stickslip(some[0].recording)  # compiled before the clock runs
-    narrow = (at.S_PERCENT, at.RATIO, at.ZERO)
-    wide = (*narrow, *at.ACTUATOR)
+    narrow = (coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO)
+    wide = (*narrow, *coordinate.ACTUATOR)
     found: dict[str, list[tuple[Result, float]]] = {}
     bare = []
     for valve in some:
         own, fit = ours(valve)
         bare.append(bare_seconds(fit, own.simulations))
-        loss = training_loss(fit.bench)
+        loss = training_loss(fit.evaluator)
         least = float(loss(fit.trained[None, :])[0])
         tried = {
             "stemwatch": own,
-            "grid, numpy": numpy_grid(fit.bench),
-            "DE, S and J": evolution(fit.bench, narrow),
-            "DE, all": evolution(fit.bench, wide),
+            "grid, numpy": numpy_grid(fit.evaluator),
+            "DE, S and J": evolution(fit.evaluator, narrow),
+            "DE, all": evolution(fit.evaluator, wide),
         }
         for name, one in tried.items():
             reached = least if one is own else float(loss(one.candidate[None, :])[0])
@@ -202,8 +208,8 @@ def _row(
     name: str, some: list[Valve], results: list[tuple[Result, float]], own_seconds: float
 ) -> dict[str, object]:
     seconds = float(np.mean([one.seconds for one, _ in results]))
-    s = np.array([one.candidate[at.S_PERCENT] for one, _ in results])
-    j = s * np.array([one.candidate[at.RATIO] for one, _ in results])
+    s = np.array([one.candidate[coordinate.S_PERCENT] for one, _ in results])
+    j = s * np.array([one.candidate[coordinate.RATIO] for one, _ in results])
     return {
         "method": name,
         "seconds": round(seconds, 4),

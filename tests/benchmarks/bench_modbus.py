@@ -29,7 +29,7 @@ from stemwatch.connectors.modbus import Device, Register, SampleBatch
 from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.datatypes import DataType
 from stemwatch.connectors.modbus.device import Link, LinkKind
-from stemwatch.models.plant import demo_plant
+from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.modbus_plant.layout import STRIDE, words
 from stemwatch.service.modbus_plant.tape import simulate_stretch

@@ -32,13 +32,13 @@ from rich.table import Table
 from stemwatch.models.limits import Limits
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.training import train
-from stemwatch.models.plant import draw_healthy, draw_sticky, simulate_loop
-from stemwatch.models.plant.loop import ManualSpan, PlantLoop
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Floats
 from stemwatch.models.residual import of_stiction
 from stemwatch.models.screening import start_of
 from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
+from stemwatch.models.studies.simulator.loop import ManualSpan, PlantLoop
 
 FLOOR = -100.0
 CLOSE = 3.0  # points of fit

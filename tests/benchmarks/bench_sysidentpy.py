@@ -27,12 +27,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.narx.example import NarxExample
 from stemwatch.models.narx.training import train
-from stemwatch.models.plant import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening import Case, screen
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 
 ONE_CORE = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 SAMPLES, TRAINED_SHARE = 3240, 0.6

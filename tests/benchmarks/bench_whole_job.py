@@ -225,8 +225,8 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
 
 def stages_of(archive: Path, valves: int) -> dict[str, float]:
     """Seconds of one core for each valve in each stage, for the first ``valves``."""
+    from stemwatch.service.config import load_plant
     from stemwatch.service.executors import InProcess
-    from stemwatch.service.plantfile import load_plant
     from stemwatch.service.run.engine import RunNow, screen_now
     from stemwatch.service.run.plan import Request
     from stemwatch.service.store.store import open_store

@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 
-from stemwatch.models.zoo.canonical import CANONICAL
-from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
-from stemwatch.models.zoo.model import values_of
+from stemwatch.models.studies.literature.canonical import CANONICAL
+from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
+from stemwatch.models.studies.literature.model import values_of
 
 SAMPLES, REPEATS = 3600, 200
 

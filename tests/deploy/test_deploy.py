@@ -17,7 +17,7 @@ import yaml
 from typer.testing import CliRunner
 
 from stemwatch.service.cli import app
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 SERVICES = {"stemwatch", "plant", "postgres", "reader", "grafana"}
@@ -82,7 +82,7 @@ def test_no_password_stands_in_the_compose_file(compose: dict) -> None:
 
 def test_the_plant_of_the_compose_file_is_the_one_that_is_simulated(tmp_path: Path) -> None:
     """Its registers and valves are those that ``simulate --modbus`` serves."""
-    from stemwatch.models.plant import demo_plant
+    from stemwatch.models.studies.simulator import demo_plant
     from stemwatch.service.modbus_plant.mapfile import plant_toml
 
     simulated = tmp_path / "plant.toml"

@@ -9,19 +9,21 @@ import pytest
 
 from stemwatch.models import indicators
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import Indicator, Residual
-from stemwatch.models.plant import Actuator, PlantLoop, Valve, simulate_loop
-from stemwatch.models.plant.loop import Load, LoadKind
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.stickslip.events import slip_events
 from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.loop import Load, LoadKind
 
 
 @cache
 def simulated(lag_s=0.1, dead_time_s=0.0, S=5.0, J=4.0):
     return simulate_loop(
         PlantLoop(
-            valve=Valve(S=S, J=J, actuator=Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)),
+            valve=SimulatedValve(
+                S=S, J=J, actuator=Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)
+            ),
             setpoints=((10.0, 51.3), (400.0, 55.0), (800.0, 47.0), (1200.0, 52.0)),
             loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
             duration_s=1800.0,
@@ -32,7 +34,7 @@ def simulated(lag_s=0.1, dead_time_s=0.0, S=5.0, J=4.0):
 
 def all_of(fit, S, J):
     return [
-        *indicators.of_movement(fit.bench.problem, slip_events(fit)),
+        *indicators.of_movement(fit.evaluator.problem, slip_events(fit)),
         *indicators.of_friction(fit, S, J),
     ]
 

@@ -14,14 +14,14 @@ from stemwatch.models.narx import kernel, sensitivities
 from stemwatch.models.narx.batch import blocks, bounds
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import EDGE
-from stemwatch.models.narx.normal import normal_of
-from stemwatch.models.narx.plan import CODES, Indices, Plan, Step, plan_run, segments
-from stemwatch.models.narx.prepared import Prepared, prepare
+from stemwatch.models.narx.normal_equations import normal_of
+from stemwatch.models.narx.run_plan import CODES, Indices, Plan, PlanStep, plan_run, segments
 from stemwatch.models.narx.starts import random_starts
+from stemwatch.models.narx.training_record import TrainingRecord, prepare
 from stemwatch.models.recording import Floats
 
 
-def ready(seed: int = 1, samples: int = 900) -> Prepared:
+def ready(seed: int = 1, samples: int = 900) -> TrainingRecord:
     """A stem that follows a slow command late and noisily, with a hole."""
     make = np.random.default_rng(seed)
     op = 50.0 + np.cumsum(make.normal(size=samples)) * 0.3
@@ -32,12 +32,12 @@ def ready(seed: int = 1, samples: int = 900) -> Prepared:
         NarxExample(valve="V", op=op, mv=mv, usable=usable, train_until=600, interval_s=1.0),
         NarxSettings(),
     )
-    assert isinstance(found, Prepared), found
+    assert isinstance(found, TrainingRecord), found
     return found
 
 
 def compiled(
-    valve: Prepared,
+    valve: TrainingRecord,
     weights: Floats,
     horizon: int,
     most: float = np.inf,
@@ -64,7 +64,9 @@ def compiled(
     return out if whole else None
 
 
-def by_torch(valves: list[Prepared], flat: torch.Tensor, horizon: int, hidden: int = 5) -> Floats:
+def by_torch(
+    valves: list[TrainingRecord], flat: torch.Tensor, horizon: int, hidden: int = 5
+) -> Floats:
     """The same of a padded batch, as on a device that is no CPU."""
     pieces, limits = blocks(valves, horizon, 1, "cpu"), bounds(valves, 1, "cpu")
     split = sensitivities.Weights.split(flat, hidden)
@@ -101,14 +103,14 @@ def test_it_gives_up_exactly_where_the_error_allowed_is_passed() -> None:
     assert compiled(valve, np.full(41, np.nan), 20) is None
 
 
-def _residuals(valve: Prepared, weights: Floats, horizon: int) -> Floats:
+def _residuals(valve: TrainingRecord, weights: Floats, horizon: int) -> Floats:
     """The same network's free runs against the measurement, sample by sample."""
     plan = plan_run(valve.trained, horizon)
     run = simulated(valve, weights[None], plan)[0]
-    return np.asarray((run - valve.signals.position)[plan >= Step.RUN])
+    return np.asarray((run - valve.signals.position)[plan >= PlanStep.RUN])
 
 
-def simulated(valve: Prepared, weights: Floats, plan: Plan) -> Floats:
+def simulated(valve: TrainingRecord, weights: Floats, plan: Plan) -> Floats:
     """The free runs (m, n) of networks with weights (m, P); NaN where there is none."""
     signals = valve.signals
     out = np.full((weights.shape[0], plan.size), np.nan)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from stemwatch.models.narx import kernel
 from stemwatch.models.narx.actuator import NONE, driven
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.narx.plan import Step, plan_run, segments
+from stemwatch.models.narx.run_plan import PlanStep, plan_run, segments
 
 INTERVAL_S = 2.0
 
@@ -188,7 +188,7 @@ def test_segments_cover_what_the_plan_simulates_exactly_once(
         assert 1 <= length <= horizon
         assert usable[start - 2 : start + length].all()
         covered[start : start + length] += 1
-    simulated = plan_run(usable, horizon) >= Step.RUN
+    simulated = plan_run(usable, horizon) >= PlanStep.RUN
     assert np.array_equal(covered, simulated.astype(int))
 
 

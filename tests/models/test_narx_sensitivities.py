@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from stemwatch.models.narx import kernel
-from stemwatch.models.narx.levenberg import one_thread
-from stemwatch.models.narx.plan import plan_run
+from stemwatch.models.narx.levenberg_marquardt import one_thread
+from stemwatch.models.narx.run_plan import plan_run
 from stemwatch.models.narx.sensitivities import (
     Block,
     Bounds,

@@ -10,10 +10,17 @@ import pytest
 
 from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
-from stemwatch.models.plant import PlantLoop, Valve, simulate_loop
-from stemwatch.models.plant.loop import Archive, Compression, CompressionKind, Load, LoadKind, Span
 from stemwatch.models.quality import Assessment, assess
 from stemwatch.models.recording import ClockFacts, Quality, Recording, Role, Signal
+from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.loop import (
+    Compression,
+    CompressionKind,
+    Load,
+    LoadKind,
+    SimulatedArchive,
+    Span,
+)
 
 LIMITS = Limits()
 rng = np.random.default_rng(8)
@@ -24,10 +31,10 @@ def plant(S=5.0, J=2.0, **archive) -> Recording:
     """An hour of a flow loop under load, at 1 s unless told."""
     return simulate_loop(
         PlantLoop(
-            valve=Valve(S=S, J=J),
+            valve=SimulatedValve(S=S, J=J),
             setpoints=((10.0, 51.3), (900.0, 55.0), (1800.0, 47.0), (2700.0, 52.0)),
             loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
-            archive=Archive(**archive),
+            archive=SimulatedArchive(**archive),
         ),
         3,
     ).recording

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.narx.example import NarxExample
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.training import train
-from stemwatch.models.plant import Actuator, PlantLoop, Valve, simulate_loop
-from stemwatch.models.plant.loop import Load, LoadKind
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, failed, screen
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.loop import Load, LoadKind
 from stemwatch.models.verdict import Verdict
 
 QUICK = Options(narx=False)
@@ -31,7 +31,7 @@ def plant(S=5.0, J=2.0, lag_s=0.1, dead_time_s=0.0, seed=1) -> Recording:
     actuator = Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)
     return simulate_loop(
         PlantLoop(
-            valve=Valve(S=S, J=J, actuator=actuator),
+            valve=SimulatedValve(S=S, J=J, actuator=actuator),
             setpoints=((10.0, 51.3), (400.0, 55.0), (800.0, 47.0), (1200.0, 52.0)),
             loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
             duration_s=1800.0,

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.models.plant import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.stickslip.events import slip_events
 from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 
 
 def recording_of(draw, place: int) -> Recording:

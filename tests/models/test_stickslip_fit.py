@@ -7,15 +7,21 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stemwatch.models.plant import Actuator, PlantLoop, SimulatedLoop, Valve, simulate_loop
-from stemwatch.models.plant.draws import draw_sticky
-from stemwatch.models.plant.loop import Load, LoadKind
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip import parameters as at
+from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import Advantage, advantage, fit_stickslip
 from stemwatch.models.stickslip.interval import bootstrap, interval
 from stemwatch.models.stickslip.problem import make_problem, scored_samples
+from stemwatch.models.studies.simulator import (
+    Actuator,
+    PlantLoop,
+    SimulatedLoop,
+    SimulatedValve,
+    simulate_loop,
+)
+from stemwatch.models.studies.simulator.draws import draw_sticky
+from stemwatch.models.studies.simulator.loop import Load, LoadKind
 
 SHAPES = {"deadband": (5.0, 0.0), "undershoot": (5.0, 2.0), "no offset": (4.0, 4.0)}
 SHAPES["overshoot"] = (3.0, 3.6)
@@ -30,7 +36,7 @@ def simulated(
     actuator = Actuator(air_lag_s=lag_s, dead_time_s=dead_time_s)
     return simulate_loop(
         PlantLoop(
-            valve=Valve(S=S, J=J, actuator=actuator),
+            valve=SimulatedValve(S=S, J=J, actuator=actuator),
             setpoints=((10.0, 51.3), (400.0, 55.0), (800.0, 47.0), (1200.0, 52.0)),
             loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
             duration_s=1800.0,
@@ -184,16 +190,18 @@ def test_a_hidden_lag_does_not_change_S_and_J():
     """A lag of 4 s and a delay of 3 s mislead S and J alone, and not the fit that is chosen."""
     fit = fit_stickslip(swept(3.0, 1.5, 4.0, 3, reach=3.0))
     assert "both" == fit.hypothesis
-    assert abs(fit.naive[at.S_PERCENT] - 3.0) > 1.0
+    assert abs(fit.naive[coordinate.S_PERCENT] - 3.0) > 1.0
     assert abs(fit.S - 3.0) < 0.15
     assert abs(fit.J - 1.5) < 0.15
-    assert abs(fit.candidate[at.DEAD_TIME_S] + fit.candidate[at.LAG_UP_S] - 7.0) < 1.0
+    assert (
+        abs(fit.candidate[coordinate.DEAD_TIME_S] + fit.candidate[coordinate.LAG_UP_S] - 7.0) < 1.0
+    )
 
 
 def test_a_slow_healthy_valve_has_a_small_S():
     """A lag of 5 s and a dead time of 2 s read as friction to S and J alone, and only there."""
     fit = fit_stickslip(swept(0.3, 0.0, 5.0, 2, reach=4.0))
-    assert fit.naive[at.S_PERCENT] > 2.0 * fit.S
+    assert fit.naive[coordinate.S_PERCENT] > 2.0 * fit.S
     assert fit.S < 0.5
 
 
@@ -231,7 +239,7 @@ def test_zero_error_of_the_position_is_no_friction():
     plain = fitted(5.0, 2.0)
     assert abs(high.S - plain.S) < 0.1
     assert abs(high.J - plain.J) < 0.1
-    assert abs(high.candidate[at.ZERO] - plain.candidate[at.ZERO] - 2.0) < 0.1
+    assert abs(high.candidate[coordinate.ZERO] - plain.candidate[coordinate.ZERO] - 2.0) < 0.1
 
 
 def test_holes_and_gaps_leave_S_and_J():

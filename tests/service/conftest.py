@@ -17,9 +17,9 @@ from unittest.mock import patch
 
 import pytest
 
-from stemwatch.models.plant import demo_plant, simulate_loop
+from stemwatch.models.studies.simulator import demo_plant, simulate_loop
 from stemwatch.service.cli import main, views
-from stemwatch.service.export import write_export
+from stemwatch.service.studies.simulated_export import write_export
 
 if TYPE_CHECKING:
     from tests.service.clusters import Cluster

@@ -10,14 +10,14 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import (
     Cell,
     Effect,
-    Evidence,
+    EffectEvidence,
     Finding,
-    HeldOut,
+    FreeRuns,
+    HeldOutFit,
     HotPlace,
     Mismatch,
     RecordEffect,
     ResidualMap,
-    Runs,
     Stiction,
     Untestable,
 )
@@ -102,7 +102,9 @@ def effect() -> Effect:
             "rate_falling": Estimate(value=2.9, low=2.7, high=3.1, unit="%/s"),
             "rate_rising": Estimate.unknown("never reached", unit="%/s"),
         },
-        evidence=Evidence(mean=0.71, t=9.3, share=0.88, note="A lag explains 31 % less of it."),
+        evidence=EffectEvidence(
+            mean=0.71, t=9.3, share=0.88, note="A lag explains 31 % less of it."
+        ),
     )
 
 
@@ -116,7 +118,7 @@ def second_effect() -> Effect:
         check="Check the clocks of the recorder and the output scan.",
         decide="Step OP by 2 % and by 10 %.",
         parameters={"dead_time": Estimate(value=1.1, low=0.9, high=1.3, unit="s")},
-        evidence=Evidence(mean=0.2, t=4.4, share=0.21),
+        evidence=EffectEvidence(mean=0.2, t=4.4, share=0.21),
     )
 
 
@@ -128,7 +130,7 @@ def named(recording: Recording | None = None) -> Mismatch:
         late = np.roll(mv, 6)
         late[:6] = mv[0]
         split = round(0.6 * len(recording))
-        runs = Runs(naive=late, extended=mv + 0.05, heldout_from=split)
+        runs = FreeRuns(naive=late, extended=mv + 0.05, heldout_from=split)
     return Mismatch(
         finding=Finding.NAMED,
         sentence="The actuator closes at no more than 2.9 %/s but opens freely.",
@@ -146,7 +148,7 @@ def named(recording: Recording | None = None) -> Mismatch:
             Untestable(slug="travel_stop", reason="MV never came within 10 % of an end of travel."),
             Untestable(slug="flow_force", reason="OP covers 12 % of the travel; 40 % are needed."),
         ),
-        heldout=HeldOut(
+        heldout=HeldOutFit(
             rmse_naive=2.1,
             rmse_extended=0.6,
             rmse_ceiling=0.5,

@@ -17,7 +17,7 @@ import pytest
 from sqlalchemy import create_engine, text
 
 from stemwatch.connectors.connector import Window
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import screen_tasks
 from stemwatch.service.serve.reading import reader

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 
 
 def proposal(text: str) -> str:

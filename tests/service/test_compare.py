@@ -12,9 +12,9 @@ import typer
 from typer.testing import CliRunner
 
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
-from stemwatch.models.zoo.canonical import CANONICAL
-from stemwatch.models.zoo.catalogue import DATA_DRIVEN, EVERY
-from stemwatch.models.zoo.model import values_of
+from stemwatch.models.studies.literature.canonical import CANONICAL
+from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
+from stemwatch.models.studies.literature.model import values_of
 from stemwatch.service.cli.compare import compare as command
 from stemwatch.service.comparison.compare_models import NETWORKS, compare
 from stemwatch.service.comparison.comparison_html import html_bytes

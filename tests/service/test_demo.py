@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 
 
 @pytest.fixture(scope="module")

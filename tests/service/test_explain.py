@@ -13,8 +13,8 @@ import typer
 from typer.testing import CliRunner
 
 from stemwatch.service.cli.explain import explain as command
+from stemwatch.service.config import load_plant
 from stemwatch.service.explain.to_explain import what_to_explain
-from stemwatch.service.plantfile import load_plant
 from stemwatch.service.run.plan import Request
 
 SCHEMA = json.loads(

@@ -13,7 +13,7 @@ import jsonschema
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import HeldOut
+from stemwatch.models.mismatch.findings import HeldOutFit
 from stemwatch.service.explain.explain_json import to_json, to_object
 from stemwatch.service.explain.explained import Explained, not_testable
 from tests.service.made_mismatch import effect, named, of_every_kind
@@ -80,7 +80,7 @@ def test_nan_and_infinity_become_null():
     nan, inf = math.nan, math.inf
     odd = replace(
         named(),
-        heldout=HeldOut(rmse_naive=nan, rmse_ceiling=inf),
+        heldout=HeldOutFit(rmse_naive=nan, rmse_ceiling=inf),
         effects=(replace(effect(), parameters={"x": Estimate(value=inf, low=0.0, high=inf)}),),
     )
     (one,) = json.loads(to_json([explained(odd)]))

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stemwatch.models.plant import demo_plant
+from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.modbus_plant.layout import PLACE, STRIDE
 from stemwatch.service.modbus_plant.layout import tag as tag_of
 from stemwatch.service.modbus_plant.live import LivePlant

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.connectors.modbus import read_devices
-from stemwatch.models.plant import demo_plant
+from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.access.setup import make_user
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml
@@ -178,7 +178,7 @@ def test_listening_to_other_machines_is_said(caplog) -> None:
 
 def test_the_simulated_plants_file_is_read(tmp_path: Path) -> None:
     """What the simulator writes is a plant file that the service understands whole."""
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
 
     file = tmp_path / "plant.toml"
     text = plant_toml(demo_plant(1)[:2], host="127.0.0.1", port=5020)

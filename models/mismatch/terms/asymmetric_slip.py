@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number
@@ -52,7 +52,7 @@ class AsymmetricSlip(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The asymmetry of the jump."""
-        stem.numbers[at.ASYMMETRY] = values[0]
+        stem.numbers[stem_number.ASYMMETRY] = values[0]
 
     def material(self, values: Floats, look: Look) -> bool:
         """The larger jump is at least one and a half times the smaller."""

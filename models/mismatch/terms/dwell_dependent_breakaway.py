@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm
@@ -73,7 +73,7 @@ class DwellDependentBreakaway(StemTerm):
         if values[0] != 0.0:
             table = stem.breakaway
             add_scaled(_growth(table.size, stem.interval_s), float(values[0]), table)
-            stem.numbers[at.BY_REST] = 1.0
+            stem.numbers[stem_number.BY_REST] = 1.0
 
     def material(self, values: Floats, look: Look) -> bool:
         """Half a percent of span after ten minutes of rest."""

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
@@ -27,7 +27,7 @@ def _shape(x: Floats) -> Floats:
     return 4.0 * x / 100.0 * (1.0 - x / 100.0) - 1.0
 
 
-_TABLE = _shape(at.places())
+_TABLE = _shape(stem_number.places())
 
 
 class FlowForce(StemTerm):
@@ -61,7 +61,7 @@ class FlowForce(StemTerm):
         if values[0] != 0.0:
             table = stem.force
             table += values[0] * _TABLE
-            stem.numbers[at.BY_PLACE] = 1.0
+            stem.numbers[stem_number.BY_PLACE] = 1.0
 
     def material(self, values: Floats, look: Look) -> bool:
         """The force changes by half a percent of span over the travel that was seen."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, number, size
@@ -51,7 +51,7 @@ class GrowingStiction(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The growth of both friction levels."""
-        stem.numbers[at.GROWTH] = values[0]
+        stem.numbers[stem_number.GROWTH] = values[0]
 
     def material(self, values: Floats, look: Look) -> bool:
         """A fifth of S, and a fifth of a percent of span."""

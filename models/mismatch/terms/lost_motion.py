@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm
@@ -51,7 +51,7 @@ class LostMotion(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The play before the reading."""
-        stem.numbers[at.PLAY] = values[0]
+        stem.numbers[stem_number.PLAY] = values[0]
 
     def material(self, values: Floats, look: Look) -> bool:
         """More than a good linkage has."""

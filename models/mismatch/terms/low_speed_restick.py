@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import ReadingTerm
@@ -53,7 +53,7 @@ class LowSpeedRestick(ReadingTerm):
     def fill(self, stem: Stem, values: Floats) -> None:
         """The speed of re-sticking; at 0 what the recording's resolution asks for stays."""
         if values[0] > 0.0:
-            stem.numbers[at.RESTICK] = values[0]
+            stem.numbers[stem_number.RESTICK] = values[0]
 
     def material(self, values: Floats, look: Look) -> bool:
         """It stops on ramps that loops really make."""

@@ -14,14 +14,14 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.4  # of S/2; the tight spots that fitters find are half a percent and more
-_PLACES = at.places()
+_PLACES = stem_number.places()
 
 
 @njit(cache=True)
@@ -74,7 +74,7 @@ class PositionDependentFriction(StemTerm):
         height, place, width = float(values[0]), float(values[1]), float(values[2])
         if height != 0.0:
             add_bump(_PLACES, height, place, width, stem.friction)
-            stem.numbers[at.BY_PLACE] = 1.0
+            stem.numbers[stem_number.BY_PLACE] = 1.0
 
     def material(self, values: Floats, look: Look) -> bool:
         """A bump that one feels."""

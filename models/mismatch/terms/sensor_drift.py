@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
@@ -58,10 +58,10 @@ class SensorDrift(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The drift of the reading."""
-        stem.numbers[at.DRIFT] = values[0]
+        stem.numbers[stem_number.DRIFT] = values[0]
         if np.any(values[1:]):
             stem.wander += values[1:] @ _waves(stem.wander.size)
-            stem.numbers[at.BY_TIME] = 1.0
+            stem.numbers[stem_number.BY_TIME] = 1.0
 
     def material(self, values: Floats, look: Look) -> bool:
         """The reading wanders by half a percent over the record."""

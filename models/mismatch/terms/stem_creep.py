@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
@@ -47,7 +47,7 @@ class StemCreep(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The speed of a resting stem."""
-        stem.numbers[at.CREEP] = values[0]
+        stem.numbers[stem_number.CREEP] = values[0]
 
     def material(self, values: Floats, look: Look) -> bool:
         """A percent of travel in four minutes."""

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, number
@@ -62,9 +62,9 @@ class TravelStop(StemTerm):
     def fill(self, stem: Stem, values: Floats) -> None:
         """The stops."""
         if values[0] > 0.0:
-            stem.numbers[at.STOP_LOW] = values[0]
+            stem.numbers[stem_number.STOP_LOW] = values[0]
         if values[1] > 0.0:
-            stem.numbers[at.STOP_HIGH] = 100.0 - values[1]
+            stem.numbers[stem_number.STOP_HIGH] = 100.0 - values[1]
 
     def material(self, values: Floats, look: Look) -> bool:
         """OP asks for more than a stop gives, friction counted; and it is not the end of stroke."""

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm
@@ -52,7 +52,7 @@ class ViscousDrag(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The time constant of sliding."""
-        stem.numbers[at.DRAG_S] = values[0]
+        stem.numbers[stem_number.DRAG_S] = values[0]
 
     def material(self, values: Floats, look: Look) -> bool:
         """A slip that takes 0.2 s is not worth a work order."""

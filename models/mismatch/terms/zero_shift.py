@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import ReadingTerm, either_sign, number, size
@@ -49,7 +49,7 @@ class ZeroShift(ReadingTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The shift onto the reading's zero."""
-        stem.numbers[at.ZERO] += values[0]
+        stem.numbers[stem_number.ZERO] += values[0]
 
     def material(self, values: Floats, look: Look) -> bool:
         """More than a careful calibration leaves."""

@@ -10,8 +10,8 @@ from stemwatch.service.alerts.notifiers.notifier import Notifier as Notifier
 from stemwatch.service.alerts.notifiers.notifier import NotSent as NotSent
 from stemwatch.service.alerts.notifiers.secret import NotifierSecret
 from stemwatch.service.alerts.notifiers.webhook import WebhookNotifier
-from stemwatch.service.plantfile import Plant
-from stemwatch.service.plantfile.live import NotifierTable
+from stemwatch.service.config import Plant
+from stemwatch.service.config.service_schema import NotifierTable
 
 
 def notifiers_of(plant: Plant) -> Mapping[str, Notifier]:

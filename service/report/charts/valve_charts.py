@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.findings import Screening
-from stemwatch.models.mismatch.findings import Runs
+from stemwatch.models.mismatch.findings import FreeRuns
 from stemwatch.models.recording import Recording, Role
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.traces import (
     Chart,
@@ -122,7 +122,7 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
 NAIVE, EXTENDED = "S and J alone", "extended model"
 
 
-def overlay_of(recording: Recording | None, runs: Runs | None) -> Chart | None:
+def overlay_of(recording: Recording | None, runs: FreeRuns | None) -> Chart | None:
     """The overlay and both residuals; ``None`` where there is no position or nothing simulated.
 
     Raises ``ValueError`` where a run is not as long as the recording.

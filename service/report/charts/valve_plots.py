@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.typical_stretch import typical_stretch

@@ -9,9 +9,9 @@ from enum import StrEnum
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Residual
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Provenance
+from stemwatch.models.screening_result import DataQuality, Residual
 from stemwatch.models.verdict import Shape, Verdict
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
-from stemwatch.models.findings import Indicator, PreviousFinding, Screening
+from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.service.store.screenings.records import StoredScreening
 
 
@@ -48,15 +48,4 @@ def screening_of(
         mismatch=stored.mismatch,
         seconds=stored.seconds,
         stored_window=stored.window,
-    )
-
-
-def finding_of(stored: StoredScreening) -> PreviousFinding:
-    """A stored screening as what the next one is compared with."""
-    return PreviousFinding(
-        verdict=stored.verdict,
-        S=stored.S.value,
-        J=stored.J.value,
-        severity=stored.severity,
-        at=stored.at,
     )

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Residual, Screening
 from stemwatch.models.recording import PERCENT, Provenance
+from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.database.columns import clean_text, finite
 from stemwatch.service.store.screenings.held_back import remark_of

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from sqlalchemy import ScalarSelect, delete, func, insert, select
 from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, defer
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import (
@@ -79,13 +79,6 @@ def write_valves(session: Session, valves: Iterable[ValveFacts]) -> None:
 def read_valves(session: Session) -> list[StoredValve]:
     """Every valve, by id."""
     return [stored_valve(row) for row in session.scalars(select(ValveRow).order_by(ValveRow.id))]
-
-
-def read_previous(session: Session, valve: str, before: datetime) -> StoredScreening | None:
-    """The valve's last screening that speaks for an instant before ``before``."""
-    rows = select(ScreeningRow).where(ScreeningRow.valve == valve, ScreeningRow.at < before)
-    row = session.scalar(rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(1))
-    return None if row is None else stored_screening(row)
 
 
 def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:

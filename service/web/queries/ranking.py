@@ -8,14 +8,15 @@ from datetime import datetime
 from typing import Any
 
 from sqlalchemy import ColumnElement, Select, and_, case, func, or_, select
-from sqlalchemy.orm import Session, aliased
+from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import PreviousFinding
 from stemwatch.models.recording import PERCENT
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.wording import WORST_FIRST
 from stemwatch.service.store.screenings.held_back import remark_column
+from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 
@@ -188,7 +189,7 @@ def _lines(
     rows: dict[str, Any] = {
         row.id: row for row in session.execute(statement.where(ValveRow.id.in_(valves)))
     }
-    before = _previous(session, screenings)
+    before = read_previous_of(session, screenings)
     return tuple(
         _line(rows[valve], place + k, None if number is None else before.get(number))
         for k, (valve, number) in enumerate(shown)
@@ -205,31 +206,6 @@ def valves_in(session: Session, area: str) -> list[str]:
     """The valves of one area, by id."""
     wanted = select(ValveRow.id).where(ValveRow.area == area).order_by(ValveRow.id)
     return list(session.scalars(wanted))
-
-
-def _previous(session: Session, screenings: Sequence[int]) -> dict[int, PreviousFinding]:
-    """What was found of each valve before each of these screenings."""
-    if not screenings:
-        return {}
-    now, before, inner = aliased(ScreeningRow), aliased(ScreeningRow), aliased(ScreeningRow)
-    earlier = (
-        select(inner.id)
-        .where(inner.valve == now.valve, inner.at < now.at)
-        .order_by(inner.at.desc(), inner.id.desc())
-        .limit(1)
-        .correlate(now)
-        .scalar_subquery()
-    )
-    columns = (before.verdict, before.s_percent, before.j_percent, before.severity, before.at)
-    statement = select(now.id, *columns).join(
-        before, and_(before.valve == now.valve, before.id == earlier)
-    )
-    return {
-        number: PreviousFinding(verdict=Verdict(verdict), S=S, J=J, severity=severity, at=at)
-        for number, verdict, S, J, severity, at in session.execute(
-            statement.where(now.id.in_(screenings))
-        )
-    }
 
 
 def _line(row: Any, place: int, previous: PreviousFinding | None) -> Line:

@@ -15,7 +15,7 @@ from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.device import Link, LinkKind
 from stemwatch.connectors.modbus.link import keys_of, link_of
 from stemwatch.connectors.modbus.tables import DeviceTable
-from stemwatch.service.plantfile.lines import TomlLines
+from stemwatch.service.config.toml import TomlLines
 
 PLANT = """
 [[devices]]

@@ -13,7 +13,7 @@ from stemwatch.connectors.modbus import DeviceMap, read_devices
 from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.register_list import COLUMNS, ListUnusable, read_register_list
-from stemwatch.service.plantfile.lines import TomlLines
+from stemwatch.service.config.toml import TomlLines
 
 PLANT = """
 [[devices]]
@@ -204,7 +204,7 @@ def test_a_row_of_control_codes_is_said_to_be_damaged(tmp_path: Path) -> None:
 def test_the_plant_file_and_the_command_read_the_list(tmp_path: Path) -> None:
     """Relative to the plant file, and its mistakes are the plant's problems."""
     from stemwatch.service.cli.modbus import _devices
-    from stemwatch.service.plantfile import load_plant
+    from stemwatch.service.config import load_plant
 
     (tmp_path / "registers.csv").write_text(GOOD + "X,holding,1,INT99\n", encoding="utf-8")
     valve = '[[valves]]\nid = "FIC-101"\nsource = "plc-1"\n[valves.tags.op]\ntag = "FIC-101.OP"\n'

@@ -7,13 +7,12 @@ from functools import cache
 
 import numpy as np
 
-from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.base import base_bounds, first_scatter
-from stemwatch.models.mismatch.bench import Bench, Hypothesis, Layout, make_bench
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet, make_evaluator
 from stemwatch.models.mismatch.explain import look_of, problem_of
-from stemwatch.models.mismatch.given import Record, Scoring
-from stemwatch.models.mismatch.kernel import follow
-from stemwatch.models.mismatch.record import settle
+from stemwatch.models.mismatch.kernel import Record, Scoring, follow
+from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording, Role, Signal
@@ -46,26 +45,26 @@ def command(samples: int = HALF_AN_HOUR, seed: int = 1) -> Floats:
     return op
 
 
-def hypothesis(*slugs: str) -> Hypothesis:
+def hypothesis(*slugs: str) -> TermSet:
     """The base and the terms of the catalogue named."""
-    made = Hypothesis()
+    made = TermSet()
     for slug in slugs:
         made = made.plus(catalogue()[slug])
     return made
 
 
-def bench_of(recording: Recording, *, delta: float = 0.15) -> Bench:
-    """The workbench of a recording before any fit."""
+def bench_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
+    """The evaluator of a recording before any fit."""
     problem = problem_of(recording, settle(recording))
     look = look_of(problem)
     bounds = base_bounds(problem, look)
-    return make_bench(problem, look, bounds, delta, CANONICAL, first_scatter(look))
+    return make_evaluator(problem, look, bounds, delta, CANONICAL, first_scatter(look))
 
 
-def candidate(layout: Layout, S=4.0, J=1.2, base=None, **terms) -> Floats:
+def candidate(layout: CoordinateLayout, S=4.0, J=1.2, base=None, **terms) -> Floats:
     """Coordinates of S and J in percent, other coordinates of the base, and those of terms."""
     made = np.zeros(layout.size)
-    made[at.S_PERCENT], made[at.RATIO] = S, J / S
+    made[base_coordinate.S_PERCENT], made[base_coordinate.RATIO] = S, J / S
     for place, value in (base or {}).items():
         made[place] = value
     for slug, values in terms.items():
@@ -76,9 +75,9 @@ def candidate(layout: Layout, S=4.0, J=1.2, base=None, **terms) -> Floats:
 def played(S=4.0, J=1.2, *, noise=NOISE, samples=HALF_AN_HOUR, seed=1, base=None, **terms):
     """The recording of a valve of S and J with ``base`` coordinates and the values of terms."""
     op = command(samples, seed)
-    bench = bench_of(recorded(op, op))
-    layout = bench.layout(hypothesis(*terms))
-    mv = bench.simulate(layout, candidate(layout, S, J, base, **terms))
+    evaluator = bench_of(recorded(op, op))
+    layout = evaluator.layout(hypothesis(*terms))
+    mv = evaluator.simulate(layout, candidate(layout, S, J, base, **terms))
     return recorded(op, mv + noise * np.random.default_rng(seed + 100).standard_normal(op.size))
 
 

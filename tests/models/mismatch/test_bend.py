@@ -5,20 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.bend import bend
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import scored
-from stemwatch.models.mismatch.instep import conclude
-from stemwatch.models.mismatch.limits import convincing
+from stemwatch.models.mismatch.curvature import curvature
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played, rescaled
 
 
 def fitted(recording, **base):
-    """The bench of a recording and the true S and J on both folds, with ``base`` coordinates."""
-    bench = bench_of(recording)
-    layout = bench.layout(hypothesis())
-    row = candidate(layout, base={getattr(at, name): value for name, value in base.items()})
-    return bench, conclude(bench, scored(layout, np.vstack((row, row))))
+    """The evaluator of a recording and the true S and J on both folds, ``base`` coordinates set."""
+    evaluator = bench_of(recording)
+    layout = evaluator.layout(hypothesis())
+    row = candidate(
+        layout, base={getattr(base_coordinate, name): value for name, value in base.items()}
+    )
+    return evaluator, conclude(evaluator, scored(layout, np.vstack((row, row))))
 
 
 @pytest.mark.parametrize("bow", [1.0, -1.5])
@@ -26,19 +28,19 @@ def test_a_bowed_reading_is_bent(bow):
     """An S over the stroke is left over by S, J, zero and span, and a cubic finds it."""
     plain = played()
     mv = plain.mv.values
-    bench, found = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
-    assert convincing(bend(bench, found), bench.told, "bend")
+    evaluator, found = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
+    assert convincing(curvature(evaluator, found), evaluator.told, "bend")
 
 
 @pytest.mark.parametrize(("gain", "zero"), [(0.0, 0.0), (0.06, -1.0), (-0.08, 0.5)])
 def test_a_stretched_reading_is_not(gain, zero):
     """Where zero and span are in the model, nothing of the residual follows the travel."""
-    recording = played(base={at.GAIN: gain, at.ZERO: zero})
-    bench, found = fitted(recording, GAIN=gain, ZERO=zero)
-    assert not convincing(bend(bench, found), bench.told, "bend")
+    recording = played(base={base_coordinate.GAIN: gain, base_coordinate.ZERO: zero})
+    evaluator, found = fitted(recording, GAIN=gain, ZERO=zero)
+    assert not convincing(curvature(evaluator, found), evaluator.told, "bend")
 
 
 def test_a_stem_that_never_moves_tells_nothing():
     """Too few samples on a fold: no bend, and no crash."""
-    bench, found = fitted(played(samples=120))
-    assert bend(bench, found).mean < 0.04
+    evaluator, found = fitted(played(samples=120))
+    assert curvature(evaluator, found).mean < 0.04

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.base import base_bounds, first_scatter
-from stemwatch.models.mismatch.bench import make_bench
-from stemwatch.models.mismatch.drawn import NARROWEST_DOOR, WIDEST_DOOR, door
+from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
+from stemwatch.models.mismatch.compression import NARROWEST_DOOR, WIDEST_DOOR, door
+from stemwatch.models.mismatch.evaluator import make_evaluator
 from stemwatch.models.mismatch.explain import explain, look_of, problem_of, scores
-from stemwatch.models.mismatch.limits import convincing
-from stemwatch.models.mismatch.record import settle
-from stemwatch.models.plant.compression import swinging_door
+from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
+from stemwatch.models.studies.simulator.historian import swinging_door
 from tests.models.mismatch.chain import candidate, hypothesis, played, rescaled
 
 DEVIATION = 0.4  # percent
@@ -32,13 +32,13 @@ def archived(recording, deviation=DEVIATION):
 
 
 def bench_with_slack(recording):
-    """The workbench of a compressed recording as ``explain`` makes it."""
+    """The evaluator of a compressed recording as ``explain`` makes it."""
     settled = settle(recording)
     problem = problem_of(recording, settled)
     look = look_of(problem)
     scatter = first_scatter(look)
     bounds = base_bounds(problem, look)
-    return make_bench(problem, look, bounds, 0.15, CANONICAL, scatter, settled.slack)
+    return make_evaluator(problem, look, bounds, 0.15, CANONICAL, scatter, settled.slack)
 
 
 @given(
@@ -76,34 +76,34 @@ def test_a_record_without_lines_has_no_slack():
 
 def test_the_residual_is_nothing_inside_the_corridor_and_counts_from_its_edge():
     """A run is charged by how far it leaves the corridor, at a stored point by all of it."""
-    bench = bench_with_slack(archived(played())[0])
-    mv, slack = bench.problem.mv, bench.slack
-    assert not bench.residual(mv + 0.99 * slack).any()
-    assert bench.residual(mv - 2.0 * slack) == pytest.approx(slack)
-    measured = bench.measured
-    assert bench.residual(mv - 0.3)[measured] == pytest.approx(0.3)
-    assert int(bench.told.sum()) == np.count_nonzero(measured) < 0.5 * bench.counts.sum()
+    evaluator = bench_with_slack(archived(played())[0])
+    mv, slack = evaluator.problem.mv, evaluator.slack
+    assert not evaluator.residual(mv + 0.99 * slack).any()
+    assert evaluator.residual(mv - 2.0 * slack) == pytest.approx(slack)
+    measured = evaluator.measured
+    assert evaluator.residual(mv - 0.3)[measured] == pytest.approx(0.3)
+    assert int(evaluator.told.sum()) == np.count_nonzero(measured) < 0.5 * evaluator.counts.sum()
 
 
 def test_the_truth_costs_less_than_a_stem_that_jumps_otherwise():
     """The corridors alone tell the true J from another one, stored points left aside."""
-    bench = bench_with_slack(archived(played(S=4.0, J=1.6))[0])
-    layout = bench.layout(hypothesis())
-    inside = bench.problem.scored & ~bench.measured
+    evaluator = bench_with_slack(archived(played(S=4.0, J=1.6))[0])
+    layout = evaluator.layout(hypothesis())
+    inside = evaluator.problem.scored & ~evaluator.measured
 
     def left(J):
-        run, _ = bench.assimilated(layout, candidate(layout, S=4.0, J=J))
-        return float(np.sum(bench.residual(run)[inside] ** 2))
+        run, _ = evaluator.assimilated(layout, candidate(layout, S=4.0, J=J))
+        return float(np.sum(evaluator.residual(run)[inside] ** 2))
 
     assert left(1.6) < 0.3 * min(left(0.2), left(3.2))
 
 
 def test_a_resting_stem_is_put_where_it_was_measured():
     """No block of time begins on a value that the archive drew."""
-    bench = bench_with_slack(archived(played())[0])
-    begins = np.flatnonzero(bench.marks == kernel.RESYNC)
+    evaluator = bench_with_slack(archived(played())[0])
+    begins = np.flatnonzero(evaluator.marks == kernel.RESYNC)
     assert begins.size > 5
-    assert not bench.slack[begins - 1].any()
+    assert not evaluator.slack[begins - 1].any()
 
 
 def test_a_lag_is_named_through_a_door():

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch import bench as at
-from stemwatch.models.mismatch.beginnings import beginnings
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import (
     LOOK,
     POLISH,
@@ -24,16 +24,16 @@ from stemwatch.models.mismatch.crossfit import (
     scored,
     widened,
 )
-from stemwatch.models.mismatch.instep import conclude
+from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
 
 
 @cache
 def prepared():
-    """A quarter of an hour of a valve whose command comes 2.6 s late, and its workbench."""
-    bench = bench_of(played(samples=900, dead_time=[2.6]))
-    return bench, bench.layout(hypothesis("dead_time"))
+    """A quarter of an hour of a valve whose command comes 2.6 s late, and its evaluator."""
+    evaluator = bench_of(played(samples=900, dead_time=[2.6]))
+    return evaluator, evaluator.layout(hypothesis("dead_time"))
 
 
 def starts(layout):
@@ -42,44 +42,44 @@ def starts(layout):
     return np.array([candidate(layout, S, J, dead_time=[late]) for S, J, late in sizes])
 
 
-def elsewhere(bench, blocks):
-    """The bench with a position that is off in some blocks, where nothing is taken over from it.
+def elsewhere(evaluator, blocks):
+    """The evaluator with a position that is off in some blocks, where nothing is taken from it.
 
     The last sample before a block is where its resting stem is put, and the breakaways that were
     seen are part of the command as it were: both stay.
     """
-    mv = bench.problem.mv.copy()
-    inside = blocks[bench.problem.block] & bench.problem.scored
-    inside[:-1] &= bench.marks[1:] == 0
+    mv = evaluator.problem.mv.copy()
+    inside = blocks[evaluator.problem.block] & evaluator.problem.scored
+    inside[:-1] &= evaluator.marks[1:] == 0
     mv[inside] += np.random.default_rng(3).normal(0.0, 2.0, int(inside.sum()))
-    return replace(bench, problem=replace(bench.problem, mv=mv))
+    return replace(evaluator, problem=replace(evaluator.problem, mv=mv))
 
 
-def own_losses(bench, fitted):
+def own_losses(evaluator, fitted):
     """(2,) the loss of each fold's candidate on the fold it was fitted to."""
-    losses = bench.block_losses(fitted.layout, fitted.candidates)
-    return np.array([row[fold].sum() for row, fold in zip(losses, folds(bench), strict=True)])
+    losses = evaluator.block_losses(fitted.layout, fitted.candidates)
+    return np.array([row[fold].sum() for row, fold in zip(losses, folds(evaluator), strict=True)])
 
 
-def at_random(bench, layout, seed):
+def at_random(evaluator, layout, seed):
     """Two candidates from anywhere within the limits, scored."""
     rng = np.random.default_rng(seed)
     drawn = rng.uniform(layout.bounds.low, layout.bounds.high, (2, layout.size))
-    return conclude(bench, scored(layout, drawn))
+    return conclude(evaluator, scored(layout, drawn))
 
 
 @pytest.mark.parametrize("fold", [0, 1])
 def test_the_fit_that_judges_a_block_has_not_seen_it(fold):
     """Spoiling the position in one fold changes its own fit, not the one that judges it."""
-    bench, layout = prepared()
-    spoiled = elsewhere(bench, folds(bench)[fold])
+    evaluator, layout = prepared()
+    spoiled = elsewhere(evaluator, folds(evaluator)[fold])
     ours, theirs = (
-        conclude(one, crossfit(one, layout, starts(layout), LOOK)) for one in (bench, spoiled)
+        conclude(one, crossfit(one, layout, starts(layout), LOOK)) for one in (evaluator, spoiled)
     )
     np.testing.assert_array_equal(ours.candidates[1 - fold], theirs.candidates[1 - fold])
     assert not np.array_equal(ours.candidates[fold], theirs.candidates[fold])
     # The held-out loss of the spoiled blocks is that of the untouched fit on what is now there.
-    judged = folds(bench)[fold]
+    judged = folds(evaluator)[fold]
     of_judge = spoiled.block_losses(layout, theirs.candidates[1 - fold][None])[0]
     np.testing.assert_array_equal(theirs.heldout[judged], of_judge[judged])
     # And the other blocks are judged by the spoiled fit.
@@ -96,10 +96,10 @@ def test_the_folds_part_the_record():
 
 def test_both_folds_find_the_valve():
     """Each half of the record alone tells S, J and the dead time."""
-    bench, layout = prepared()
-    found = conclude(bench, crossfit(bench, layout, starts(layout), LOOK))
+    evaluator, layout = prepared()
+    found = conclude(evaluator, crossfit(evaluator, layout, starts(layout), LOOK))
     np.testing.assert_allclose(found.values("dead_time")[:, 0], 2.6, atol=0.1)
-    np.testing.assert_allclose(found.candidates[:, at.S_PERCENT], 4.0, atol=0.3)
+    np.testing.assert_allclose(found.candidates[:, base_coordinate.S_PERCENT], 4.0, atol=0.3)
     assert ("dead_time",) == found.slugs
 
 
@@ -107,54 +107,56 @@ def test_both_folds_find_the_valve():
 @settings(max_examples=8, deadline=None)
 def test_going_on_never_loses_on_a_folds_own_blocks(seed):
     """``again`` from any two candidates is at least as good on the blocks that each may see."""
-    bench, layout = prepared()
-    begun = at_random(bench, layout, seed)
-    more = at_random(bench, layout, seed + 1).candidates
-    went_on = conclude(bench, again(bench, begun, POLISH, more))
-    assert (own_losses(bench, went_on) <= own_losses(bench, begun)).all()
+    evaluator, layout = prepared()
+    begun = at_random(evaluator, layout, seed)
+    more = at_random(evaluator, layout, seed + 1).candidates
+    went_on = conclude(evaluator, again(evaluator, begun, POLISH, more))
+    assert (own_losses(evaluator, went_on) <= own_losses(evaluator, begun)).all()
 
 
 @given(st.integers(0, 2**20))
 @settings(max_examples=30, deadline=None)
 def test_the_better_of_two_is_taken_fold_by_fold(seed):
     """``better`` has on each fold the lower of the two losses, and the held-out losses of that."""
-    bench, layout = prepared()
-    one, other = at_random(bench, layout, seed), at_random(bench, layout, seed + 1)
-    taken = better(bench, one, other)
-    least = np.minimum(own_losses(bench, one), own_losses(bench, other))
-    np.testing.assert_allclose(own_losses(bench, taken), least, rtol=1e-12)
-    anew = conclude(bench, scored(layout, taken.candidates))
+    evaluator, layout = prepared()
+    one, other = at_random(evaluator, layout, seed), at_random(evaluator, layout, seed + 1)
+    taken = better(evaluator, one, other)
+    least = np.minimum(own_losses(evaluator, one), own_losses(evaluator, other))
+    np.testing.assert_allclose(own_losses(evaluator, taken), least, rtol=1e-12)
+    anew = conclude(evaluator, scored(layout, taken.candidates))
     np.testing.assert_array_equal(taken.heldout, anew.heldout)
 
 
 def test_no_model_is_better_than_itself():
     """The advantage of a fit over itself is nothing, and turns its sign with the order."""
-    bench, layout = prepared()
-    one, other = at_random(bench, layout, 1), at_random(bench, layout, 2)
-    itself = gain(bench, one, one)
+    evaluator, layout = prepared()
+    one, other = at_random(evaluator, layout, 1), at_random(evaluator, layout, 2)
+    itself = gain(evaluator, one, one)
     assert (0.0, 0.0) == (itself.mean, itself.t)
-    there, back = gain(bench, one, other), gain(bench, other, one)
+    there, back = gain(evaluator, one, other), gain(evaluator, other, one)
     assert there.mean == pytest.approx(-back.mean)
     assert there.t == pytest.approx(-back.t)
 
 
 def test_a_repeated_search_finds_the_same():
     """Searches are seeded."""
-    bench, layout = prepared()
-    one, other = (conclude(bench, crossfit(bench, layout, starts(layout), LOOK)) for _ in range(2))
+    evaluator, layout = prepared()
+    one, other = (
+        conclude(evaluator, crossfit(evaluator, layout, starts(layout), LOOK)) for _ in range(2)
+    )
     np.testing.assert_array_equal(one.candidates, other.candidates)
 
 
 @pytest.mark.parametrize("slug", ["dead_time", "travel_stop", "lost_motion", "growing_stiction"])
 def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
     """Every start of the term meets every beginning, within the limits, and keeps the old terms."""
-    bench, _ = prepared()
-    simple = at_random(bench, bench.layout(hypothesis("sensor_drift")), 5)
+    evaluator, _ = prepared()
+    simple = at_random(evaluator, evaluator.layout(hypothesis("sensor_drift")), 5)
     term = catalogue()[slug]
     rich = hypothesis("sensor_drift").plus(term)
-    layout, begun = bench.layout(rich), beginnings(term, 4.0, 1.0)
-    rows = widened(bench, rich, simple, term, begun)
-    grid = term.starts(bench.look)
+    layout, begun = evaluator.layout(rich), beginnings(term, 4.0, 1.0)
+    rows = widened(evaluator, rich, simple, term, begun)
+    grid = term.starts(evaluator.look)
     assert (len(begun) * grid.shape[0], layout.size) == rows.shape
     np.testing.assert_array_equal(layout.bounds.clip(rows), rows)
     place = layout.places[slug]
@@ -168,15 +170,17 @@ def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
 
 def test_a_beginning_takes_from_the_band_what_is_the_terms():
     """Play that was read as part of S is taken from it; a plain one forgets the bent reading."""
-    bench, base = prepared()[0], prepared()[0].layout(hypothesis())
-    centre = candidate(base, base={at.ZERO: 1.0, at.GAIN: 0.1})
-    simple = conclude(bench, scored(base, np.vstack((centre, centre))))
+    evaluator, base = prepared()[0], prepared()[0].layout(hypothesis())
+    centre = candidate(base, base={base_coordinate.ZERO: 1.0, base_coordinate.GAIN: 0.1})
+    simple = conclude(evaluator, scored(base, np.vstack((centre, centre))))
     term = catalogue()["lost_motion"]
     begun = [Beginning(4.0, 1.0), Beginning(4.0, 1.0, S_less=1.0), Beginning(4.0, 1.0, plain=True)]
-    rows = widened(bench, hypothesis("lost_motion"), simple, term, begun)
+    rows = widened(evaluator, hypothesis("lost_motion"), simple, term, begun)
     own, less, plain = np.split(rows, 3)
     play = less[:, -1]
-    np.testing.assert_allclose(own[:, at.S_PERCENT], 4.0)
-    np.testing.assert_allclose(less[:, at.S_PERCENT], np.maximum(4.0 - play, 1.2))
-    np.testing.assert_allclose(own[:, [at.ZERO, at.GAIN]], np.tile([1.0, 0.1], (len(own), 1)))
-    assert not plain[:, [at.ZERO, at.GAIN]].any()
+    np.testing.assert_allclose(own[:, base_coordinate.S_PERCENT], 4.0)
+    np.testing.assert_allclose(less[:, base_coordinate.S_PERCENT], np.maximum(4.0 - play, 1.2))
+    np.testing.assert_allclose(
+        own[:, [base_coordinate.ZERO, base_coordinate.GAIN]], np.tile([1.0, 0.1], (len(own), 1))
+    )
+    assert not plain[:, [base_coordinate.ZERO, base_coordinate.GAIN]].any()

@@ -7,24 +7,24 @@ from functools import cache
 import numpy as np
 import pytest
 
+from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import scored
 from stemwatch.models.mismatch.dwell import LEAST_Z, begun, dwelling
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.instep import conclude
-from stemwatch.models.mismatch.naming import neutral
+from stemwatch.models.mismatch.term_selection import neutral
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.plant.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
 
 DWELL = "dwell_dependent_breakaway"
 
 
 def base_of(recording, S=4.0, J=1.2):
-    """The bench of a recording, and S and J alone on both folds."""
-    bench = bench_of(recording)
-    layout = bench.layout(hypothesis())
+    """The evaluator of a recording, and S and J alone on both folds."""
+    evaluator = bench_of(recording)
+    layout = evaluator.layout(hypothesis())
     row = candidate(layout, S, J)
-    return bench, conclude(bench, scored(layout, np.vstack((row, row))))
+    return evaluator, conclude(evaluator, scored(layout, np.vstack((row, row))))
 
 
 @cache
@@ -40,8 +40,8 @@ def test_the_rise_of_the_breakaways_is_seen(rise):
 
     Between two samples of a quick ramp the force is not known, which flattens the slope.
     """
-    bench, found = base_of(played(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6)
-    seen = dwelling(bench, found)
+    evaluator, found = base_of(played(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6)
+    seen = dwelling(evaluator, found)
     assert seen is not None
     assert seen.z >= LEAST_Z
     assert 0.25 * rise < seen.rise < 1.2 * rise
@@ -60,11 +60,11 @@ def test_too_few_breakaways_tell_nothing():
 
 def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     """What the breakaways showed stays in the model; S and J shrink by what was the rise's."""
-    bench, found = base_of(played(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0)
-    seen = dwelling(bench, found)
+    evaluator, found = base_of(played(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0)
+    seen = dwelling(evaluator, found)
     assert seen is not None
-    plain = conclude(bench, neutral(bench, found, hypothesis().plus(catalogue()[DWELL])))
-    fitted = begun(bench, plain, seen)
+    plain = conclude(evaluator, neutral(evaluator, found, hypothesis().plus(catalogue()[DWELL])))
+    fitted = begun(evaluator, plain, seen)
     values = fitted.values(DWELL)
     assert np.all(np.abs(values - seen.rise) <= 2.0 * seen.error + 1e-9)
     assert np.all(fitted.candidates[:, 0] < 4.8)

@@ -1,6 +1,6 @@
 """From a recording of a force-balance valve to a name, numbers and a better fit; and never a crash.
 
-The valves are those of ``models.plant``, which shares no code with what is fitted here.
+The valves are those of ``models.studies.simulator``, which shares no code with what is fitted here.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.audit import NO_POSITION, PHYSICS
 from stemwatch.models.mismatch.explain import explain, scores
 from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
 from stemwatch.models.mismatch.term import Way
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.plant.hidden import draw_effect, draw_nulls, simulate_hidden
 from stemwatch.models.recording import Role
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
 from tests.models.mismatch.chain import command, played, recorded, rescaled
 
 # Slug, seed of the draw, parameter, its true size as the draw tells it, and how near it must be.

@@ -9,22 +9,22 @@ import pytest
 from scipy.signal import lfilter
 
 from stemwatch.models.mismatch.locate import MOST_HOT, locate
-from stemwatch.models.plant import PlantLoop, Valve, simulate_loop
-from stemwatch.models.plant.loop import Load, LoadKind
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.problem import Problem, make_problem
+from stemwatch.models.stickslip.problem import FitProblem, make_problem
+from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.loop import Load, LoadKind
 
 S, J, SIGMA = 4.0, 1.5, 0.05
 FACETS = {"phase", "direction", "rest", "travel", "speed", "time"}
 
 
 @cache
-def problem(seed: int = 11) -> Problem:
+def problem(seed: int = 11) -> FitProblem:
     """An hour of a flow loop with set-point steps."""
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(150.0, 500.0, 9))
     loop = PlantLoop(
-        valve=Valve(S=S, J=J),
+        valve=SimulatedValve(S=S, J=J),
         setpoints=tuple((float(t), float(rng.uniform(35.0, 65.0))) for t in times),
         loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
     )

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import LOOK, crossfit
-from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.reading import COORDINATES, findings, pinned, values_of
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
@@ -19,13 +19,13 @@ from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
 def found_in(base=(), slugs=(), values=()):
     """What is off in a recording with ``base`` coordinates and terms, and the fit before, after."""
     terms = dict(zip(slugs, values, strict=True))
-    bench = bench_of(played(base=dict(base), **terms))
-    layout = bench.layout(hypothesis(*slugs))
+    evaluator = bench_of(played(base=dict(base), **terms))
+    layout = evaluator.layout(hypothesis(*slugs))
     # From near the truth: how it is reached is the business of the search.
     start = candidate(layout, 3.8, 1.0, dict(base), **terms)
     plain = candidate(layout, 3.8, 1.0, **terms)
-    fitted = conclude(bench, crossfit(bench, layout, np.vstack((start, plain)), LOOK))
-    off, after = findings(bench, fitted, catalogue())
+    fitted = conclude(evaluator, crossfit(evaluator, layout, np.vstack((start, plain)), LOOK))
+    off, after = findings(evaluator, fitted, catalogue())
     return off, fitted, after
 
 
@@ -60,14 +60,18 @@ def test_a_good_reading_has_no_finding_and_its_gain_is_held():
     """Where gain and zero are right nothing is found, and the gain is 1 from there on."""
     off, fitted, after = found_in()
     assert [] == off
-    assert 0.0 == after.layout.bounds.low[at.GAIN] == after.layout.bounds.high[at.GAIN]
-    assert not after.candidates[:, at.GAIN].any()
-    assert fitted.layout.bounds.high[at.GAIN] > 0.0
+    assert (
+        0.0
+        == after.layout.bounds.low[base_coordinate.GAIN]
+        == after.layout.bounds.high[base_coordinate.GAIN]
+    )
+    assert not after.candidates[:, base_coordinate.GAIN].any()
+    assert fitted.layout.bounds.high[base_coordinate.GAIN] > 0.0
 
 
 def test_a_span_error_swallows_its_zero():
     """A span that turns about 0 % is off at mid-travel too; that is no second finding."""
-    found = found_in(base=((at.GAIN, 0.06), (at.ZERO, 3.0)))
+    found = found_in(base=((base_coordinate.GAIN, 0.06), (base_coordinate.ZERO, 3.0)))
     assert ["span_error"] == slugs_of(found)
 
 
@@ -75,33 +79,36 @@ def test_a_span_error_swallows_its_zero():
 def test_a_drift_that_began_or_ended_at_zero_is_no_zero_shift(side):
     """Zero plus and minus half the drift: at the one end or the other the reading was right."""
     drift = (2.0, 0.0, 0.0, 0.0)
-    found = found_in(((at.ZERO, side),), ("sensor_drift",), (drift,))
+    found = found_in(((base_coordinate.ZERO, side),), ("sensor_drift",), (drift,))
     assert [] == slugs_of(found)
 
 
 def test_a_zero_that_a_drift_does_not_explain_is_found_beside_it():
     """A small drift about a large error has the zero shift as a finding of its own."""
-    found = found_in(((at.ZERO, 3.0),), ("sensor_drift",), ((1.2, 0.0, 0.0, 0.0),))
+    found = found_in(((base_coordinate.ZERO, 3.0),), ("sensor_drift",), ((1.2, 0.0, 0.0, 0.0),))
     assert ["zero_shift"] == slugs_of(found)
 
 
 def test_what_the_recording_could_not_show_is_not_looked_for():
     """A reading's error that the audit refused is no finding, however far off."""
-    bench = bench_of(played(base={at.ZERO: 1.5}))
-    layout = bench.layout(hypothesis())
-    start = candidate(layout, 3.8, 1.0, {at.ZERO: 1.4})
-    fitted = conclude(bench, crossfit(bench, layout, start[None], LOOK))
+    evaluator = bench_of(played(base={base_coordinate.ZERO: 1.5}))
+    layout = evaluator.layout(hypothesis())
+    start = candidate(layout, 3.8, 1.0, {base_coordinate.ZERO: 1.4})
+    fitted = conclude(evaluator, crossfit(evaluator, layout, start[None], LOOK))
     terms = {slug: term for slug, term in catalogue().items() if slug != "zero_shift"}
-    assert [] == findings(bench, fitted, terms)[0]
+    assert [] == findings(evaluator, fitted, terms)[0]
 
 
 def test_a_held_coordinate_is_neutral_or_below_what_is_nothing_to_speak_of():
     """Pinning changes one coordinate's limits and no other, and leaves the layout it came from."""
-    bench = bench_of(played())
-    layout = bench.layout(hypothesis("dead_time"))
-    held = pinned(layout, at.RESTICK, 0.12)
-    assert (0.0, 0.12) == (held.bounds.low[at.RESTICK], held.bounds.high[at.RESTICK])
-    others = np.arange(layout.size) != at.RESTICK
+    evaluator = bench_of(played())
+    layout = evaluator.layout(hypothesis("dead_time"))
+    held = pinned(layout, base_coordinate.RESTICK, 0.12)
+    assert (0.0, 0.12) == (
+        held.bounds.low[base_coordinate.RESTICK],
+        held.bounds.high[base_coordinate.RESTICK],
+    )
+    others = np.arange(layout.size) != base_coordinate.RESTICK
     np.testing.assert_array_equal(held.bounds.low[others], layout.bounds.low[others])
     np.testing.assert_array_equal(held.bounds.high[others], layout.bounds.high[others])
-    assert layout.bounds.high[at.RESTICK] > 0.12
+    assert layout.bounds.high[base_coordinate.RESTICK] > 0.12

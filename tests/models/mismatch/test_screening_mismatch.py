@@ -10,9 +10,9 @@ import pytest
 
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.plant.hidden import draw_effect, draw_nulls, simulate_hidden
 from stemwatch.models.recording import Role
 from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
 from stemwatch.models.verdict import Verdict
 from tests.models.mismatch.chain import played, rescaled
 

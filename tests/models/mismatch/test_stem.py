@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch import stem as at
-from stemwatch.models.mismatch.given import Record, Scoring
-from stemwatch.models.mismatch.kernel import LANES, follow
+from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow
 from stemwatch.models.mismatch.stem import Stem, Stems, places
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import ONLY_WHEN_TURNING
@@ -42,7 +41,7 @@ def run(p, *, mv=None, marks=None, stem=None, window=0.0, up=None, down=None, dt
     p = np.asarray(p, dtype=float)
     stem = stem or Stem.neutral(p.size, dt)
     for name, value in values.items():
-        stem.numbers[getattr(at, name)] = value
+        stem.numbers[getattr(stem_number, name)] = value
     if marks is None:
         marks = np.zeros(p.size, dtype=np.uint8)
         marks[0] = kernel.START
@@ -341,7 +340,7 @@ def drawn_runs(rng, count, n):
     for stem in stems.each:
         for name, (low, high) in ranges.items():
             if name in ("S", "J") or rng.random() < 0.3:
-                stem.numbers[getattr(at, name)] = rng.uniform(low, high)
+                stem.numbers[getattr(stem_number, name)] = rng.uniform(low, high)
         stem.friction[:] = 0.5 * np.sin(places() / rng.uniform(2.0, 9.0))
         stem.force[:] = 0.02 * (places() - 50.0)
         stem.breakaway[:] = 0.5 * (1.0 - np.exp(-np.arange(n + 1) / 20.0))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch import stem as at
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.mismatch.terms import catalogue
@@ -50,7 +50,7 @@ def simulated(
 ) -> Floats:
     """MV of the stem with some terms over ``op``, from a reading equal to the command."""
     stem = Stem.neutral(op.size, dt)
-    stem.numbers[at.S], stem.numbers[at.J] = levels
+    stem.numbers[stem_number.S], stem.numbers[stem_number.J] = levels
     p = op
     for slug, values in terms.items():
         if CATALOGUE[slug].way is Way.COMMAND:
@@ -274,10 +274,10 @@ def test_terms_that_share_a_table_add_to_it_and_clear_empties_it():
         CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, place, 3.0]))
     CATALOGUE["flow_force"].fill(stem, np.array([2.0]))
     CATALOGUE["dwell_dependent_breakaway"].fill(stem, np.array([0.5]))
-    at_40, at_60 = (int(place - at.PLACE_LOW) for place in (40.0, 60.0))
+    at_40, at_60 = (int(place - stem_number.PLACE_LOW) for place in (40.0, 60.0))
     assert stem.friction[at_40] == pytest.approx(1.5)
     assert stem.friction[at_60] == pytest.approx(1.5)
-    assert stem.force[int(100.0 - at.PLACE_LOW)] == pytest.approx(-2.0)
+    assert stem.force[int(100.0 - stem_number.PLACE_LOW)] == pytest.approx(-2.0)
     assert stem.breakaway[5] == pytest.approx(0.5 * math.log(2.0))
     stems.clear(1)
     assert not stem.friction.any()
@@ -288,19 +288,19 @@ def test_terms_that_share_a_table_add_to_it_and_clear_empties_it():
 def test_the_reading_s_terms_add_to_what_the_base_already_has():
     """Zero and gain are free in every hypothesis."""
     stem = Stem.neutral(10, 1.0)
-    stem.numbers[at.ZERO], stem.numbers[at.GAIN] = 0.5, 1.05
+    stem.numbers[stem_number.ZERO], stem.numbers[stem_number.GAIN] = 0.5, 1.05
     CATALOGUE["zero_shift"].fill(stem, np.array([1.0]))
     CATALOGUE["span_error"].fill(stem, np.array([-0.1]))
-    assert stem.numbers[at.ZERO] == pytest.approx(1.5)
-    assert stem.numbers[at.GAIN] == pytest.approx(0.95)
+    assert stem.numbers[stem_number.ZERO] == pytest.approx(1.5)
+    assert stem.numbers[stem_number.GAIN] == pytest.approx(0.95)
 
 
 def test_without_a_speed_of_its_own_the_restick_term_keeps_that_of_the_recording():
     """A coarse command needs another rule, and the neutral term must not undo it."""
     stem = Stem.neutral(10, 1.0)
-    stem.numbers[at.RESTICK] = -1.0
+    stem.numbers[stem_number.RESTICK] = -1.0
     CATALOGUE["low_speed_restick"].fill(stem, np.array([0.0]))
-    assert stem.numbers[at.RESTICK] == -1.0
+    assert stem.numbers[stem_number.RESTICK] == -1.0
 
 
 def test_a_step_through_each_command_term_is_what_one_computes_by_hand():

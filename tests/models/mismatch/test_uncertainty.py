@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch import bench as at
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, search
 from stemwatch.models.mismatch.explain import MODEL_ERROR
-from stemwatch.models.mismatch.instep import conclude
 from stemwatch.models.mismatch.reading import pinned
 from stemwatch.models.mismatch.uncertainty import REPLICATES, draws, estimate
 from stemwatch.models.recording import PERCENT
@@ -24,21 +24,23 @@ TRUTH = {"S": 4.0, "J": 1.2, "theta": 2.6}
 @cache
 def drawn(noise=0.05, samples=1800, seed=1):
     """Draws of S, J and dead time of a valve whose command comes 2.6 s late."""
-    bench = bench_of(played(noise=noise, samples=samples, seed=seed, dead_time=[2.6]))
-    layout = bench.layout(hypothesis("dead_time"))
-    everything = np.ones(bench.problem.n_blocks, dtype=bool)
+    evaluator = bench_of(played(noise=noise, samples=samples, seed=seed, dead_time=[2.6]))
+    layout = evaluator.layout(hypothesis("dead_time"))
+    everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
     start = candidate(layout, 3.8, 1.0, dead_time=[2.4])
-    best = conclude(bench, search(bench, layout, everything, start[None], CAREFUL)).candidate
-    found = draws(bench, layout, best)
-    return bench, layout, best, found
+    best = conclude(
+        evaluator, search(evaluator, layout, everything, start[None], CAREFUL)
+    ).candidate
+    found = draws(evaluator, layout, best)
+    return evaluator, layout, best, found
 
 
 def numbers(row, layout):
     """S and J in percent and the dead time of a candidate, or of draws."""
     row = np.atleast_2d(row)
-    S = row[:, at.S_PERCENT]
+    S = row[:, base_coordinate.S_PERCENT]
     theta = row[:, layout.places["dead_time"]][:, 0]
-    return {"S": S, "J": S * row[:, at.RATIO], "theta": theta}
+    return {"S": S, "J": S * row[:, base_coordinate.RATIO], "theta": theta}
 
 
 def width(name, **how):
@@ -53,24 +55,24 @@ def test_draws_lie_within_the_limits_about_the_best():
     _, layout, best, found = drawn()
     assert (REPLICATES, layout.size) == found.shape
     np.testing.assert_array_equal(layout.bounds.clip(found), found)
-    assert not found[:, at.DELAY].any()
+    assert not found[:, base_coordinate.DELAY].any()
     for name, values in numbers(found, layout).items():
         assert float(np.median(values)) == pytest.approx(numbers(best, layout)[name][0], abs=0.1)
 
 
 def test_a_held_coordinate_is_not_drawn():
     """A gain that is held at 1 is 1 in every draw."""
-    bench, layout, best, _ = drawn()
-    held = pinned(layout, at.GAIN, 0.0)
-    found = draws(bench, held, held.bounds.clip(best))
-    assert not found[:, at.GAIN].any()
-    assert np.ptp(found[:, at.S_PERCENT]) > 0.0
+    evaluator, layout, best, _ = drawn()
+    held = pinned(layout, base_coordinate.GAIN, 0.0)
+    found = draws(evaluator, held, held.bounds.clip(best))
+    assert not found[:, base_coordinate.GAIN].any()
+    assert np.ptp(found[:, base_coordinate.S_PERCENT]) > 0.0
 
 
 def test_the_same_recording_gives_the_same_draws():
     """Draws are seeded."""
-    bench, layout, best, found = drawn()
-    np.testing.assert_array_equal(draws(bench, layout, best), found)
+    evaluator, layout, best, found = drawn()
+    np.testing.assert_array_equal(draws(evaluator, layout, best), found)
 
 
 @pytest.mark.parametrize("name", TRUTH)

@@ -13,7 +13,7 @@ import pytest
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Quality
 from stemwatch.service.alerts.silent_sources import BACK, JOINED, watch_sources
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
 from stemwatch.service.store.samples.samples import microseconds
 from stemwatch.service.store.samples.sources import SourceState

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Screening
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality, Indicator, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.samples.sources import SourceState

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Screening
-from stemwatch.models.mismatch.findings import Effect, Evidence, Finding, Mismatch, Stiction
+from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
 from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.screenings.records import ValveState
@@ -27,7 +27,7 @@ START = datetime(2026, 3, 2, tzinfo=UTC)
 S = Estimate(value=2.0, low=1.8, high=2.2, unit="%")
 EFFECT = Effect(
     slug="lost_motion", members=("lost_motion",), sentence="There is play.", where="",
-    check="Look.", decide="", parameters={}, evidence=Evidence(mean=0.2, t=5.0, share=0.4),
+    check="Look.", decide="", parameters={}, evidence=EffectEvidence(mean=0.2, t=5.0, share=0.4),
 )  # fmt: skip
 BOTH = Stiction(S=S, J=Estimate.unknown("few"))
 PLAIN = Mismatch(finding=Finding.NONE, sentence="", naive=BOTH, restated=BOTH)

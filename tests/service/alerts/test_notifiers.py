@@ -21,7 +21,7 @@ from aiosmtpd.controller import Controller
 from aiosmtpd.smtp import AuthResult
 
 from stemwatch.service.alerts.notifiers import Notifier, NotSent, notifiers_of
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 
 SECRET = "hoechst-geheim"
 HOSTILE = {

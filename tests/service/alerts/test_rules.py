@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Effect, Evidence, Finding, Mismatch, Stiction
+from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, Mismatch, Stiction
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.rules import (
     AlertDecision,
@@ -19,7 +19,7 @@ from stemwatch.service.alerts.rules import (
     apply_rules,
     has_grown,
 )
-from stemwatch.service.plantfile.live import AlertRules
+from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.screenings.records import StoredValve
 
@@ -159,7 +159,7 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
     effect = Effect(
         slug="lost_motion", members=("lost_motion",), sentence="There is play.", where="",
         check="Look at the linkage.", decide="", parameters={},
-        evidence=Evidence(mean=0.2, t=5.0, share=0.4),
+        evidence=EffectEvidence(mean=0.2, t=5.0, share=0.4),
     )  # fmt: skip
     both = Stiction(S=percent(1.0), J=J)
     found = Mismatch(

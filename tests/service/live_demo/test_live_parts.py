@@ -15,14 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.limits import Limits
-from stemwatch.models.plant import simulate_loop
 from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.config import load_plant
+from stemwatch.service.config.schema import parse_stroke
 from stemwatch.service.live_demo import DemoFolder, Fitter, LiveDemo, MailCatcher, Pace
 from stemwatch.service.live_demo.loops import INTERVAL_S, WEARING, live_loops
 from stemwatch.service.live_demo.plant_file import demo_toml
-from stemwatch.service.plantfile import load_plant
-from stemwatch.service.plantfile.stroke import parse_stroke
 from stemwatch.service.store.store import open_store
 
 

@@ -12,7 +12,7 @@ import typer
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.connectors.modbus.commission import try_map
-from stemwatch.models.plant import demo_plant
+from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.cli.simulate_modbus import map_table, wear_of
 from stemwatch.service.modbus_plant import Wear
 from stemwatch.service.modbus_plant.layout import registers

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import EarlierScreening, ValveHistory
+from stemwatch.service.maintenance import ValveHistory
 from stemwatch.service.maintenance.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
 from stemwatch.service.store.screenings.records import Remark
@@ -45,11 +45,11 @@ def context(screenings: list[Screening], **changes: object) -> ReportContext:
     return replace(made, valves=facts, **changes)
 
 
-def earlier(found: Screening) -> list[EarlierScreening]:
+def earlier(found: Screening) -> list[PreviousFinding]:
     """Sticky for two weeks, healthy before."""
     verdicts = (Verdict.STICKY, Verdict.STICKY, Verdict.HEALTHY)
     return [
-        EarlierScreening(
+        PreviousFinding(
             at=BEGAN - timedelta(days=7 * week), run=40 - week, verdict=verdict, S=4.0, J=1.5
         )
         for week, verdict in enumerate(verdicts)

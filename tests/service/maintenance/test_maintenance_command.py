@@ -11,11 +11,11 @@ from pathlib import Path
 import openpyxl
 import pytest
 
+from stemwatch.service.config import load_plant
+from stemwatch.service.config.problems import PlantFileError
+from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
-from stemwatch.service.plantfile import load_plant
-from stemwatch.service.plantfile.problem import PlantFileError
-from stemwatch.service.plantfile.stroke import Stroke, parse_stroke
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.store import open_store

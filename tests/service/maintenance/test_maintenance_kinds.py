@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.models.findings import Screening
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.maintenance import finding_kinds as k
 from tests.service.made_mismatch import named

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
@@ -24,7 +25,7 @@ from stemwatch.service.maintenance.priority import (
     WEIGHT_OF_TREND,
     priority,
 )
-from stemwatch.service.maintenance.valve_history import LOOK_BACK, EarlierScreening
+from stemwatch.service.maintenance.valve_history import LOOK_BACK
 from stemwatch.service.maintenance.work_sheet import (
     FALSE_EFFECT,
     FALSE_EFFECT_SCATTERED,
@@ -117,10 +118,10 @@ def test_the_false_alarms_are_those_of_the_readme():
         assert re.search(rf"{row} \| {count} of {of}, .*\({shown}\)", readme)
 
 
-def past(*verdicts: Verdict, **of_each) -> list[EarlierScreening]:
+def past(*verdicts: Verdict, **of_each) -> list[PreviousFinding]:
     """Weekly screenings, newest first."""
     return [
-        EarlierScreening(
+        PreviousFinding(
             at=DAY - timedelta(days=7 * week), run=50 - week, verdict=verdict, **of_each
         )
         for week, verdict in enumerate(verdicts, start=1)

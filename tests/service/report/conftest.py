@@ -12,11 +12,17 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.recording import ClockFacts, Floats, Provenance, Recording, Role, Signal
+from stemwatch.models.screening_result import (
+    DataQuality,
+    Indicator,
+    PreviousFinding,
+    Residual,
+    Screening,
+    Traces,
+)
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.report import (
-    PreviousFinding,
     ReportContext,
     SourceNotRead,
     ValveFacts,
@@ -26,6 +32,7 @@ from stemwatch.service.report import (
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
+EARLIER = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 
 
 def stick_slip(op: Floats, S: float, J: float) -> Floats:
@@ -218,8 +225,8 @@ SERVICES = ("Reactor feed", "Column reflux", "Steam to reboiler E-104", "Cooling
 def facts(screenings: list[Screening]) -> dict[str, ValveFacts]:
     before = (
         None,
-        PreviousFinding(verdict=Verdict.WATCH, S=1.1, J=0.4, severity=14.0),
-        PreviousFinding(verdict=Verdict.STICKY, S=4.6, J=2.0, severity=55.0),
+        PreviousFinding(at=EARLIER, run=6, verdict=Verdict.WATCH, S=1.1, J=0.4, severity=14.0),
+        PreviousFinding(at=EARLIER, run=6, verdict=Verdict.STICKY, S=4.6, J=2.0, severity=55.0),
     )
     return {
         one.valve: ValveFacts(

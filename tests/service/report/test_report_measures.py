@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from stemwatch.models.findings import DataQuality, Indicator, Residual
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.bars import fit_bars, spread_percent
 from stemwatch.service.report.beside_friction import beside_friction, without_them

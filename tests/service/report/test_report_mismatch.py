@@ -14,7 +14,7 @@ import numpy as np
 import openpyxl
 import pytest
 
-from stemwatch.models.mismatch.findings import HotPlace, ResidualMap, Runs
+from stemwatch.models.mismatch.findings import FreeRuns, HotPlace, ResidualMap
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.explain.write_explanation import write_pages
 from stemwatch.service.report import write_report
@@ -165,14 +165,14 @@ def test_a_run_that_changed_nothing_is_drawn_once(make_screening):
     """Where nothing was named, the extended model is the naive one and no second line."""
     recording = make_screening("FV-1", samples=900).recording
     naive = named(recording).runs.naive
-    chart = overlay_of(recording, Runs(naive=naive, extended=naive.copy(), heldout_from=540))
+    chart = overlay_of(recording, FreeRuns(naive=naive, extended=naive.copy(), heldout_from=540))
     assert [one["role"] for one in chart["panels"][1]["series"]] == ["naive"]
 
 
 def test_a_run_of_another_length_is_refused(make_screening):
     """The message names the tag and both lengths."""
     recording = make_screening("FV-1", samples=900).recording
-    short = Runs(naive=np.zeros(10), extended=np.ones(10), heldout_from=5)
+    short = FreeRuns(naive=np.zeros(10), extended=np.ones(10), heldout_from=5)
     with pytest.raises(ValueError, match=r"FV-1.MV: .*expected \(900,\), received \(10,\)"):
         overlay_of(recording, short)
 

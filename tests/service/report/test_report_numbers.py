@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report import PreviousFinding
 from stemwatch.service.report import wording as words
 from stemwatch.service.report.bars import gauge, gauge_top
 from stemwatch.service.report.change_since_last_run import change_since_last_run
@@ -79,8 +79,11 @@ def test_a_trace_of_another_length_is_refused():
         lowest_and_highest(np.zeros(9), ThinningGrid.of(10))
 
 
+EARLIER = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
+
+
 def before(verdict: Verdict, S: float | None = None, severity: float = 0.0) -> PreviousFinding:
-    return PreviousFinding(verdict=verdict, S=S, severity=severity)
+    return PreviousFinding(at=EARLIER, run=1, verdict=verdict, S=S, severity=severity)
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Screening, Traces
 from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality, Screening, Traces
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.charts.thinning import POINTS
 from stemwatch.service.report.charts.typical_stretch import typical_stretch

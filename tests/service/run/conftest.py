@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.store import Store, open_store
 
 MakePlant = Callable[..., Plant]

@@ -9,7 +9,7 @@ import pytest
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Role
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 
 LOOPS = "Time,{0}.OP,{0}.ZT\n2026-03-02T06:00:00Z,50,50\n2026-03-02T06:00:01Z,51,50\n"

@@ -16,7 +16,7 @@ import pytest
 from sqlalchemy import text
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.plantfile import Plant
+from stemwatch.service.config import Plant
 from stemwatch.service.run.queue_worker import UNKNOWN, QueueWorker
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.screenings.records import RunState
@@ -25,8 +25,8 @@ from stemwatch.service.store.store import Store
 HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"
 WORK = """
 import sys, threading
-from stemwatch.service.plantfile import load_plant
 from stemwatch.service.run.queue_worker import QueueWorker
+from stemwatch.service.config import load_plant
 from stemwatch.service.store.store import open_store
 if __name__ == "__main__":
     plant = load_plant(sys.argv[1], environment={})

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.executors.dask_cluster import DaskCluster
 from stemwatch.service.executors.executor import Answer

@@ -13,8 +13,8 @@ import pytest
 from sqlalchemy import text
 
 from stemwatch.service import __version__
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
-from stemwatch.service.plantfile import Plant, load_plant
 from stemwatch.service.run import chunking
 from stemwatch.service.run.engine import RunNow, screen_now
 from stemwatch.service.run.plan import Request

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.service.plantfile.cron import CronTimes
+from stemwatch.service.config.cron import CronTimes
 from stemwatch.service.scheduler.instants import due_between, jitter, next_due
 from stemwatch.service.store.runs.schedule import Schedule
 

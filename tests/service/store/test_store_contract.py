@@ -8,6 +8,7 @@ import sys
 import uuid
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
@@ -15,8 +16,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.recording import Provenance
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import StoredValve
@@ -48,8 +49,7 @@ def test_a_screening_comes_back_as_it_was_saved(
     screening = make_screening()
     run = begin(store)
     store.save(screening, run)
-    found = store.previous("FIC-101", LATER)
-    assert found is not None
+    (found,) = store.screenings("FIC-101")
     names = (
         "valve verdict reason advice shape severity confidence S residuals quality still_seen "
         "baseline_note provenance seconds window"
@@ -140,9 +140,8 @@ def test_any_screening_saved_twice_is_one_row_with_the_latest_values(
     first = store.save(make_screening(**before), run)
     screening = make_screening(**after)
     assert first == store.save(screening, run)
-    found = store.previous(valve, LATER)
-    assert found is not None
-    assert store.previous(valve, found.at) is None
+    (found,) = store.screenings(valve)
+    assert store.previous_finding(screening) is None
     assert (found.verdict, found.shape) == (screening.verdict, screening.shape)
     assert found.reason == storable(screening.reason)
     assert found.still_seen == tuple(map(storable, screening.still_seen))
@@ -230,13 +229,37 @@ def test_saving_the_valves_again_updates_them(store: Store, make_screening: Make
 def test_previous_is_the_last_one_before(store: Store, make_screening: MakeScreening) -> None:
     """Each window is compared with the one before it, not with itself and not with a later one."""
     run = begin(store)
-    for day in range(3):
-        store.save(make_screening(start=START + day * DAY, severity=float(day)), run)
-    before = store.previous("FIC-101", START + 2 * DAY)
+    days = [make_screening(start=START + day * DAY, severity=float(day)) for day in range(3)]
+    for screening in days:
+        store.save(screening, run)
+    before = store.previous_finding(days[2])
     assert before is not None
-    assert 1.0 == before.severity
-    assert store.previous("FIC-101", START) is None
-    assert store.previous("unknown", LATER) is None
+    assert (1.0, run, days[1].window[1]) == (before.severity, before.run, before.at)
+    assert (days[1].verdict, days[1].S.value) == (before.verdict, before.S)
+    assert [1.0, 0.0] == [one.severity for one in store.previous_findings(days[2], limit=9)]
+    assert store.previous_finding(days[0]) is None
+    assert store.previous_finding(make_screening(valve="unknown", start=LATER)) is None
+
+
+def test_the_same_source_without_dates_is_not_earlier_than_itself(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """An undated file that is screened again is compared with the file before it, whether or not
+    it was saved already."""
+    run = begin(store)
+    first, second = (
+        make_screening(start=None, provenance=Provenance(source=name, digest=name))
+        for name in ("a.csv", "b.csv")
+    )
+    first = replace(first, severity=7.0)
+    assert store.previous_finding(first, now=LATER) is None
+    for screening in (first, second):
+        store.save(screening, run)
+    for now in (None, LATER):
+        before = store.previous_finding(second, now=now)
+        assert before is not None
+        assert 7.0 == before.severity
+    assert store.previous_finding(first) is None
 
 
 def test_history_is_in_the_order_of_time(store: Store, make_screening: MakeScreening) -> None:

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.dialects import sqlite
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database.columns import UtcDateTime
 from stemwatch.service.store.database.engine import BUSY_TIMEOUT_MS, make_engine
 from stemwatch.service.store.database_url import Address

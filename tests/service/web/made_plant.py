@@ -14,10 +14,10 @@ import numpy as np
 from stemwatch.connectors.connector import Window
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.findings import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.recording import Floats, Provenance, Recording, Role, Signal
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.serve.http_server import http_server
 from stemwatch.service.serve.pages import address_of, listen
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised

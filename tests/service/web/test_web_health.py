@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.plantfile import Plant, load_plant
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.waiting import REASON, WaitingRoom

@@ -16,7 +16,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.collector import Spool
 from stemwatch.service.collector.backlog import backlog
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import RunState, ValveState

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from stemwatch.service.plantfile import load_plant
+from stemwatch.service.config import load_plant
 from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.web.site import Site
 from tests.service.made_mismatch import named

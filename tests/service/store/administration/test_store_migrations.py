@@ -10,7 +10,7 @@ from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 from sqlalchemy import Engine, inspect, text
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.administration.migrate import downgrade, is_compared, upgrade
 from stemwatch.service.store.all_tables import metadata
 from stemwatch.service.store.database.engine import make_engine

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from stemwatch.models.findings import Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.screenings.records import RunState, ValveState

@@ -11,13 +11,13 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import (
     Cell,
     Effect,
-    Evidence,
+    EffectEvidence,
     Finding,
-    HeldOut,
+    FreeRuns,
+    HeldOutFit,
     Mismatch,
     RecordEffect,
     ResidualMap,
-    Runs,
     Stiction,
     Untestable,
 )
@@ -33,7 +33,7 @@ EFFECT = Effect(
     check="Look at the linkage.",
     decide="",
     parameters={"play_percent": S},
-    evidence=Evidence(mean=0.2, t=5.0, share=0.4),
+    evidence=EffectEvidence(mean=0.2, t=5.0, share=0.4),
 )
 MISMATCH = Mismatch(
     finding=Finding.NAMED,
@@ -43,7 +43,7 @@ MISMATCH = Mismatch(
     effects=(EFFECT,),
     record_effects=(RecordEffect(slug="quantisation", sentence="Coarse.", parameters={"q": 0.5}),),
     not_testable=(Untestable(slug="travel_stop", reason="no end was reached"),),
-    heldout=HeldOut(rmse_naive=0.5, rmse_extended=0.2),
+    heldout=HeldOutFit(rmse_naive=0.5, rmse_extended=0.2),
     before=ResidualMap(
         cells=(
             Cell(
@@ -55,7 +55,7 @@ MISMATCH = Mismatch(
         columns=("slip",),
         grid=((0.1,), (None,)),
     ),
-    runs=Runs(naive=np.zeros(3), extended=np.ones(3), heldout_from=2),
+    runs=FreeRuns(naive=np.zeros(3), extended=np.ones(3), heldout_from=2),
 )  # fmt: skip
 
 

@@ -1,0 +1,260 @@
+"""From the evidence to a verdict, in words for someone who holds a spanner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.limits import Limits
+from stemwatch.models.quality import Obstacle
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.screening_result import Residual
+from stemwatch.models.verdict import Shape, Verdict
+
+# J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).
+DEADBAND_BELOW = 0.1
+NO_OFFSET = (0.85, 1.15)
+# Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
+FRICTION_MEAN, FRICTION_T = 0.05, 2.0
+MOST_CONFIDENCE = 0.99  # bootstrap draws know nothing of what no model here describes
+# From these on, friction is beyond doubt, however much its slips scatter in time.
+BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
+EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
+NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
+
+NEXT = {
+    Shape.DEADBAND: (
+        "The stem follows late but does not jump: look first for play in the linkage, the "
+        "actuator coupling and the positioner's feedback arm, then for tight packing. Step OP by "
+        "1 % up and down to confirm."
+    ),
+    Shape.UNDERSHOOT: (
+        "The stem sticks and jumps: check packing (over-tightened, dry or hardened), stem and "
+        "guide for scoring, and the positioner and its air supply. Step OP by 1 % to confirm."
+    ),
+    Shape.NO_OFFSET: (
+        "The stem sticks and jumps right to the command: static friction is high and sliding "
+        "friction low. Check packing and lubrication, then seat and guide. Step OP by 1 % to "
+        "confirm."
+    ),
+    Shape.OVERSHOOT: (
+        "The stem jumps past the command, which friction alone cannot do: check the positioner's "
+        "tuning (gain too high) and the actuator's size and air supply, then the packing."
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DecisionEvidence:
+    """What the judge is shown of one valve. S and J in percent of OP span."""
+
+    S: Estimate
+    J: Estimate
+    S_draws: Floats  # bootstrap draws of S
+    friction_mean: float  # held-out advantage of a model with friction over one without
+    friction_t: float
+    jumps_evident: bool  # the stem rests and jumps towards its command, seen without a model
+    following: Residual | None  # stick-slip model, put right every block of time
+    typical_percent: float  # 100 (1 - median |residual| / median |MV - median MV|), the same run
+    narx: Residual | None
+    sigma: float  # measurement noise of the position, percent
+    slow: str  # what is slow beside friction, a sentence, or nothing
+    baseline: Residual | None  # the baseline network's, on this window
+    baseline_ratio: float | None
+    cycling_s: float | None  # period of the loop's regular oscillation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """The verdict with its reason, the next step, its rank and its confidence."""
+
+    verdict: Verdict
+    reason: str
+    advice: str
+    shape: Shape | None = None
+    severity: float = 0.0
+    confidence: float | None = None
+    numbers_hold: bool = True  # False where S and J describe nothing and must not be shown
+
+
+def shape_of(S: float, J: float) -> Shape:
+    """The shape of the OP-MV loop by its ratio J/S."""
+    ratio = J / S if S > 0 else 0.0
+    if ratio < DEADBAND_BELOW:
+        return Shape.DEADBAND
+    if ratio < NO_OFFSET[0]:
+        return Shape.UNDERSHOOT
+    return Shape.NO_OFFSET if ratio <= NO_OFFSET[1] else Shape.OVERSHOOT
+
+
+def undetermined(obstacles: tuple[Obstacle, ...]) -> Decision:
+    """No verdict, because of the first obstacle; all of them count, the first is said."""
+    first = obstacles[0]
+    more = f" (and {len(obstacles) - 1} more, see data quality)" if obstacles[1:] else ""
+    return Decision(
+        verdict=Verdict.UNDETERMINED,
+        reason=f"Cannot tell: {first.reason}{more}.",
+        advice=first.remedy,
+        severity=15.0,
+    )
+
+
+def _share(draws: Bools) -> float:
+    """The share of bootstrap draws that agree; never more than the method can vouch for."""
+    return min(float(np.mean(draws)), MOST_CONFIDENCE)
+
+
+def _percent(value: float | None) -> str:
+    return "?" if value is None else f"{value:.1f} %"
+
+
+def _width(evidence: DecisionEvidence) -> str:
+    S = evidence.S
+    return f"{_percent(S.value)} ({_percent(S.low)} to {_percent(S.high)})"
+
+
+def _unexplained(evidence: DecisionEvidence, limits: Limits) -> str | None:
+    """Why S and J do not describe this valve, or ``None`` where they do."""
+    residual = evidence.following
+    beyond_doubt = evidence.friction_mean >= BEYOND_DOUBT_MEAN
+    # Better than no friction is not enough: the position of another valve is also "followed" best
+    # by a stem that hardly moves, and no better than by a constant.
+    follows = residual is None or residual.fit_percent > 0.0
+    if beyond_doubt and evidence.friction_t >= BEYOND_DOUBT_T and follows:
+        return None
+    if evidence.jumps_evident:
+        return None
+    if residual is None or residual.rmse <= max(3.0 * evidence.sigma, NEGLIGIBLE_PERCENT):
+        return None
+    # Breakaways scatter: a slip that comes some samples early or late costs a whole jump for that
+    # long. A model that is right most of the time and then off by one jump does describe the stem.
+    if max(residual.fit_percent, evidence.typical_percent - 20.0) >= limits.min_fit_percent:
+        return None
+    best = evidence.sigma
+    text = f"friction explains only {max(residual.fit_percent, 0.0):.0f} % of how the stem moves"
+    if evidence.narx is not None:
+        best = max(best, evidence.narx.rmse)
+        if evidence.narx.fit_percent > residual.fit_percent + 10.0:
+            text += f", while a neural network follows {evidence.narx.fit_percent:.0f} %"
+    return text if residual.rmse > EXPLAINS_AS_WELL * best or residual.fit_percent < 20 else None
+
+
+def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
+    S, J = float(evidence.S.value or 0.0), float(evidence.J.value or 0.0)
+    shape = shape_of(S, J)
+    jump = f", then jumps {_percent(J)}" if shape is not Shape.DEADBAND else " and then follows"
+    cycle = ""
+    if evidence.cycling_s is not None:
+        cycle = f"; the loop cycles every {evidence.cycling_s:.0f} s"
+    return Decision(
+        verdict=Verdict.STICKY,
+        reason=(
+            f"The stem sticks: after a reversal OP must move {_width(evidence)} before the stem "
+            f"lets go{jump}{cycle}.{evidence.slow}"
+        ),
+        advice=NEXT[shape],
+        shape=shape,
+        severity=50.0 + 50.0 * float(1.0 - np.exp(-(S + J) / 8.0)),
+        confidence=_share(evidence.S_draws >= limits.sticky_S_percent),
+    )
+
+
+def _watch(evidence: DecisionEvidence, limits: Limits, why: str, confidence: float) -> Decision:
+    S, J = float(evidence.S.value or 0.0), float(evidence.J.value or 0.0)
+    return Decision(
+        verdict=Verdict.WATCH,
+        reason=why + evidence.slow,
+        advice=(
+            "Screen it again next week; plan a check of packing and positioner if S grows or the "
+            "loop begins to cycle."
+        ),
+        shape=shape_of(S, J) if S >= limits.watch_S_percent else None,
+        severity=25.0 + 20.0 * float(1.0 - np.exp(-(S + J) / 3.0)),
+        confidence=confidence,
+    )
+
+
+def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
+    text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
+    advice = "Nothing to do at the valve."
+    if evidence.cycling_s is not None:
+        text += f" The loop oscillates all the same, every {evidence.cycling_s:.0f} s."
+        advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
+    S = float(evidence.S.value or 0.0)
+    return Decision(
+        verdict=Verdict.HEALTHY,
+        reason=text,
+        advice=advice,
+        severity=10.0 * min(S / limits.watch_S_percent, 1.0),
+        confidence=_share(evidence.S_draws < limits.sticky_S_percent),
+    )
+
+
+def _moved_away(evidence: DecisionEvidence, limits: Limits) -> bool:
+    """True where the valve behaves otherwise than in its baseline window, and it matters."""
+    ratio, residual = evidence.baseline_ratio, evidence.baseline
+    if ratio is None or residual is None:
+        return False
+    return ratio > limits.baseline_ratio_watch and residual.rmse > NEGLIGIBLE_PERCENT
+
+
+def _cannot_tell(reason: str, advice: str, *, numbers_hold: bool = True) -> Decision:
+    return Decision(
+        verdict=Verdict.UNDETERMINED,
+        reason=f"Cannot tell: {reason}.",
+        advice=advice,
+        severity=20.0,
+        numbers_hold=numbers_hold,
+    )
+
+
+def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
+    """Weigh the evidence of a recording that has no obstacle.
+
+    sticky: even the low end of S reaches the limit, and a valve without friction fits worse on
+    data that neither model was fitted to. watch: S itself reaches the lower limit, or the valve
+    has moved away from its baseline. healthy: even the high end of S stays below the sticky limit.
+    """
+    unexplained = _unexplained(evidence, limits)
+    if unexplained is not None:
+        return _cannot_tell(
+            f"{unexplained}, so S and J would mean nothing",
+            "Something else moves this stem (positioner, actuator, air supply, the reading "
+            "itself): look at the residual plots, and do a stroke test with small steps.",
+            numbers_hold=False,
+        )
+    S, low, high = evidence.S.value, evidence.S.low, evidence.S.high
+    if S is None or low is None or high is None:
+        return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
+    fits_better = evidence.friction_mean >= FRICTION_MEAN and evidence.friction_t >= FRICTION_T
+    friction = fits_better or evidence.jumps_evident
+    if low >= limits.sticky_S_percent:
+        if friction:
+            return _sticky(evidence, limits)
+        return _cannot_tell(
+            f"S of {_width(evidence)} would fit, but a slow actuator without friction fits as well",
+            "Step OP by 1 % and then by 5 %: a slow actuator follows both, a sticking stem only "
+            "the larger one.",
+        )
+    if S >= limits.watch_S_percent:
+        if high > 3.0 * limits.sticky_S_percent and low < limits.watch_S_percent:
+            return _cannot_tell(
+                f"S lies anywhere between {_percent(low)} and {_percent(high)}",
+                "Record a longer window, or one in which OP reverses more often.",
+            )
+        share = _share(evidence.S_draws >= limits.watch_S_percent)
+        return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
+    if _moved_away(evidence, limits):
+        why = (
+            f"The stem still follows (S {_width(evidence)}), but {evidence.baseline_ratio:.1f} "
+            "times worse than in its baseline window."
+        )
+        return _watch(evidence, limits, why, 0.5)
+    if high >= limits.sticky_S_percent:
+        return _cannot_tell(
+            f"S is probably {_percent(S)} but may be {_percent(high)}",
+            "Record a longer window, or one in which OP reverses more often.",
+        )
+    return _healthy(evidence, limits)

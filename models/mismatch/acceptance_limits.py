@@ -1,0 +1,89 @@
+"""How much a term must gain before it is named, and how much may be left unexplained.
+
+All limits were chosen by hand, with an eye on the scores of recordings with nothing hidden and on
+development sets with hidden effects; none on the seed that the proof reports.
+`stemwatch calibrate-mismatch` prints the scores of the former, to check the limits by.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stemwatch.models.mismatch.crossfit import Fitted
+from stemwatch.models.mismatch.evaluator import Evaluator
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.fit import Advantage
+
+# Least mean log ratio of the losses, least t, and least product of the two.
+MEAN, T, PRODUCT = 0.04, 1.4, 0.12
+# Play is nearly the same as another S and J, and dwell as a scatter of the breakaways: chance finds
+# them more often.
+HARDER = {"lost_motion": 1.6, "dwell_dependent_breakaway": 1.9}
+# A record of few blocks, or of few samples, shows a large t by chance more often: limits grow by
+# 1 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples.
+FEW_BLOCKS, FEW_SAMPLES = 5.0, 100.0
+# Later terms stand on what the first has cleared away, and the search is narrower.
+LATER = 0.8
+NULL_RATE = 0.025
+# What is left in the worst tenth of the blocks, in noise variances, from which a recording is not
+# explained; a short record has few blocks, and its worst tenth is one of them.
+MUCH_LEFT = 9.6
+# Less than that is systematic too, where nothing was named at all.
+NOT_LITTLE_LEFT = 8.4
+# Where much is left, a term must explain a good part of it to be more than its accomplice.
+MEAN_WHERE_MUCH_IS_LEFT = 0.35
+# A straight line through the reading is what many other things look like for a while.
+MEAN_OF_A_LINE = 1.0
+
+
+def shortness(counts: Floats) -> float:
+    """How much the limits grow for a record with ``counts`` (n_blocks,) scored samples."""
+    blocks, samples = max(int(np.count_nonzero(counts)), 1), max(float(counts.sum()), 1.0)
+    return 1.0 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples
+
+
+def strength(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) -> float:
+    """How far an advantage lies beyond its limits: 1 at the limits, the least of the three ratios
+    (mean, t, and their product)."""
+    short = shortness(counts)
+    ease = (LATER if stage else 1.0) * HARDER.get(slug, 1.0)
+    if advantage.mean <= 0.0 or advantage.t <= 0.0:
+        return 0.0
+    return min(
+        advantage.mean / (MEAN * short),
+        advantage.t / (T * short),
+        advantage.mean * advantage.t / (PRODUCT * ease * short * short),
+    )
+
+
+def chance(strongest: float) -> float:
+    """The probability that a valve with nothing hidden shows a term as strong, 0 to 1.
+
+    ``NULL_RATE`` of them pass the limits at all; of the strengths of those that come near, the tail
+    falls about as one over the strength: three of 120, counted on nulls of seed 4010.
+    """
+    return min(1.0, NULL_RATE / max(strongest, 1e-9))
+
+
+def convincing(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) -> bool:
+    """True where the advantage of a term is beyond what recordings with nothing hidden show."""
+    return strength(advantage, counts, slug, stage) >= 1.0
+
+
+def left(evaluator: Evaluator, fitted: Fitted) -> float:
+    """What a hypothesis leaves in the worst tenth of the blocks of time: the held-out robust loss
+    over the noise variance, its 90th percentile; about 2 where only noise and scatter are left."""
+    counts = evaluator.counts
+    filled = counts > 0
+    worst = np.percentile(fitted.heldout[filled] / counts[filled], 90.0)
+    return float(worst / evaluator.problem.sigma**2)
+
+
+def much_left(evaluator: Evaluator, fitted: Fitted) -> bool:
+    """True where what is left is systematic, and nothing in the hypothesis explains it."""
+    return left(evaluator, fitted) > MUCH_LEFT * shortness(evaluator.told) ** 2
+
+
+def not_little_left(evaluator: Evaluator, fitted: Fitted) -> bool:
+    """True where too much is left to say that nothing else is needed."""
+    return left(evaluator, fitted) > NOT_LITTLE_LEFT * shortness(evaluator.told) ** 2

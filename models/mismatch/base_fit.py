@@ -1,0 +1,181 @@
+"""The base of every comparison: S, J and the reading's zero and gain, fitted with every chance.
+
+``naive`` is what others report: S and J alone, gain 1 and zero 0, no delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.forensics import repeat_share
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.batched_search import Search, conclude
+from stemwatch.models.mismatch.crossfit import CAREFUL, FitEffort, Fitted, crossfit, search
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet, make_evaluator
+from stemwatch.models.mismatch.term import Look
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.stickslip.fit import CANONICAL, COARSE_COMMAND, ONLY_WHEN_TURNING
+from stemwatch.models.stickslip.parameters import Bounds
+from stemwatch.models.stickslip.problem import FitProblem
+
+RATIOS = (0.0, 0.15, 0.35, 0.6, 0.85, 1.15)
+WIDTHS = 16
+RESTICKS = (0.0, 0.05, 0.4)  # percent per second
+ZERO_REACH = 8.0  # percent either way
+HELD = 0.3  # percent
+GAIN_REACH = (-0.25, 0.3)
+RESTICK_REACH = 4.0  # percent per second; from there on a stem sticks at every sample
+CLEARLY = 0.97  # share of the canonical reading's loss that another one must reach
+LEAST_DELTA = 0.05  # percent
+FIRST_OF_DRAWN = 0.5  # percent; what an archive left open gives a wider one nothing to tell
+LEAST_SCATTER = 0.03  # percent
+SCATTER_REACH = (0.03, 0.09)  # of the level
+FEWEST_BREAKAWAYS = 8
+NAIVE = FitEffort(keep=2, rounds=4, population=32, width=0.02)
+
+
+@dataclass(frozen=True)
+class BaseFit:
+    """The evaluator, scaled, and the base fitted on both folds."""
+
+    evaluator: Evaluator
+    fitted: Fitted
+
+
+def base_bounds(problem: FitProblem, look: Look, *, own_reading: bool = True) -> Bounds:
+    """Limits of S, J/S, zero, gain - 1, the delay within a sample and the speed of sticking.
+
+    Without a reading of its own (a flow that was read through a characteristic) zero and gain are
+    part of that characteristic and held.
+    """
+    reach = max(1.2 * look.swing, 2.0)
+    late = base_coordinate.WITHIN_SAMPLE * problem.interval_s
+    low = [0.0, 0.0, -ZERO_REACH, GAIN_REACH[0], 0.0, 0.0]
+    high = [reach, 1.5, ZERO_REACH, GAIN_REACH[1], late, RESTICK_REACH]
+    if not own_reading:
+        (
+            low[base_coordinate.ZERO],
+            high[base_coordinate.ZERO],
+            low[base_coordinate.GAIN],
+            high[base_coordinate.GAIN],
+        ) = -HELD, HELD, 0.0, 0.0
+    return Bounds(np.array(low), np.array(high))
+
+
+def grid(look: Look, zero: float, resticks: tuple[float, ...] = (0.0,)) -> Floats:
+    """(m, 6) S, J/S and the reading's zero, with and without the one that the loop suggests, and
+    speeds below which the stem sticks again."""
+    widths = max(1.2 * look.swing, 2.0) * np.linspace(0.02, 1.0, WIDTHS) ** 1.8
+    zeros = np.unique([0.0, zero])
+    parts = np.array(np.meshgrid(widths, RATIOS, zeros, resticks, indexing="ij"))
+    rows = np.zeros((parts[0].size, base_coordinate.N_BASE))
+    rows[
+        :,
+        [
+            base_coordinate.S_PERCENT,
+            base_coordinate.RATIO,
+            base_coordinate.ZERO,
+            base_coordinate.RESTICK,
+        ],
+    ] = parts.reshape(4, -1).T
+    return rows
+
+
+def suggested_zero(problem: FitProblem) -> float:
+    """Friction holds the stem in a band that is as wide above the command as below, percent."""
+    ahead = (problem.mv - problem.op)[problem.scored]
+    low, high = np.percentile(ahead, (2.0, 98.0))
+    return 0.5 * float(low + high)
+
+
+def scale(evaluator: Evaluator, simulated: Floats) -> float:
+    """Scale of the robust loss: three times the noise or the bulk of the residual, percent."""
+    problem = evaluator.problem
+    residual = evaluator.residual(simulated)[evaluator.measured]
+    spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+    return max(3.0 * problem.sigma, spread, LEAST_DELTA)
+
+
+def first_scatter(look: Look) -> float:
+    """Before anything is known of the stem: a share of a band that a third of OP's swing makes."""
+    return base_coordinate.FIRST_SCATTER * max(look.swing / 6.0, 0.5)
+
+
+def breakaway_scatter(early_late: Floats, level: float, sigma: float) -> float:
+    """Standard deviation of the breakaway level, percent, from how far each one came from it."""
+    seen = early_late[early_late != 0.0]
+    if seen.size < FEWEST_BREAKAWAYS:
+        return max(base_coordinate.FIRST_SCATTER * level, sigma, LEAST_SCATTER)
+    spread = 1.4826 * float(np.median(np.abs(seen)))
+    low, high = SCATTER_REACH
+    return max(min(max(spread, low * level), high * level), sigma, LEAST_SCATTER)
+
+
+def fit_base(
+    problem: FitProblem, look: Look, slack: Floats | None = None, *, own_reading: bool = True
+) -> BaseFit:
+    """The base on both folds, its reading of when a stem sticks again, and the loss's scale."""
+    spread = float(np.std(problem.mv[problem.scored]))
+    first = max(3.0 * problem.sigma, 0.1 * spread, LEAST_DELTA)
+    if slack is not None and slack.any():
+        first = min(first, FIRST_OF_DRAWN)
+    bounds = base_bounds(problem, look, own_reading=own_reading)
+    evaluator = make_evaluator(problem, look, bounds, first, CANONICAL, first_scatter(look), slack)
+    starts = bounds.clip(grid(look, suggested_zero(problem), RESTICKS))
+    readings = [evaluator]
+    if repeat_share(problem.op) >= COARSE_COMMAND:
+        readings.append(replace(evaluator, restick=ONLY_WHEN_TURNING, _layouts={}))
+    everything = np.ones(problem.n_blocks, dtype=bool)
+    found = [
+        conclude(one, search(one, one.layout(TermSet()), everything, starts, CAREFUL))
+        for one in readings
+    ]
+    best = int(np.argmin([one.loss for one in found]))
+    if found[best].loss >= CLEARLY * found[0].loss:
+        best = 0
+    chosen = readings[best]
+    layout = chosen.layout(TermSet())
+    simulated, early_late = chosen.assimilated(layout, found[best].candidate)
+    delta = min(scale(chosen, simulated), 3.0 * first)
+    level = (
+        0.5
+        * found[best].candidate[base_coordinate.S_PERCENT]
+        * (1.0 + found[best].candidate[base_coordinate.RATIO])
+    )
+    scatter = breakaway_scatter(early_late, float(level), problem.sigma)
+    chosen = replace(chosen, delta=delta, scatter=scatter, _layouts={})
+    layout = chosen.layout(TermSet())
+    every = 1 if chosen.slack.any() else max(starts.shape[0] // 60, 1)
+    near = np.vstack((starts[::every], found[best].candidate))
+    fitted = conclude(chosen, crossfit(chosen, layout, near, CAREFUL))
+    seen = fitted.candidates.mean(axis=0)
+    S = float(seen[base_coordinate.S_PERCENT])
+    look = replace(look, S=S, J=S * float(seen[base_coordinate.RATIO]))
+    return BaseFit(replace(chosen, look=look, _layouts={}), fitted)
+
+
+def naive_evaluator(evaluator: Evaluator) -> Evaluator:
+    """The evaluator as others fit: free runs, put right at each block of time only."""
+    return replace(evaluator, window=0.0, restick=CANONICAL, _layouts={})
+
+
+def fit_naive(evaluator: Evaluator, blocks: Bools) -> Search[Floats]:
+    """(6,) S and J alone: gain 1, zero 0, no delay, fitted to ``blocks`` of a naive evaluator."""
+    layout = naive_layout(evaluator)
+    starts = layout.bounds.clip(grid(evaluator.look, 0.0))
+    found = yield from search(evaluator, layout, blocks, starts, NAIVE)
+    found = yield from search(evaluator, layout, blocks, found.candidate[None, :], NAIVE)
+    return found.candidate
+
+
+def naive_layout(evaluator: Evaluator) -> CoordinateLayout:
+    """The base with its reading and its delay held at neutral."""
+    layout = evaluator.layout(TermSet())
+    low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
+    low[base_coordinate.ZERO] = high[base_coordinate.ZERO] = low[base_coordinate.GAIN] = high[
+        base_coordinate.GAIN
+    ] = 0.0
+    high[base_coordinate.DELAY] = high[base_coordinate.RESTICK] = 0.0
+    return replace(layout, bounds=Bounds(low, high))

@@ -1,0 +1,165 @@
+"""What a historian dropped: straight lines between stored points, or a last report that is held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.forensics import quantum
+from stemwatch.models.recording import Bools, Floats
+
+LEAST_SAMPLES = 60
+# Swinging doors drop most of a signal; a measured one has next to no three points on one line.
+LEAST_DRAWN = 0.25
+LEAST_LINES = 12
+COARSEST_DIGIT = 0.02  # percent
+SHARP = 4.0  # times the bend that printing makes
+ONE_SPEED = 0.5  # share of the drawn samples that one slope each way may have: a speed limit
+LEAST_REPORTS, HELD_SHARE = 30, 0.3
+LEAST_DEVIATION, FINE_DEVIATION = 0.05, 0.3  # percent
+JUST_ABOVE = 0.3  # share of the reports within 30 % of the smallest
+IMPOSSIBLE = 0.03  # share of the reports that no stem could make
+NARROWEST_DOOR, WIDEST_DOOR = 0.05, 0.5  # percent
+_RELATIVE_ZERO = 1e-9
+
+
+@dataclass(frozen=True)
+class StoredPoints:
+    """``stored`` (n,) True at samples the archive stored; ``kept`` their share; ``held`` where it
+    repeats the last report instead of drawing lines; ``deviation`` of the reports, percent."""
+
+    stored: Bools
+    kept: float
+    held: bool
+    deviation: float = 0.0
+
+
+def _bends(values: Floats) -> tuple[Floats, Floats]:
+    """(n,) second difference and slope per sample at each inner sample; NaN at ends and gaps."""
+    bend, slope = np.full(values.size, np.nan), np.full(values.size, np.nan)
+    bend[1:-1] = values[2:] - 2.0 * values[1:-1] + values[:-2]
+    slope[1:-1] = 0.5 * (values[2:] - values[:-2])
+    return bend, slope
+
+
+def _resolution(values: Floats) -> float:
+    """The last digit of the printed values, or 0: their differences' common step."""
+    for digits in range(6):
+        step = 10.0**-digits
+        if np.all(np.abs(values / step - np.round(values / step)) < 1e-6):
+            return step
+    return 0.0
+
+
+def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
+    """Stored points of a signal (n,) whose other samples lie on straight lines; else ``None``.
+
+    Lines that ``other`` (n,) draws too, at the same slope, are a stem that follows a ramp, and a
+    signal with one slope each way is a stem at its top speed: neither is the archive's work.
+    """
+    finite = np.isfinite(values)
+    if np.count_nonzero(finite) < LEAST_SAMPLES:
+        return None
+    digit = _resolution(values[finite])
+    if digit > COARSEST_DIGIT:
+        return None  # on so coarse a lattice points lie on lines by chance
+    zero = _RELATIVE_ZERO * max(float(np.max(np.abs(values[finite]))), 1e-12)
+    bend, slope = _bends(values)
+    # Each of the three values may be off by half a digit, so a bend by two.
+    tolerance = np.maximum(1e-6 * np.abs(slope), max(4.0 * zero, 2.001 * digit))
+    straight = np.abs(bend) <= tolerance
+    sloped = np.abs(slope) > max(16.0 * zero, 2.0 * digit)
+    lines = _long(straight & sloped, 3 if digit > 0.0 else 1)
+    follows = np.abs(slope - _bends(other)[1]) <= 0.1 * np.abs(slope)
+    own = lines & ~follows
+    inner = np.isfinite(bend) & ~(straight & ~sloped)
+    if np.count_nonzero(inner) < LEAST_SAMPLES or own.sum() < LEAST_DRAWN * inner.sum():
+        return None
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], own.astype(np.int8), [0]))))
+    if edges.size // 2 < LEAST_LINES or _one_speed(slope[own]):
+        return None
+    kinks = np.abs(bend[np.isfinite(bend) & ~straight])
+    # A smooth signal printed with few digits bends by little everywhere, a drawn one at its knots.
+    if digit > 0.0 and kinks.size and float(np.median(kinks)) < SHARP * 2.0 * digit:
+        return None
+    # The archive draws short lines as well, and flat ones.
+    stored = finite & ~straight
+    kept = float(stored.sum() / finite.sum())
+    return StoredPoints(stored=stored, kept=kept, held=False, deviation=door(values, stored))
+
+
+def door(values: Floats, stored: Bools) -> float:
+    """The deviation of the archive that drew the lines, percent, or a little more.
+
+    A point that was stored between two neighbours that were stored too was no nearer to the line
+    between them than that, else it would have been dropped.
+    """
+    at = np.flatnonzero(stored)
+    if at.size < 3:
+        return WIDEST_DOOR
+    first, middle, last = at[:-2], at[1:-1], at[2:]
+    share = (middle - first) / (last - first)
+    bend = np.abs(values[middle] - values[first] - share * (values[last] - values[first]))
+    close = bend[last - first == 2]
+    least = float(close.min()) if close.size else WIDEST_DOOR
+    return float(np.clip(min(least, float(np.median(bend))), NARROWEST_DOOR, WIDEST_DOOR))
+
+
+def _long(flags: Bools, least: int) -> Bools:
+    """(n,) the runs of True that are at least so long."""
+    if least <= 1:
+        return flags
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
+    kept = np.zeros(flags.size, dtype=bool)
+    for first, last in edges.reshape(-1, 2):
+        kept[first:last] = last - first >= least
+    return kept
+
+
+def _one_speed(slopes: Floats) -> bool:
+    """True where one slope each way makes up most of the drawn samples."""
+    same = 0
+    for side in (slopes[slopes > 0.0], -slopes[slopes < 0.0]):
+        if side.size:
+            usual = float(np.median(side))
+            same += int(np.count_nonzero(np.abs(side - usual) <= 0.01 * usual))
+    return same > ONE_SPEED * slopes.size
+
+
+def held_reports(values: Floats, other: Floats) -> StoredPoints | None:
+    """Reports of a signal (n,) that is held until it has moved by a deviation; else ``None``.
+
+    Long repeats, and steps of no lattice of which not even the smallest is small: a measured
+    stem's are, while it slides or slips. One that only rests and jumps would look the same without
+    noise, so a deviation from 0.3 % up is believed only where many steps lie just above it, or
+    turn back though ``other`` (n,), the command, has not moved as far.
+    """
+    finite = np.isfinite(values)
+    steps = np.diff(values)
+    at = np.flatnonzero(np.isfinite(steps) & (np.abs(steps) > _RELATIVE_ZERO * 100.0))
+    known = np.count_nonzero(np.isfinite(steps))
+    if at.size < LEAST_REPORTS or at.size > (1.0 - HELD_SHARE) * known or quantum(values) > 0.0:
+        return None
+    sizes = np.abs(steps[at])
+    deviation = float(np.partition(sizes, 1)[1])
+    if deviation < LEAST_DEVIATION:
+        return None
+    just_above = float(np.mean(sizes <= 1.3 * deviation))
+    seen = just_above >= JUST_ABOVE or _impossible(steps, at, other) >= IMPOSSIBLE
+    if deviation > FINE_DEVIATION and not seen:
+        return None
+    stored = np.zeros(values.size, dtype=bool)
+    stored[at + 1] = True
+    stored &= finite
+    kept = float(stored.sum() / finite.sum())
+    return StoredPoints(stored=stored, kept=kept, held=True, deviation=deviation)
+
+
+def _impossible(steps: Floats, at: NDArray[np.int64], other: Floats) -> float:
+    """Share of the steps that turn back while ``other`` moved by less than the step."""
+    turns = steps[at[1:]] * steps[at[:-1]] < 0.0
+    moved = np.array([np.ptp(other[a : b + 2]) for a, b in pairwise(at)], dtype=np.float64)
+    return float(np.mean(turns & (moved < np.abs(steps[at[1:]]))))

@@ -1,0 +1,144 @@
+"""Accepted terms in words: sentence, where it shows, what to check, which test would tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.acceptance_limits import strength
+from stemwatch.models.mismatch.dwell import LEAST_Z, Dwelling
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.findings import Effect, EffectEvidence, ResidualMap
+from stemwatch.models.mismatch.locate import locate
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.uncertainty import estimate
+from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.stickslip.fit import Advantage
+
+FLOW_UNITS = ("/h", "/s", "/min", "gpm", "scfm", "lpm")
+MODEL_ERROR = 0.03  # one sigma, share of a parameter
+WITHIN_SAMPLE = 0.1  # one sigma, samples
+GOES_WITH = 0.5  # correlation of flow and position from which it tells the direction
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Words for the two directions of the position."""
+
+    rising: str = "rising"
+    falling: str = "falling"
+
+
+def directions(recording: Recording) -> Directions:
+    """ "opening" and "closing" where a flow goes with the position, else "rising" and "falling"."""
+    pv, mv = recording.get(Role.PV), recording.mv
+    if pv is None or mv is None or not pv.unit.lower().endswith(FLOW_UNITS):
+        return Directions()
+    both = recording.usable & pv.usable
+    if np.count_nonzero(both) < 100:
+        return Directions()
+    a, b = mv.values[both], pv.values[both]
+    if np.std(a) == 0.0 or np.std(b) == 0.0:
+        return Directions()
+    together = float(np.corrcoef(a, b)[0, 1])
+    if together > GOES_WITH:
+        return Directions("opening", "closing")
+    return Directions("closing", "opening") if together < -GOES_WITH else Directions()
+
+
+def estimates(term: Term, values: Floats, drawn: Floats, interval_s: float) -> dict[str, Estimate]:
+    """The term's parameters in field units from its best coordinates (k,) and draws (m, k).
+
+    Widened by what no bootstrap sees: the term is not exactly the valve, and OP and MV are read
+    somewhere within the sampling interval.
+    """
+    best = term.parameters(values)
+    spread = [term.parameters(one) for one in drawn]
+    found = {}
+    for name, (value, unit) in best.items():
+        error = MODEL_ERROR * abs(value) + (WITHIN_SAMPLE * interval_s if unit == "s" else 0.0)
+        found[name] = estimate(np.array([one[name][0] for one in spread]), value, unit, error)
+    return found
+
+
+def effect(
+    evaluator: Evaluator,
+    term: Term,
+    members: tuple[str, ...],
+    values: Floats,
+    drawn: Floats,
+    advantage: Advantage,
+    share: float,
+    without: tuple[CoordinateLayout, Floats],
+    way: Directions,
+) -> Effect:
+    """One accepted term, told. ``without`` is the best model that lacks it."""
+    parameters = estimates(term, values, drawn, evaluator.problem.interval_s)
+    return Effect(
+        slug=term.slug,
+        members=members,
+        sentence=term.sentence(parameters, way.rising, way.falling),
+        where=_where(evaluator, *without),
+        check=term.words.check,
+        decide=term.words.decide,
+        parameters=parameters,
+        evidence=EffectEvidence(
+            mean=advantage.mean,
+            t=advantage.t,
+            share=share,
+            strength=strength(advantage, evaluator.told, term.slug),
+            note=_note(advantage, members),
+        ),
+    )
+
+
+def by_events(told: Effect, seen: Dwelling, term: Term, way: Directions) -> Effect:
+    """``told`` with the evidence and the interval of its events in place of the residual's."""
+    note = (
+        f"The {seen.events} breakaways together tell it ({seen.z:.1f} standard errors); in the "
+        "residual it is small, for each of them scatters as well."
+    )
+    evidence = replace(told.evidence, events_z=seen.z, strength=seen.z / LEAST_Z, note=note)
+    fitted = told.parameters["b"]
+    assert fitted.low is not None
+    assert fitted.high is not None
+    either = 2.0 * seen.error
+    low, high = min(fitted.low, seen.rise - either), max(fitted.high, seen.rise + either)
+    parameters = {**told.parameters, "b": replace(fitted, low=max(low, 0.0), high=high)}
+    sentence = term.sentence(parameters, way.rising, way.falling)
+    return replace(told, sentence=sentence, evidence=evidence, parameters=parameters)
+
+
+def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
+    """Where ``simulated`` (n,), percent, differs from the reading of the evaluator's record."""
+    problem = evaluator.problem
+    return locate(
+        problem.op,
+        problem.mv,
+        simulated,
+        evaluator.measured,
+        problem.block,
+        problem.interval_s,
+        problem.sigma,
+    )
+
+
+def _where(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> str:
+    """The hottest place of the residual that is left without the effect."""
+    simulated, _ = evaluator.assimilated(layout, candidate)
+    found = residual_map(evaluator, simulated)
+    return found.hot[0].sentence if found.hot else "Spread over the record, no single place."
+
+
+def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
+    lower = 100.0 * (1.0 - float(np.exp(-advantage.mean)))
+    note = (
+        f"It lowers the error on unseen blocks of time by {lower:.0f} % "
+        f"({advantage.t:.1f} standard errors)"
+    )
+    if len(members) > 1:
+        others = ", ".join(one.replace("_", " ") for one in members[1:])
+        return f"{note}; this recording cannot tell it from {others}."
+    return f"{note}; no other effect of the catalogue does as well."

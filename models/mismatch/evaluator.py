@@ -1,0 +1,375 @@
+"""Hypotheses and what they cost: a set of terms, its coordinates, the loss of each candidate.
+
+Every hypothesis has the six coordinates of the base (S, J/S, the reading's zero and gain, a delay
+within the sampling interval, the speed below which a moving stem sticks again) and those of its
+terms. At a term's neutral values it is the base (a ringing positioner alone has no neutral value),
+so that a richer hypothesis can only win by what it adds on blocks that it was not fitted to.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate, chain, pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.forces import Forces, Shaping
+from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow, used
+from stemwatch.models.mismatch.onsets import Onsets, Samples, onsets
+from stemwatch.models.mismatch.stem import Stem, Stems
+from stemwatch.models.mismatch.term import Look, Term, Way
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.stickslip.kernel import RESYNC, Marks
+from stemwatch.models.stickslip.parameters import Bounds
+from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.stickslip.search import Loss
+
+S_PERCENT, RATIO, ZERO, GAIN, DELAY, RESTICK = range(6)
+N_BASE = 6
+# A command is sampled somewhere between two scans; more than this is a dead time.
+WITHIN_SAMPLE = 0.6
+DEAD_TIME = "dead_time"
+# How far from its level a breakaway may come, a share: three times a normal scatter and more.
+WINDOW = 0.35
+EVENT_OF_DRAWN = 0.7  # samples that a breakaway counts for where most samples are drawn
+FIRST_SCATTER = 0.08  # of the level (S + J)/2
+_NOTHING = np.empty((0, 0))
+
+
+def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
+    """Candidates, ``counts`` of them in each lot, in as few batches as run side by side, of nearly
+    equal sizes; of each batch the lots, by number, and which part of each."""
+    total, ends = sum(counts), list(accumulate(counts, initial=0))
+    parts = -(-total // LANES)
+    for begin, end in pairwise(total * part // parts for part in range(parts + 1)):
+        yield [
+            (lot, slice(max(begin - first, 0), min(end, last) - first))
+            for lot, (first, last) in enumerate(pairwise(ends))
+            if first < end and begin < last
+        ]
+
+
+@dataclass(frozen=True)
+class TermSet:
+    """The base and some terms, in the order of the chain."""
+
+    terms: tuple[Term, ...] = ()
+
+    @property
+    def slugs(self) -> tuple[str, ...]:
+        return tuple(term.slug for term in self.terms)
+
+    def plus(self, term: Term) -> TermSet:
+        """This hypothesis with one more term."""
+        return TermSet(tuple(sorted((*self.terms, term), key=lambda t: (t.way, t.order))))
+
+    def without(self, slug: str) -> TermSet:
+        """This hypothesis without a term."""
+        return TermSet(tuple(term for term in self.terms if term.slug != slug))
+
+
+@dataclass(frozen=True)
+class CoordinateLayout:
+    """Where the coordinates of a hypothesis lie, and their limits."""
+
+    hypothesis: TermSet
+    places: dict[str, slice]
+    bounds: Bounds
+
+    @property
+    def size(self) -> int:
+        return int(self.bounds.low.size)
+
+    @cached_property
+    def shaping(self) -> Shaping:
+        """The terms that shape the command, by the coordinates ``of_force``."""
+        terms = [term for term in self.hypothesis.terms if term.way is Way.COMMAND]
+        found, begin = [], 1
+        for term in terms:
+            place = self.places[term.slug]
+            end = begin + place.stop - place.start
+            found.append((term, slice(begin, end)))
+            begin = end
+        return Shaping(tuple(found), tuple(term.slug for term in terms))
+
+    @cached_property
+    def of_force(self) -> list[int]:
+        """The coordinates that the force on the stem is made of."""
+        places = (self.places[slug] for slug in self.shaping.slugs)
+        return [DELAY, *chain.from_iterable(range(place.start, place.stop) for place in places)]
+
+    @cached_property
+    def filling(self) -> tuple[tuple[Term, slice], ...]:
+        """The terms that fill the stem, and where their coordinates lie."""
+        terms = self.hypothesis.terms
+        return tuple((t, self.places[t.slug]) for t in terms if t.way is not Way.COMMAND)
+
+    @cached_property
+    def kind(self) -> tuple[bool, bool]:
+        """Whether levels vary along the record, and whether readings wander: what runs alike."""
+        stem = Stem.neutral(2, 1.0)
+        for term, place in self.filling:
+            term.fill(stem, self.bounds.high[place])
+        varied, timed = used(stem.numbers[None])
+        return bool(varied), bool(timed)
+
+
+class RunResults(NamedTuple):
+    """Runs of candidates side by side: see ``kernel.follow``. Buffers: the next runs write over
+    them.
+
+    ``simulated`` (n, candidates) sample by sample; of m candidates, the first of which is in column
+    ``first``, ``early_late`` (m, n) and ``losses`` (m, n_blocks).
+    """
+
+    simulated: Floats
+    early_late: Floats
+    losses: Floats
+    first: int = 0
+
+
+class RunRequest:
+    """What a search waits for: assimilated runs of ``candidates`` (m, size) of a layout.
+
+    Answered with ``losses`` (m, n_blocks), the sums of the robust loss, all blocks of time among
+    them. One that ``reads`` is shown the runs as well.
+    """
+
+    reads = False
+
+    def __init__(self, layout: CoordinateLayout, candidates: Floats) -> None:
+        self.layout, self.candidates = layout, candidates
+        self.losses = _NOTHING
+
+    def take(self, part: slice, runs: RunResults) -> None:
+        """The answer of some of the candidates; the next one writes over the runs."""
+        self.losses[part] = runs.losses
+
+
+Piece = tuple[
+    CoordinateLayout, Floats
+]  # candidates (m, size) that run side by side with those of others
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """One recording with everything that a search over hypotheses shares."""
+
+    problem: FitProblem
+    look: Look
+    delta: float  # scale of the robust loss, percent
+    restick: float  # %/s, when a moving stem sticks again; see ``stickslip.fit``
+    base_bounds: Bounds
+    marks: Marks
+    onsets: Onsets
+    scatter: float  # of the breakaway level, percent of span
+    window: float  # how far from its level a breakaway may come, a share; 0: free runs
+    event: float  # samples that a breakaway counts for
+    slack: Floats  # (n,) how far the true value may lie from a drawn one, percent; 0: measured
+    _upcoming: tuple[Samples, Samples]
+    _stems: Stems
+    _forces: Forces
+    _runs: RunResults
+    _layouts: dict[tuple[str, ...], CoordinateLayout] = field(default_factory=dict)
+
+    def layout(self, hypothesis: TermSet) -> CoordinateLayout:
+        """The coordinates of ``hypothesis``."""
+        key = hypothesis.slugs
+        if key not in self._layouts:
+            self._layouts[key] = self._make_layout(hypothesis)
+        return self._layouts[key]
+
+    def _make_layout(self, hypothesis: TermSet) -> CoordinateLayout:
+        low, high = [*self.base_bounds.low], [*self.base_bounds.high]
+        places = {}
+        for term in hypothesis.terms:
+            begin = len(low)
+            for coordinate in term.coordinates(self.look):
+                low.append(coordinate.low)
+                high.append(coordinate.high)
+            places[term.slug] = slice(begin, len(low))
+        if DEAD_TIME in places:
+            high[DELAY] = 0.0  # one delay is enough
+        return CoordinateLayout(hypothesis, places, Bounds(np.array(low), np.array(high)))
+
+    def simulate(self, layout: CoordinateLayout, candidate: Floats) -> Floats:
+        """(n,) MV by a free run, percent; only gaps in the recording restart it."""
+        runs = self._first(1)
+        self._follow([(layout, candidate[None])], self.problem.start, 0.0, runs)
+        return np.array(runs.simulated[:, 0])
+
+    def assimilated(self, layout: CoordinateLayout, candidate: Floats) -> tuple[Floats, Floats]:
+        """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each of these
+        ``onsets`` (e,) came, percent; 0 where the run did not let go with it."""
+        runs = self._first(1)
+        self._follow([(layout, candidate[None])], self.marks, self.window, runs)
+        return np.array(runs.simulated[:, 0]), runs.early_late[0, self.onsets.at]
+
+    def block_losses(self, layout: CoordinateLayout, candidates: Floats) -> Floats:
+        """(m, n_blocks) sums of the robust loss of candidates (m, size)."""
+        ask = RunRequest(layout, candidates)
+        self.answer([ask])
+        return ask.losses
+
+    def answer(self, asks: Iterable[RunRequest]) -> None:
+        """Run what is asked for: candidates that run alike side by side, whoever asks for them."""
+        alike = defaultdict(list)
+        for ask in asks:
+            ask.losses = np.empty((ask.candidates.shape[0], self.problem.n_blocks))
+            alike[ask.reads, ask.layout.kind].append(ask)
+        for (reads, _), group in alike.items():
+            for batch in batches([ask.candidates.shape[0] for ask in group]):
+                self._serve([(group[i], part) for i, part in batch], reads=reads)
+
+    def _serve(self, parts: list[tuple[RunRequest, slice]], *, reads: bool) -> None:
+        """Run up to LANES candidates, and hand each part of an ask what is its own."""
+        ends = np.cumsum([part.stop - part.start for _, part in parts]).tolist()
+        runs = self._first(ends[-1])
+        if not reads:
+            runs = RunResults(_NOTHING, _NOTHING, runs.losses)
+        pieces = [(ask.layout, ask.candidates[part]) for ask, part in parts]
+        self._follow(pieces, self.marks, self.window, runs)
+        for (ask, part), (begin, end) in zip(parts, pairwise([0, *ends]), strict=True):
+            early_late, losses = runs.early_late[begin:end], runs.losses[begin:end]
+            ask.take(part, RunResults(runs.simulated, early_late, losses, begin))
+
+    def loss(self, layout: CoordinateLayout, blocks: Bools) -> Loss:
+        """The mean robust loss over some blocks as a function of candidates."""
+        return lambda candidates: self.mean_loss(self.block_losses(layout, candidates), blocks)
+
+    def within(self, blocks: Bools) -> Samples:
+        """(n,) the block of each sample, -1 outside of some ``blocks``."""
+        block = self.problem.block
+        return np.where(np.append(blocks, False)[block], block, -1)
+
+    def mean_loss(self, losses: Floats, blocks: Bools) -> Floats:
+        """(m,) the mean over the samples of some blocks of losses (m, n_blocks)."""
+        within = np.where(blocks, losses, 0.0)
+        return np.asarray(within.sum(1) / max(float(self.counts[blocks].sum()), 1.0))
+
+    @cached_property
+    def counts(self) -> Floats:
+        """(n_blocks,) scored samples."""
+        block = self.problem.block
+        return np.bincount(block[block >= 0], minlength=self.problem.n_blocks).astype(np.float64)
+
+    def residual(self, simulated: Floats) -> Floats:
+        """(n,) how far a run lies from what was recorded, less what the archive leaves open."""
+        off = self.problem.mv - simulated
+        return np.asarray(off - np.clip(off, -self.slack, self.slack))
+
+    @property
+    def measured(self) -> Bools:
+        """(n,) scored samples that were really measured."""
+        return np.asarray(self.problem.scored & (self.slack == 0.0))
+
+    @cached_property
+    def told(self) -> Floats:
+        """(n_blocks,) scored samples that were really measured."""
+        block = self.problem.block[self.measured]
+        return np.bincount(block, minlength=self.problem.n_blocks).astype(np.float64)
+
+    def _first(self, count: int) -> RunResults:
+        """Buffers for the runs of some candidates."""
+        runs, n = self._runs, self.problem.op.size
+        simulated = runs.simulated.ravel()[: n * count].reshape(n, count)
+        return RunResults(simulated, runs.early_late[:count], runs.losses[:count])
+
+    def _follow(
+        self, pieces: Sequence[Piece], marks: Marks, window: float, runs: RunResults
+    ) -> None:
+        """Run up to LANES candidates in all into ``runs``."""
+        problem = self.problem
+        rows = self._forces.of((one.shaping, some[:, one.of_force]) for one, some in pieces)
+        self._fill(pieces)
+        follow(
+            self._forces.rows,
+            rows,
+            *self._stems.first(rows.size),
+            Record(problem.mv, marks, *self._upcoming, problem.interval_s, window),
+            Scoring(problem.block, self.slack, self.delta, self.scatter, self.event),
+            runs.losses,
+            runs.simulated,
+            runs.early_late,
+        )
+
+    def _fill(self, pieces: Sequence[Piece]) -> None:
+        """The stems of the candidates."""
+        base = np.concatenate([candidates[:, :N_BASE] for _, candidates in pieces])
+        count = base.shape[0]
+        each, q = self._stems.each[:count], self._stems.numbers[:count]
+        self._stems.clear(count)
+        q[:, stem_number.S] = base[:, S_PERCENT]
+        q[:, stem_number.J] = base[:, S_PERCENT] * base[:, RATIO]
+        q[:, stem_number.ZERO], q[:, stem_number.GAIN] = base[:, ZERO], 1.0 + base[:, GAIN]
+        q[:, stem_number.RESTICK] = np.where(base[:, RESTICK] > 0.0, base[:, RESTICK], self.restick)
+        begin = 0
+        for layout, candidates in pieces:
+            end = begin + candidates.shape[0]
+            for term, place in layout.filling:
+                for stem, values in zip(each[begin:end], candidates[:, place], strict=True):
+                    term.fill(stem, values)
+            begin = end
+
+    def spread(self, layout: CoordinateLayout, scale: float) -> Floats:
+        """(size,) widths of a search over all coordinates."""
+        return np.asarray((layout.bounds.high - layout.bounds.low) * scale)
+
+
+def _at_measured(marks: Marks, slack: Floats) -> Marks:
+    """``marks`` with each resynchronisation at the first sample after a measured one.
+
+    A value that the archive drew is no place to put a resting stem.
+    """
+    if not slack.any():
+        return marks
+    measured = np.flatnonzero(slack == 0.0)
+    begins = np.flatnonzero(marks == RESYNC)
+    place = np.searchsorted(measured, begins - 1)
+    begins = measured[place[place < measured.size]] + 1
+    moved = np.where(marks == RESYNC, 0, marks).astype(marks.dtype)
+    begins = begins[begins < marks.size]
+    moved[begins[moved[begins] == 0]] = RESYNC
+    return moved
+
+
+def make_evaluator(
+    problem: FitProblem,
+    look: Look,
+    base_bounds: Bounds,
+    delta: float,
+    restick: float,
+    scatter: float,
+    slack: Floats | None = None,
+) -> Evaluator:
+    """The evaluator of a recording; without ``slack`` all of it was measured."""
+    n = problem.op.size
+    slack = np.zeros(n) if slack is None else slack
+    usable = np.isfinite(problem.mv)
+    seen = onsets(problem.mv, usable, problem.sigma, problem.interval_s)
+    return Evaluator(
+        problem=problem,
+        look=look,
+        delta=delta,
+        restick=restick,
+        base_bounds=base_bounds,
+        marks=_at_measured(problem.resynced_marks, slack),
+        onsets=seen,
+        scatter=scatter,
+        window=WINDOW,
+        event=EVENT_OF_DRAWN if slack.any() else stem_number.EVENT,
+        slack=slack,
+        _upcoming=seen.upcoming(n),
+        _stems=Stems.neutral(LANES, n, problem.interval_s),
+        _forces=Forces.none_yet(problem.op, problem.start, problem.interval_s, LANES),
+        _runs=RunResults(
+            np.empty((n, LANES)),
+            np.empty((LANES, n)),
+            np.empty((LANES, problem.n_blocks)),
+        ),
+    )

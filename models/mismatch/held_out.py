@@ -1,0 +1,135 @@
+"""The fit before and after, on a part of the record that neither fit has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.base_fit import fit_naive, naive_evaluator, naive_layout
+from stemwatch.models.mismatch.batched_search import Search, conclude
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search, widened
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet
+from stemwatch.models.mismatch.findings import FreeRuns, HeldOutFit
+from stemwatch.models.mismatch.starting_points import beginnings
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.recording import Bools, Floats
+
+REPLICATES = 400
+FEWEST = 30  # samples that make an error
+
+
+@dataclass(frozen=True)
+class HeldOutComparison:
+    """Free runs with the parameters of the first part, and their errors on the rest."""
+
+    heldout: HeldOutFit
+    runs: FreeRuns
+
+
+def show(
+    evaluator: Evaluator, layout: CoordinateLayout, terms: Sequence[Term], ceiling: Floats | None
+) -> HeldOutComparison:
+    """Fit naive and extended to the first part only, run both freely over the whole record.
+
+    ``layout`` is the final hypothesis, ``terms`` its terms in the order in which they were found.
+
+    ``ceiling`` (n,) is the free run of a network that was fitted to the same first part.
+    """
+    problem = evaluator.problem
+    train = problem.training_blocks()
+    plain = naive_evaluator(evaluator)
+    naive = plain.simulate(naive_layout(plain), conclude(plain, fit_naive(plain, train)))
+    trained = conclude(evaluator, _trained(evaluator, layout, terms, train))
+    extended = evaluator.simulate(layout, trained)
+    first = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
+    late = evaluator.measured & (np.arange(problem.op.size) >= first)
+    runs = FreeRuns(naive=naive, extended=extended, heldout_from=first)
+    return HeldOutComparison(_heldout(evaluator, runs, late, ceiling), runs)
+
+
+def _trained(
+    evaluator: Evaluator, layout: CoordinateLayout, terms: Sequence[Term], train: Bools
+) -> Search[Floats]:
+    """The extended model fitted to the first part: from a grid of S and J on, term after term, as
+    it was found, but from no number that has seen the rest."""
+    base = evaluator.layout(TermSet())
+    found = yield from search(evaluator, base, train, base.bounds.clip(_few(evaluator)), CAREFUL)
+    fitted = _on_both(base, found.candidate)
+    for term in terms:
+        rich = fitted.layout.hypothesis.plus(term)
+        S = float(found.candidate[base_coordinate.S_PERCENT])
+        begun = beginnings(term, S, S * float(found.candidate[base_coordinate.RATIO]))
+        starts = widened(evaluator, rich, fitted, term, begun)
+        found = yield from search(evaluator, evaluator.layout(rich), train, starts, CAREFUL)
+        fitted = _on_both(evaluator.layout(rich), found.candidate)
+    start = layout.bounds.clip(found.candidate[None, :])  # a gain that is no finding is held at 1
+    found = yield from search(evaluator, layout, train, start, CAREFUL)
+    return found.candidate
+
+
+def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:
+    """A fit that takes the place of both folds' fits."""
+    return Fitted(layout, np.vstack((candidate, candidate)), np.empty((2, 0)))
+
+
+def _few(evaluator: Evaluator) -> Floats:
+    """(m, 6) S and J from a coarse grid."""
+    widths = max(1.2 * evaluator.look.swing, 2.0) * np.linspace(0.02, 1.0, 14) ** 1.8
+    parts = np.array(np.meshgrid(widths, (0.0, 0.3, 0.6, 0.9), indexing="ij")).reshape(2, -1).T
+    rows = np.zeros((parts.shape[0], base_coordinate.N_BASE))
+    rows[:, [base_coordinate.S_PERCENT, base_coordinate.RATIO]] = parts
+    return rows
+
+
+def _heldout(
+    evaluator: Evaluator, runs: FreeRuns, late: Bools, ceiling: Floats | None
+) -> HeldOutFit:
+    problem = evaluator.problem
+    mv = problem.mv[late]
+    spread = float(np.std(mv)) if mv.size else 0.0
+    if mv.size < FEWEST or spread == 0.0:
+        return HeldOutFit(noise_floor=problem.sigma)
+    naive, extended = (mv - run[late] for run in (runs.naive, runs.extended))
+    low, high = _interval(naive, extended, mv, problem.block[late])
+    rmse_naive, rmse_extended = _rms(naive), _rms(extended)
+    return HeldOutFit(
+        rmse_naive=rmse_naive,
+        rmse_extended=rmse_extended,
+        rmse_ceiling=_ceiling(ceiling, problem.mv, late),
+        noise_floor=problem.sigma,
+        fit_naive=100.0 * (1.0 - rmse_naive / spread),
+        fit_extended=100.0 * (1.0 - rmse_extended / spread),
+        gain_low=low,
+        gain_high=high,
+    )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _ceiling(ceiling: Floats | None, mv: Floats, late: Bools) -> float | None:
+    if ceiling is None or ceiling.size != mv.size:
+        return None
+    error = (mv - ceiling)[late & np.isfinite(ceiling)]
+    return _rms(error) if error.size >= FEWEST else None
+
+
+def _interval(
+    naive: Floats, extended: Floats, mv: Floats, block: NDArray[np.int64]
+) -> tuple[float, float]:
+    """95 % interval of the difference of the fits, in percent, by drawing blocks of time."""
+    numbers, place = np.unique(block, return_inverse=True)
+    centred = (mv - mv.mean()) ** 2
+    squares = (naive**2, extended**2, centred)
+    sums = np.array([np.bincount(place, weights=w, minlength=numbers.size) for w in squares])
+    rng = np.random.default_rng(5)
+    share = np.full(numbers.size, 1.0 / numbers.size)
+    weights = rng.multinomial(numbers.size, share, size=REPLICATES)
+    before, after, spread = np.sqrt(np.maximum(sums @ weights.T, 1e-12))
+    low, high = np.percentile(100.0 * (before - after) / spread, (2.5, 97.5))
+    return float(low), float(high)

@@ -1,0 +1,377 @@
+"""Which effects of the catalogue a recording could not have shown, and why not.
+
+First what the recording exercised is counted (moves, slips, turns, rests, travel); then each effect
+is asked whether so much could have shown it.
+
+An effect that the recording never exercised is not absent: it is not testable. The limits refuse
+only where nothing could be seen; what is seen weakly is left to the evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.excitation import Slips, reversals, slips, swing
+from stemwatch.models.mismatch.conditioning import moving_stem, rests
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.words import times
+
+QUICK_S, OPENING_S, SLOW_S = 5.0, 10.0, 20.0  # windows of a quick move, an opening, a slow ramp
+QUICK_PERCENT_PER_S = 0.2  # of a net move over 5 s
+SLOW_PERCENT_PER_S = (0.003, 0.25)  # of a ramp on which a stem could stick again and again
+OPENING_PERCENT = 2.0
+SLIP_NOISE = 0.01  # percent, of a simulated stem
+BANDS = 12  # of travel, whose passes are counted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exercised:
+    """Counts are of the recording or of the simulated stem, whichever saw more.
+
+    ``travel`` is the range of MV in percent, 1st to 99th percentile; ``moves`` (rising, falling)
+    counts the stem's moves between its turns, ``slips`` its jumps; ``quick`` OP's moves by at
+    least 0.2 %/s over 5 s each way, ``openings`` its rises by 2 % or more within 10 s; ``restarts``
+    starts in the direction of the motion before; ``slow_s`` the time of ramps slower than
+    0.25 %/s; ``rests`` (m,) lengths in seconds; ``passes`` the most through any band of travel.
+    ``at_low`` and ``at_high`` tell whether MV stands at that end while OP goes further.
+    """
+
+    duration_s: float
+    travel: float
+    moves: tuple[int, int]
+    slips: tuple[int, int]
+    quick: tuple[int, int]
+    openings: int
+    restarts: int
+    slow_s: float
+    resting_s: float
+    rests: Floats
+    passes: int
+    at_low: bool
+    at_high: bool
+
+
+def exercised(
+    op: Floats,
+    mv: Floats,
+    simulated: Floats,
+    scored: Bools,
+    interval_s: float,
+    sigma: float,
+    S: float,
+    J: float,
+) -> Exercised:
+    """Look at a recording; all arrays (n,) finite, percent; ``sigma`` is the noise of MV.
+
+    S and J are those of the base fit, percent.
+    """
+    moving = moving_stem(simulated, interval_s)
+    ends, lengths = rests(moving)
+    jumps = slips(mv, op, sigma)
+    pairs = [
+        (int(np.sum(sizes > 0.0)), int(np.sum(sizes < 0.0)))
+        for sizes in (jumps.sizes, slips(simulated, op, SLIP_NOISE).sizes)
+    ]
+    seen = np.diff(jumps.begins) * interval_s
+    return Exercised(
+        duration_s=float(np.count_nonzero(scored)) * interval_s,
+        travel=swing(mv[scored]) if scored.any() else 0.0,
+        moves=_moves(mv, simulated, sigma),
+        slips=(max(p[0] for p in pairs), max(p[1] for p in pairs)),
+        quick=(_quick(op, interval_s), _quick(-op, interval_s)),
+        openings=_events(_rise(op, OPENING_S, interval_s) >= OPENING_PERCENT),
+        restarts=max(_restarts(simulated, ends, lengths), _further_jumps(mv, jumps, sigma)),
+        slow_s=_slow(op, interval_s),
+        resting_s=float(np.count_nonzero(~moving)) * interval_s,
+        rests=np.concatenate((lengths * interval_s, seen)),
+        passes=_passes(mv, sigma),
+        at_low=_at_end(-op, -mv, sigma, S, J),
+        at_high=_at_end(op, mv, sigma, S, J),
+    )
+
+
+def _restarts(simulated: Floats, ends: NDArray[np.int64], lengths: NDArray[np.int64]) -> int:
+    """Rests of the simulated stem after which it goes on the way it came."""
+    way = np.sign(np.diff(simulated, prepend=simulated[:1]))
+    return int(np.sum(way[np.maximum(ends - lengths - 1, 0)] * way[ends] > 0.0))
+
+
+def _further_jumps(mv: Floats, jumps: Slips, sigma: float) -> int:
+    """Jumps of the recorded stem from where the jump before left it, in the same direction."""
+    begins, sizes = jumps.begins, jumps.sizes
+    between = np.abs(mv[begins[1:]] - (mv[begins[:-1]] + sizes[:-1]))
+    rested = between < max(8.0 * sigma, 0.3)
+    return int(np.sum(rested & (sizes[1:] * sizes[:-1] > 0.0)))
+
+
+def _moves(mv: Floats, simulated: Floats, sigma: float) -> tuple[int, int]:
+    """Moves rising and falling between turns that noise does not make."""
+    counts = []
+    for stem, noise in ((mv, sigma), (simulated, 0.0)):
+        turns = reversals(stem, max(8.0 * noise, 0.3))
+        points = stem[np.concatenate(([0], turns, [stem.size - 1]))]
+        way = np.diff(points)
+        large = np.abs(way) >= max(8.0 * noise, 0.3)
+        counts.append((int(np.sum(large & (way > 0.0))), int(np.sum(large & (way < 0.0)))))
+    return max(c[0] for c in counts), max(c[1] for c in counts)
+
+
+def _rise(op: Floats, window_s: float, interval_s: float) -> Floats:
+    """(m,) net rise of OP over a window, percent."""
+    lag = min(max(round(window_s / interval_s), 1), op.size - 1)
+    return np.asarray(op[lag:] - op[:-lag])
+
+
+def _events(flags: Bools) -> int:
+    """Runs of True."""
+    return int(np.count_nonzero(np.diff(np.concatenate(([0], flags.astype(np.int8)))) == 1))
+
+
+def _quick(op: Floats, interval_s: float) -> int:
+    """Stretches in which OP rises quickly, by more than its own scatter."""
+    rise = _rise(op, QUICK_S, interval_s)
+    return _events(rise >= QUICK_PERCENT_PER_S * max(QUICK_S, interval_s))
+
+
+def _slow(op: Floats, interval_s: float) -> float:
+    """Seconds in which OP creeps one way: its net speed over 20 s is small and not nothing."""
+    speed = np.abs(_rise(op, SLOW_S, interval_s)) / max(SLOW_S, interval_s)
+    low, high = SLOW_PERCENT_PER_S
+    return float(np.count_nonzero((speed > low) & (speed < high))) * interval_s
+
+
+def _passes(mv: Floats, sigma: float) -> int:
+    """The most often that the stem crossed any of eleven places of its travel."""
+    turns: NDArray[np.int64] = reversals(mv, max(8.0 * sigma, 0.3))
+    points = mv[np.concatenate(([0], turns, [mv.size - 1]))]
+    low, high = np.percentile(mv, (1.0, 99.0))
+    places = np.linspace(low, high, BANDS + 1)[1:-1, None]
+    crossed = (points[:-1] < places) != (points[1:] < places)
+    return int(crossed.sum(axis=1).max())
+
+
+def _at_end(op: Floats, mv: Floats, sigma: float, S: float, J: float) -> bool:
+    """True where MV stands at its upper end while OP goes on by more than friction explains.
+
+    Friction holds the stem up to ``(S + J)/2`` from its command. A fit that took a stop for
+    friction has too large an S, so what OP - MV reaches elsewhere counts where it is smaller.
+    """
+    near = mv >= float(np.percentile(mv, 99.5)) - max(4.0 * sigma, 0.3)
+    if np.count_nonzero(near) < 10 or np.all(near):
+        return False
+    beyond = float(np.percentile((op - mv)[near], 98.0))
+    # The stem's own band about the command, without what a shifted reading adds to both sides.
+    low, high = np.percentile((op - mv)[~near], (5.0, 95.0))
+    centre, half = 0.5 * (low + high), 0.5 * float(high - low)
+    return bool(beyond - centre > min(0.5 * (S + J), half) + max(3.0 * sigma, 0.15))
+
+
+PHYSICS = (
+    "actuator_lag",
+    "asymmetric_lag",
+    "dead_time",
+    "rate_limit",
+    "asymmetric_rate_limit",
+    "asymmetric_slip",
+    "position_dependent_friction",
+    "zero_shift",
+    "span_error",
+    "lost_motion",
+    "travel_stop",
+    "underdamped_positioner",
+    "viscous_drag",
+    "low_speed_restick",
+    "flow_force",
+    "sensor_drift",
+    "growing_stiction",
+    "dwell_dependent_breakaway",
+    "stem_creep",
+    "supply_sag",
+)
+_QUICK_EFFECTS = (
+    "actuator_lag",
+    "asymmetric_lag",
+    "dead_time",
+    "viscous_drag",
+    "underdamped_positioner",
+)
+
+SLOWEST_SAMPLING_S = 5.0  # at which an effect of a few seconds leaves a trace
+LEAST_MOVES = 2
+LEAST_SLIPS = 3  # each way, for their sizes to be compared at all
+LEAST_QUICK = 1
+LEAST_OPENINGS = 2
+SPAN_TRAVEL, FLOW_TRAVEL, FRICTION_TRAVEL = 6.0, 15.0, 3.0  # percent of travel
+LEAST_PASSES = 4
+LEAST_RESTARTS = 2
+LEAST_SLOW_S = 60.0
+LEAST_RESTING_S = 60.0
+LEAST_RESTS, REST_SPREAD = 4, 2.0  # count, and longest to shortest
+LEAST_DURATION_S = 840.0  # a quarter of an hour, less the first minute
+
+NO_POSITION = (
+    "the recording holds no valve position, and what the stem does cannot be told from OP and PV"
+)
+
+
+def audit(
+    op: Floats,
+    mv: Floats | None,
+    simulated: Floats | None,
+    scored: Bools,
+    interval_s: float,
+    sigma: float,
+    S: float,
+    J: float,
+    spacing_s: float = 0.0,
+) -> dict[str, str]:
+    """Slugs of physics effects that cannot be tested here, each with its reason, a clause.
+
+    ``op``, ``mv`` and the base simulation (n,), finite, in percent; ``sigma`` the noise of MV; S
+    and J of the base fit; ``spacing_s`` how far apart true samples are, where that is more than the
+    interval (``RecordSettled.spacing_s``). Without a position nothing of the valve can be tested.
+    """
+    if mv is None or simulated is None:
+        return dict.fromkeys(PHYSICS, NO_POSITION)
+    seen = exercised(op, mv, simulated, scored, interval_s, sigma, S, J)
+    refused = dict(_sampling(max(interval_s, spacing_s)))
+    for rule in _RULES:
+        for slug, reason in rule(seen):
+            refused.setdefault(slug, reason)
+    return refused
+
+
+Refusals = Iterator[tuple[str, str]]
+
+
+def _sampling(spacing_s: float) -> Refusals:
+    """Effects of a few seconds between samples that are further apart."""
+    if spacing_s > SLOWEST_SAMPLING_S:
+        reason = (
+            f"the samples are {spacing_s:g} s apart, and an effect of a few seconds falls "
+            f"between them; record every {SLOWEST_SAMPLING_S:g} s or faster"
+        )
+        yield from ((slug, reason) for slug in _QUICK_EFFECTS)
+
+
+def _untested_moves(seen: Exercised) -> Refusals:
+    """Effects that show while the stem moves, in one direction or in both."""
+    up, down = seen.moves
+    if up + down < LEAST_MOVES:
+        reason = f"the stem moved only {times(up + down)}, and this shows while it moves"
+        for slug in (*_QUICK_EFFECTS, "zero_shift", "lost_motion", "low_speed_restick"):
+            yield slug, reason
+    if min(up, down) < 1:
+        way = "rose" if up < down else "fell"
+        reason = f"the stem {way} only {times(min(up, down))}, so its directions cannot be compared"
+        yield from ((slug, reason) for slug in ("asymmetric_lag", "asymmetric_rate_limit"))
+
+
+def _speeds(seen: Exercised) -> Refusals:
+    """Effects that need quick moves or large openings of the command."""
+    up, down = seen.quick
+    reason = (
+        f"OP moved faster than {QUICK_PERCENT_PER_S:g} %/s over 5 s only {times(up + down)}; a "
+        "slower command never meets the valve's top speed"
+    )
+    if up + down < LEAST_QUICK:
+        yield "rate_limit", reason
+        yield "asymmetric_rate_limit", reason
+    if seen.openings < LEAST_OPENINGS:
+        yield (
+            "supply_sag",
+            f"OP opened by {OPENING_PERCENT:g} % within {OPENING_S:g} s only "
+            f"{times(seen.openings)}; the air supply was never drawn on",
+        )
+    if seen.slow_s < LEAST_SLOW_S:
+        yield (
+            "low_speed_restick",
+            f"OP crept slower than 0.25 %/s for only {seen.slow_s:.0f} s; stepping along slow "
+            "ramps cannot show without them",
+        )
+
+
+def _slips(seen: Exercised) -> Refusals:
+    """Effects that compare slips with one another."""
+    up, down = seen.slips
+    if min(up, down) < LEAST_SLIPS:
+        yield (
+            "asymmetric_slip",
+            f"the stem slipped {times(up)} rising and {times(down)} falling; their sizes can be "
+            f"compared from {LEAST_SLIPS} each way",
+        )
+    if seen.restarts < LEAST_RESTARTS:
+        yield (
+            "lost_motion",
+            f"the stem started again in the same direction only {times(seen.restarts)}; at full "
+            "reversals play cannot be told from a smaller jump (do a staircase test)",
+        )
+    rests = seen.rests
+    spread = float(np.divide(*np.percentile(rests, (95.0, 5.0)))) if rests.size else 1.0
+    if rests.size < LEAST_RESTS or spread < REST_SPREAD:
+        yield (
+            "dwell_dependent_breakaway",
+            f"the stem rested {times(rests.size)}, the long rests {spread:.1f} times as long as "
+            f"the short ones; at least {LEAST_RESTS} rests that differ {REST_SPREAD:g}-fold are "
+            "needed",
+        )
+
+
+def _travel(seen: Exercised) -> Refusals:
+    """Effects that need a part of the stroke, passes through it, or its ends."""
+    for slug, least in (
+        ("span_error", SPAN_TRAVEL),
+        ("flow_force", FLOW_TRAVEL),
+        ("position_dependent_friction", FRICTION_TRAVEL),
+    ):
+        if seen.travel < least:
+            yield (
+                slug,
+                f"the stem covered only {seen.travel:.1f} % of its travel; {least:g} % are needed",
+            )
+    if seen.passes < LEAST_PASSES:
+        yield (
+            "position_dependent_friction",
+            f"the stem passed no place of its travel more than {times(seen.passes)}; "
+            f"{LEAST_PASSES} passes are needed to tell the place from the time",
+        )
+    if not (seen.at_low or seen.at_high):
+        yield (
+            "travel_stop",
+            "the position never stood still at an end of its range while OP went on by more than "
+            "friction explains; a stop further out was not reached",
+        )
+
+
+def _time(seen: Exercised) -> Refusals:
+    """Effects that need a long record, or long rests."""
+    if seen.duration_s < LEAST_DURATION_S:
+        reason = (
+            f"the recording has {seen.duration_s / 60:.0f} minutes; a slow change needs a quarter "
+            "of an hour at least"
+        )
+        yield "sensor_drift", reason
+        yield "growing_stiction", reason
+    if sum(seen.moves) <= LEAST_MOVES:
+        yield (
+            "growing_stiction",
+            f"the stem moved only {times(sum(seen.moves))}, too seldom to compare early with late",
+        )
+    if seen.resting_s < LEAST_RESTING_S:
+        yield (
+            "stem_creep",
+            f"the stem rested for only {seen.resting_s:.0f} s, and creep shows at rest",
+        )
+
+
+_RULES: tuple[Callable[[Exercised], Refusals], ...] = (
+    _untested_moves,
+    _speeds,
+    _slips,
+    _travel,
+    _time,
+)

@@ -1,0 +1,241 @@
+"""What recorder and archive did to the numbers, settled before any physics is named.
+
+A frozen reading looks like a sticking stem and drawn lines look like a dead time; here they are
+recognised by the bits alone, and the samples that were never measured are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.forensics import noise_sigma, quantum, repeat_share
+from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, held_reports
+from stemwatch.models.mismatch.findings import RecordEffect
+from stemwatch.models.mismatch.frozen import frozen_samples
+from stemwatch.models.recording import Bools, Floats, Recording, Role
+from stemwatch.models.words import share
+
+LEAST_CHANGES = 30
+ON_TIME = 0.98  # share of the changes that fall on the refresh
+LONGEST = 120  # samples between refreshes
+
+
+def refresh_period(values: Floats) -> tuple[int, int]:
+    """Samples between refreshes of a signal (n,), and the first of them: (1, 0) where it may change
+    at any sample.
+
+    The longest period on which at least 98 % of its changes fall, from at least 30 changes.
+    """
+    changes = np.flatnonzero(np.abs(np.diff(values)) > 0.0) + 1
+    if changes.size < LEAST_CHANGES:
+        return 1, 0
+    for period in range(min(LONGEST, values.size // LEAST_CHANGES), 1, -1):
+        place, share = _favourite(changes, period)
+        if share >= ON_TIME:
+            return period, place
+    return 1, 0
+
+
+def _favourite(changes: NDArray[np.int64], period: int) -> tuple[int, float]:
+    """The phase of a period at which most changes fall, and their share."""
+    counts = np.bincount(changes % period, minlength=period)
+    place = int(counts.argmax())
+    return place, float(counts[place] / changes.size)
+
+
+COARSE_PERCENT = 0.1  # a finer step of a recorder is not worth a word
+COARSE_REPEATS = 0.1  # share of repeats from which a step is seen
+MOST_REPEATS = 0.93
+MOST_JITTER = 0.1  # of the interval
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordSettled:
+    """The record effects, and what is left to score a model on.
+
+    ``real`` (n,) is True where MV was measured: stored points only where the archive drew lines or
+    held reports, and no frozen sample. ``sigma_floor`` is the least noise of MV that the recorder's
+    steps leave, percent: ``step / sqrt(12)``, or ``deviation / sqrt(3)`` of held reports.
+    ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
+    averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
+    drew may lie from the one it dropped, percent, and 0 at all others.
+    """
+
+    effects: tuple[RecordEffect, ...]
+    real: Bools
+    sigma_floor: float
+    spacing_s: float
+    slack: Floats
+
+
+def settle(recording: Recording) -> RecordSettled:
+    """Find quantisation, historian compression, sampling jitter and frozen readings.
+
+    Takes the recording as it was read, before anything is masked. Without MV only what the clock
+    and OP show is found.
+    """
+    op = recording.op.values
+    mv = recording.mv.values if recording.mv is not None else np.full(op.size, np.nan)
+    real = np.isfinite(mv)
+    # What an archive drew or held says nothing about freezing or steps, so it comes first.
+    of_mv = _thinned(mv, op)
+    of_op = drawn_lines(op, mv) if of_mv is not None or _automatic(recording) else None
+    stored = of_mv.stored if of_mv is not None else real
+    frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None)
+    step = _coarse_step(mv[stored & ~frozen])
+    op_step = _coarse_step(op[of_op.stored] if of_op is not None else op)
+    period, fresh = _refreshed(recording)
+    spacing_s = period * recording.interval_s
+    door = of_mv.deviation if of_mv is not None and not of_mv.held else 0.0
+    found = (
+        _quantisation(step, op_step),
+        _compression(of_mv, of_op),
+        _jitter(recording, spacing_s),
+        _freezing(frozen, recording.interval_s),
+    )
+    deviation = of_mv.deviation if of_mv is not None and of_mv.held else 0.0
+    return RecordSettled(
+        effects=tuple(effect for effect in found if effect is not None),
+        real=np.asarray(real & stored & ~frozen & fresh),
+        sigma_floor=float(max(step / np.sqrt(12.0), deviation / np.sqrt(3.0))),
+        spacing_s=spacing_s,
+        slack=np.where(real & ~stored & ~frozen, door, 0.0),
+    )
+
+
+def _thinned(values: Floats, other: Floats) -> StoredPoints | None:
+    """What the archive kept of a signal, or ``None`` where nothing says that it dropped any."""
+    lines = drawn_lines(values, other)
+    return lines if lines is not None else held_reports(values, other)
+
+
+def _automatic(recording: Recording) -> bool:
+    """True where the loop is known to have been in automatic: a hand draws straight lines too."""
+    mode = recording.get(Role.MODE)
+    known = mode.values[np.isfinite(mode.values)] if mode is not None else np.zeros(0)
+    return bool(known.size and np.all(known > 0.0))
+
+
+def _coarse_step(values: Floats) -> float:
+    """The recorder's step in percent where it is coarse enough to be seen, else 0."""
+    step, repeats = quantum(values), repeat_share(values)
+    # Round numbers that an operator set by hand, seldom, are no property of the recorder.
+    seen = step >= COARSE_PERCENT and COARSE_REPEATS <= repeats <= MOST_REPEATS
+    return step if seen and noise_sigma(values) <= 2.0 * step else 0.0
+
+
+def _quantisation(step: float, op_step: float) -> RecordEffect | None:
+    """Steps of the position's or the command's recorder."""
+    if not step and not op_step:
+        return None
+    said, parameters = [], {}
+    if step:
+        said.append(f"the position in steps of {step:.2g} %")
+        parameters["step_percent"] = step
+    if op_step:
+        said.append(f"OP in steps of {op_step:.2g} %")
+        parameters["op_step_percent"] = op_step
+    return RecordEffect(
+        slug="quantisation",
+        sentence=(
+            f"The recorder stores {' and '.join(said)}: nothing finer can be seen, and the "
+            "noise is taken to be at least that of the rounding."
+        ),
+        parameters=parameters,
+    )
+
+
+def _compression(of_mv: StoredPoints | None, of_op: StoredPoints | None) -> RecordEffect | None:
+    """Points that the historian dropped, and what it put in their place."""
+    said, parameters = [], {}
+    for drawn, name, prefix in ((of_mv, "position", ""), (of_op, "OP", "op_")):
+        if drawn is None:
+            continue
+        how = "held the last between them" if drawn.held else "drew straight lines between them"
+        said.append(f"of {name} the historian stored {share(drawn.kept)} of the samples and {how}")
+        parameters[f"{prefix}kept_share"] = drawn.kept
+        if drawn.held:
+            parameters[f"{prefix}deviation_percent"] = drawn.deviation
+    if not said:
+        return None
+    text = "; ".join(said)
+    drawn_mv = of_mv is not None and not of_mv.held
+    bound = " and held to the lines within the archive's deviation" if drawn_mv else ""
+    advice = f"A model is scored on the stored samples{bound}; export with compression off."
+    return RecordEffect(
+        slug="historian_compression",
+        sentence=f"{text[0].upper()}{text[1:]}. {advice}",
+        parameters=parameters,
+    )
+
+
+def _refreshed(recording: Recording) -> tuple[int, Bools]:
+    """Samples between refreshes, and (n,) where MV was refreshed.
+
+    Where MV itself changes at the refreshes only, or OP and PV both do: a controller may scan
+    slowly, but nothing holds the process.
+    """
+    everywhere = np.ones(len(recording), dtype=bool)
+    if recording.mv is not None:
+        period, place = refresh_period(recording.mv.values)
+        if period > 1:
+            return period, np.arange(len(recording)) % period == place
+    pv = recording.get(Role.PV)
+    if pv is not None:
+        refreshes = {refresh_period(signal.values) for signal in (recording.op, pv)}
+        if len(refreshes) == 1:
+            return refreshes.pop()[0], everywhere
+    return 1, everywhere
+
+
+def _jitter(recording: Recording, spacing_s: float) -> RecordEffect | None:
+    """A clock whose steps are uneven by more than a tenth of the interval, or values that are
+    refreshed less often than they are recorded."""
+    clock, interval_s = recording.clock, recording.interval_s
+    said, parameters = [], {}
+    if spacing_s > interval_s:
+        said.append(
+            f"the values change only every {spacing_s:g} s though there is one every "
+            f"{interval_s:g} s: they are averages, or were scanned slowly"
+        )
+        parameters["spacing_s"] = spacing_s
+    if clock.jitter_s > MOST_JITTER * interval_s:
+        said.append(
+            f"the samples are not evenly spaced: their steps scatter by {clock.jitter_s:.2g} s "
+            f"about {interval_s:g} s"
+        )
+        parameters["jitter_s"] = clock.jitter_s
+    if not said:
+        return None
+    text = "; ".join(said)
+    return RecordEffect(
+        slug="sampling_jitter",
+        sentence=f"{text[0].upper()}{text[1:]}, so nothing quicker than that can be told.",
+        parameters=parameters,
+    )
+
+
+def _freezing(frozen: Bools, interval_s: float) -> RecordEffect | None:
+    """Stretches in which the position reading stood still to the last bit."""
+    count = int(np.count_nonzero(frozen))
+    if not count:
+        return None
+    runs = int(np.count_nonzero(np.diff(np.concatenate(([0], frozen.astype(np.int8)))) == 1))
+    seconds = count * interval_s
+    stretches = "one stretch" if runs == 1 else f"{runs} stretches"
+    return RecordEffect(
+        slug="frozen_signal",
+        sentence=(
+            f"The position reading was frozen for {seconds:.0f} s in {stretches} "
+            f"({share(count / frozen.size)} of the record), which is left out: check the "
+            "transmitter and its path to the historian."
+        ),
+        parameters={
+            "frozen_s": seconds,
+            "frozen_share": count / frozen.size,
+            "stretches": float(runs),
+        },
+    )

@@ -1,0 +1,341 @@
+"""Which terms explain what the base leaves: screened, refined, guarded, and no more than needed.
+
+A term enters a hypothesis where it predicts blocks of time that it was not fitted to better than
+the hypothesis without it, by more than recordings with nothing hidden ever show (``limits``), and
+where it is large enough to matter. The simpler of two that are as good is taken. Then the next one
+is looked for on top of it, three at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.mismatch import dwell
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.base_fit import BaseFit
+from stemwatch.models.mismatch.batched_search import Search, conclude, together
+from stemwatch.models.mismatch.crossfit import (
+    CAREFUL,
+    LOOK,
+    POLISH,
+    Fitted,
+    again,
+    better,
+    crossfit,
+    gain,
+    own_losses,
+    ranked,
+    scored,
+    widened,
+)
+from stemwatch.models.mismatch.evaluator import Evaluator, TermSet
+from stemwatch.models.mismatch.starting_points import beginnings
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.fit import Advantage
+
+MOST_TERMS = 3
+PLAY = "lost_motion"
+LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3
+REFINED = 6  # candidates of a stage that are searched with care
+PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
+AS_GOOD = 1.5  # paired t below which two explanations cannot be told apart
+ATTEMPTS = 2
+MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
+NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
+
+
+@dataclass(frozen=True)
+class TermScore:
+    """One more term on top of what was accepted before."""
+
+    term: Term
+    fitted: Fitted
+    advantage: Advantage
+
+    @property
+    def slug(self) -> str:
+        return self.term.slug
+
+    @property
+    def values(self) -> Floats:
+        """(k,) the term's coordinates, the mean of both folds."""
+        return np.asarray(self.fitted.values(self.slug).mean(axis=0))
+
+
+@dataclass(frozen=True)
+class SelectionStage:
+    """One round: what stood before, the scores of all terms on top of it, best first, and those
+    accepted as explaining it, the chosen one first."""
+
+    before: Fitted
+    scores: tuple[TermScore, ...]
+    accepted: tuple[TermScore, ...]
+
+
+@dataclass(frozen=True)
+class Needed:
+    """A term of the final hypothesis: the stage that brought it, the best fit that lacks it, and
+    how much better unseen blocks are predicted with it."""
+
+    stage: SelectionStage
+    without: Fitted
+    advantage: Advantage
+    events: dwell.Dwelling | None = None  # that told it, where the trajectories did not
+
+    @property
+    def term(self) -> Term:
+        return self.stage.accepted[0].term
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        return tuple(one.slug for one in self.stage.accepted)
+
+
+@dataclass(frozen=True)
+class Named:
+    """The hypothesis that was reached, what it needs, and the stages on the way to it."""
+
+    evaluator: Evaluator
+    base: Fitted
+    fitted: Fitted
+    needed: tuple[Needed, ...]
+    stages: tuple[SelectionStage, ...]
+
+
+def screened(
+    evaluator: Evaluator, simple: Fitted, terms: Iterable[Term]
+) -> Search[list[TermScore]]:
+    """Every term on top of ``simple``, best first."""
+    found = yield from together(_looked_at(evaluator, simple, term) for term in terms)
+    return _ordered(found)
+
+
+def _looked_at(evaluator: Evaluator, simple: Fitted, term: Term) -> Search[TermScore]:
+    """A first look at one term on top of ``simple``."""
+    rich = simple.layout.hypothesis.plus(term)
+    own = own_losses(evaluator, simple)
+    fitted = yield from crossfit(
+        evaluator, evaluator.layout(rich), _starts(evaluator, simple, term, rich), LOOK, own
+    )
+    plain = yield from neutral(evaluator, simple, rich)
+    fitted = better(evaluator, plain, fitted)
+    return TermScore(term, fitted, gain(evaluator, simple, fitted))
+
+
+def _starts(evaluator: Evaluator, simple: Fitted, term: Term, rich: TermSet) -> Floats:
+    """(m, size) where the search for one more term begins."""
+    middle = simple.candidates.mean(axis=0)
+    S, J = (
+        float(middle[base_coordinate.S_PERCENT]),
+        float(middle[base_coordinate.S_PERCENT] * middle[base_coordinate.RATIO]),
+    )
+    return widened(evaluator, rich, simple, term, beginnings(term, S, J))
+
+
+def _ordered(scores: Iterable[TermScore]) -> list[TermScore]:
+    return sorted(scores, key=lambda score: -score.advantage.mean)
+
+
+def neutral(evaluator: Evaluator, simple: Fitted, rich: TermSet) -> Search[Fitted]:
+    """``simple`` written in the coordinates of ``rich``, its new terms neutral."""
+    layout = evaluator.layout(rich)
+    candidates = np.zeros((2, layout.size))
+    candidates[:, : base_coordinate.N_BASE] = simple.candidates[:, : base_coordinate.N_BASE]
+    for slug, place in simple.layout.places.items():
+        candidates[:, layout.places[slug]] = simple.candidates[:, place]
+    if (
+        base_coordinate.DEAD_TIME in layout.places
+        and base_coordinate.DEAD_TIME not in simple.layout.places
+    ):
+        candidates[:, layout.places[base_coordinate.DEAD_TIME]] = simple.candidates[
+            :, [base_coordinate.DELAY]
+        ]
+    fitted = yield from scored(layout, layout.bounds.clip(candidates))
+    return fitted
+
+
+def reduced(evaluator: Evaluator, rich: Fitted, simple: TermSet) -> Floats:
+    """(2, size) the candidates of ``rich`` in the coordinates of ``simple``."""
+    layout = evaluator.layout(simple)
+    candidates = np.zeros((2, layout.size))
+    candidates[:, : base_coordinate.N_BASE] = rich.candidates[:, : base_coordinate.N_BASE]
+    for slug, place in layout.places.items():
+        candidates[:, place] = rich.candidates[:, rich.layout.places[slug]]
+    if (
+        base_coordinate.DEAD_TIME in rich.layout.places
+        and base_coordinate.DEAD_TIME not in layout.places
+    ):
+        candidates[:, [base_coordinate.DELAY]] = rich.candidates[
+            :, rich.layout.places[base_coordinate.DEAD_TIME]
+        ]
+    return layout.bounds.clip(candidates)
+
+
+def refined(
+    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term]
+) -> Search[tuple[Fitted, list[TermScore]]]:
+    """All ``terms`` on top of ``simple``, the best of them searched with care, and ``simple``
+    restarted from each of these.
+
+    A local minimum of the simple hypothesis is the commonest false discovery: where a restart
+    finds a better one, everything is done once more from there.
+    """
+    for _ in range(ATTEMPTS):
+        looked = yield from screened(evaluator, simple, terms)
+        promising = [one for one in looked[:REFINED] if one.advantage.mean >= PROMISING]
+        careful = yield from together(_careful(evaluator, simple, one) for one in promising)
+        scores = [*careful, *looked[len(promising) :]]
+        restarted = yield from _restarted(evaluator, simple, scores[:REFINED])
+        moved = gain(evaluator, simple, restarted).mean
+        simple = restarted
+        if moved < MOVED:
+            break
+    nested = yield from together(_nested(evaluator, simple, one) for one in scores)
+    return simple, _ordered(nested)
+
+
+def _careful(evaluator: Evaluator, simple: Fitted, one: TermScore) -> Search[TermScore]:
+    """A score searched with care.
+
+    The first look began from the best starts; this also begins from those that come next.
+    """
+    layout = one.fitted.layout
+    starts = _starts(evaluator, simple, one.term, layout.hypothesis)
+    even, odd = yield from ranked(evaluator, layout, starts)
+    more = [
+        np.vstack((a.candidate, b.candidate))
+        for a, b in zip(even[LOOK.keep :], odd[LOOK.keep :], strict=True)
+    ]
+    fitted = yield from again(evaluator, one.fitted, CAREFUL, *more[: CAREFUL.keep - 1])
+    return TermScore(one.term, fitted, one.advantage)
+
+
+def _restarted(evaluator: Evaluator, simple: Fitted, scores: Sequence[TermScore]) -> Search[Fitted]:
+    """``simple`` searched again from where richer hypotheses have led."""
+    if not scores:
+        return simple
+    restarts = [reduced(evaluator, one.fitted, simple.layout.hypothesis) for one in scores]
+    fitted = yield from again(evaluator, simple, CAREFUL, *restarts)
+    fitted = yield from again(evaluator, fitted, POLISH)
+    return fitted
+
+
+def _nested(evaluator: Evaluator, simple: Fitted, one: TermScore) -> Search[TermScore]:
+    """A score against what ``simple`` has become; a richer hypothesis contains it."""
+    plain = yield from neutral(evaluator, simple, one.fitted.layout.hypothesis)
+    fitted = better(evaluator, plain, one.fitted)
+    return TermScore(one.term, fitted, gain(evaluator, simple, fitted))
+
+
+def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
+    """True where the gain is beyond what nothing hidden shows, and the size matters."""
+    enough = convincing(score.advantage, evaluator.told, score.slug, stage)
+    return enough and _tells(score, evaluator) and score.term.material(score.values, evaluator.look)
+
+
+def _tells(score: TermScore, evaluator: Evaluator) -> bool:
+    """False for play behind a stem that does not jump: the two make one dead band, and which part
+    of it is friction cannot be told."""
+    if score.slug != PLAY:
+        return True
+    middle = score.fitted.candidates.mean(axis=0)
+    S, J = (
+        middle[base_coordinate.S_PERCENT],
+        middle[base_coordinate.S_PERCENT] * middle[base_coordinate.RATIO],
+    )
+    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.look.sigma, LEAST_JUMP_PERCENT))
+
+
+def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:
+    """The terms that explain the recording, the one to take first; those after it as good."""
+    passing = [one for one in scores if passes(one, evaluator, stage)]
+    if not passing:
+        return []
+    best = passing[0]
+    for simpler in passing[1:]:
+        if simpler.slug in best.term.contains and _nearly(evaluator, simpler, best):
+            best = simpler
+            break
+    rivals = [one for one in passing if one is not best and _as_good(evaluator, one, best)]
+    return [best, *rivals]
+
+
+def _nearly(evaluator: Evaluator, simple: TermScore, rich: TermScore) -> bool:
+    """True where the richer term is not clearly better than the simpler one that it contains."""
+    more = gain(evaluator, simple.fitted, rich.fitted)
+    return more.mean < NEARLY or more.t < 1.0
+
+
+def _as_good(evaluator: Evaluator, rival: TermScore, best: TermScore) -> bool:
+    return gain(evaluator, rival.fitted, best.fitted).t < AS_GOOD
+
+
+def name(base: BaseFit, terms: Sequence[Term]) -> Named:
+    """Build the hypothesis up from the base with the ``terms`` that the recording can show."""
+    evaluator, simple = base.evaluator, base.fitted
+    left = list(terms)
+    stages: list[SelectionStage] = []
+    first = simple
+    for stage in range(MOST_TERMS):
+        simple, scores = conclude(evaluator, refined(evaluator, simple, left))
+        if stage == 0:
+            first = simple
+        found = accepted(evaluator, scores, stage)
+        stages.append(SelectionStage(simple, tuple(scores), tuple(found)))
+        if not found:
+            break
+        simple = conclude(evaluator, again(evaluator, found[0].fitted, POLISH))
+        left = [term for term in left if term.slug != found[0].slug]
+    fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
+    if not needed:
+        fitted, needed = told_by_events(evaluator, fitted, terms)
+    return Named(
+        evaluator=evaluator, base=first, fitted=fitted, needed=tuple(needed), stages=tuple(stages)
+    )
+
+
+def told_by_events(
+    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term]
+) -> tuple[Fitted, list[Needed]]:
+    """Dwell, where no trajectory needs a term but the breakaways together show it."""
+    term = next((term for term in terms if term.slug == dwell.SLUG), None)
+    seen = dwell.dwelling(evaluator, simple) if term is not None else None
+    if term is None or seen is None or not seen.convincing:
+        return simple, []
+    plain = conclude(evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term)))
+    fitted = dwell.begun(evaluator, plain, seen)
+    score = TermScore(term, fitted, gain(evaluator, simple, fitted))
+    return fitted, [
+        Needed(SelectionStage(simple, (score,), (score,)), simple, score.advantage, seen)
+    ]
+
+
+def pruned(
+    evaluator: Evaluator, fitted: Fitted, stages: list[SelectionStage]
+) -> tuple[Fitted, list[Needed]]:
+    """Drop each term, first come first, that is no longer needed now that the later ones are there.
+
+    The first term of two has often stood in for both.
+    """
+    if len(stages) == 1:
+        only = stages[0]
+        return fitted, [Needed(only, only.before, gain(evaluator, only.before, fitted))]
+    needed: list[Needed] = []
+    for stage in stages:
+        lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)
+        layout = evaluator.layout(lacking)
+        begun = conclude(evaluator, scored(layout, reduced(evaluator, fitted, lacking)))
+        without = conclude(evaluator, again(evaluator, begun, CAREFUL))
+        advantage = gain(evaluator, without, fitted)
+        if convincing(advantage, evaluator.told, stage.accepted[0].slug, 1):
+            needed.append(Needed(stage, without, advantage))
+        else:
+            fitted = without
+    if len(needed) == 1:
+        return pruned(evaluator, fitted, [needed[0].stage])
+    return fitted, needed

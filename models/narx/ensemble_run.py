@@ -1,0 +1,73 @@
+"""Running an ensemble over a record: plan, kernel, and back to MV's unit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.kernel import free_run
+from stemwatch.models.narx.network import EDGE, NarxNetwork
+from stemwatch.models.narx.run_plan import CODES, Plan, plan_run
+from stemwatch.models.narx.scaling import believable, limits, scale
+from stemwatch.models.recording import Bools, Floats
+
+
+def run(
+    network: NarxNetwork,
+    op: Floats,
+    y0: float | Floats,
+    usable: Bools | None,
+    horizon: int | None,
+) -> Floats:
+    """See ``NarxNetwork.free_run``."""
+    op, mv = np.asarray(op, dtype=np.float64), np.asarray(y0, dtype=np.float64)
+    single = mv.ndim == 0
+    mv = np.full(op.shape, mv) if single else mv
+    if op.ndim != 1 or op.shape != mv.shape:
+        raise ValueError(f"op and MV of one length expected, received {op.shape} and {mv.shape}")
+    usable = usable_samples(op, mv, usable)
+    if single and (horizon is not None or not usable.all()):
+        raise ValueError(
+            f"{int(np.sum(~usable))} of {op.size} samples are unusable or a horizon was asked for, "
+            "and after those the run must start again from a measurement: give the measured MV "
+            "instead of one opening"
+        )
+    op, mv = (np.where(usable, signal, np.nan) for signal in (op, mv))
+    return run_plan(network, op, mv, plan_run(usable, horizon))
+
+
+def usable_samples(op: Floats, mv: Floats, usable: Bools | None) -> Bools:
+    """(n,) where both signals are numbers of a believable size and the caller does not object."""
+    usable = np.ones(op.shape, dtype=np.bool_) if usable is None else np.asarray(usable, np.bool_)
+    if usable.shape != op.shape:
+        raise ValueError(f"usable of shape {op.shape} expected, received {usable.shape}")
+    return believable(op, mv, usable)
+
+
+def run_plan(network: NarxNetwork, op: Floats, mv: Floats, plan: Plan) -> Floats:
+    """(n,) mean over the members of the run that ``plan`` describes, in MV's unit."""
+    command = driven(op, network.interval_s, network.actuator)
+    signals = scale(command, mv, network.scaling, network.ranges)
+    weights = flat(network)
+    out = np.full((network.members, op.size), np.nan)
+    free_run(
+        weights,
+        network.hidden_units,
+        signals.level,
+        signals.move,
+        signals.position,
+        plan,
+        CODES,
+        limits(network.ranges, network.scaling),
+        network.scaling["error_scale"] / network.scaling["change_scale"],
+        EDGE,
+        out,
+    )
+    scaled = np.mean(out, axis=0)
+    return np.asarray(network.scaling["mv_centre"] + network.scaling["error_scale"] * scaled)
+
+
+def flat(network: NarxNetwork) -> Floats:
+    """(m, p) weights in the order of the kernel: value, gate, hidden."""
+    hidden = network.weights["hidden"].reshape(network.members, -1)
+    return np.concatenate([network.weights["value"], network.weights["gate"], hidden], axis=1)

@@ -1,0 +1,86 @@
+"""What Levenberg-Marquardt asks of a batch: every network's normal matrix, on a CPU or elsewhere.
+
+On a CPU the kernel works through one network after the other, its runs side by side: no padding,
+and a trial that is worse is given up at the step that shows it. Elsewhere torch works on all of
+them at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from stemwatch.models.narx import kernel, sensitivities
+from stemwatch.models.narx.batch import blocks, bounds
+from stemwatch.models.narx.levenberg_marquardt import Normal
+from stemwatch.models.narx.network import EDGE
+from stemwatch.models.narx.run_plan import Indices, segments
+from stemwatch.models.narx.sensitivities import Block, Bounds, Weights
+from stemwatch.models.narx.training_record import TrainingRecord
+
+_Runs = tuple[Indices, Indices]
+
+
+def normal_of(
+    valves: Sequence[TrainingRecord], hidden: int, horizon: int, members: int, device: str
+) -> tuple[Normal, Tensor]:
+    """What ``descend`` needs of the training segments of ``horizon`` samples: the normal matrices
+    as a function of weights (B, P), and the samples (B,) in them.
+
+    Networks are ordered valve by valve, each valve's members together.
+    """
+    runs = [_longest_first(segments(valve.trained, horizon)) for valve in valves]
+    counts = [float(lengths.sum()) for _, lengths in runs for _ in range(members)]
+    samples = torch.tensor(counts, dtype=torch.float64, device=device)
+    if samples.device.type == "cpu":
+        return partial(_one_by_one, valves, runs, hidden, members), samples
+    limits = bounds(valves, members, device)
+    return partial(_together, blocks(valves, horizon, members, device), limits, hidden), samples
+
+
+def _longest_first(runs: _Runs) -> _Runs:
+    """Runs that go side by side in the kernel are then of about one length."""
+    starts, lengths = runs
+    order = np.argsort(-lengths, kind="stable")
+    return starts[order], lengths[order]
+
+
+def _together(pieces: list[Block], limits: Bounds, hidden: int, flat: Tensor, _: Tensor) -> Tensor:
+    return sensitivities.normal_matrix(pieces, Weights.split(flat, hidden), limits)
+
+
+def _one_by_one(
+    valves: Sequence[TrainingRecord],
+    runs: Sequence[_Runs],
+    hidden: int,
+    members: int,
+    flat: Tensor,
+    most: Tensor,
+) -> Tensor:
+    weights, bars = flat.numpy(), most.numpy()
+    size = weights.shape[1] + 1
+    matrices = np.zeros((weights.shape[0], size, size))
+    for at, matrix in enumerate(matrices):
+        valve = valves[at // members]
+        signals = valve.signals
+        whole = bars[at] > 0.0 and kernel.normal_matrix(
+            weights[at],
+            hidden,
+            signals.level,
+            signals.move,
+            signals.position,
+            runs[at // members],
+            valve.limits,
+            valve.ratio,
+            EDGE,
+            sensitivities.LIMIT,
+            float(bars[at]),
+            matrix,
+        )
+        if not whole:
+            matrix[:], matrix[-1, -1] = 0.0, np.inf
+    return torch.from_numpy(matrices)

@@ -1,0 +1,121 @@
+"""Whether a record can be trained on, and its signals made ready if it can."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.narx.actuator import NONE, driven
+from stemwatch.models.narx.example import NarxExample, NarxSettings
+from stemwatch.models.narx.run_plan import PlanStep, plan_run
+from stemwatch.models.narx.scaling import (
+    ScaledSignals,
+    believable,
+    fit_ranges,
+    fit_scaling,
+    limits,
+    scale,
+    stretched,
+)
+from stemwatch.models.recording import Bools, Floats
+
+# Five samples for each of 41 weights.
+_LEAST_TRAINED = 200
+_LEAST_JUDGED = 30
+_SMALLEST_SPAN = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingRecord:
+    """A record ready for training; ``trained`` and ``watched`` (n,) are disjoint.
+
+    ``op`` and ``mv`` (n,) are the example's, NaN where they are not ``usable``.
+    """
+
+    example: NarxExample
+    op: Floats
+    mv: Floats
+    usable: Bools
+    trained: Bools
+    watched: Bools
+    scaling: dict[str, float]
+    ranges: dict[str, tuple[float, float]]
+    signals: ScaledSignals
+
+    @property
+    def limits(self) -> tuple[float, float, float, float, float, float]:
+        return limits(self.ranges, self.scaling)
+
+    @property
+    def ratio(self) -> float:
+        return self.scaling["error_scale"] / self.scaling["change_scale"]
+
+
+def prepare(example: NarxExample, settings: NarxSettings) -> TrainingRecord | str:
+    """The record made ready, or the sentence that says why it cannot be trained on."""
+    usable = believable(example.op, example.mv, example.usable)
+    early = np.arange(usable.size) < example.train_until
+    reason = _objection(example, usable, early)
+    if reason is not None:
+        return reason
+    training = usable & early
+    op, mv = (np.where(usable, signal, np.nan) for signal in (example.op, example.mv))
+    actuator = example.start.actuator if example.start else NONE
+    command = driven(op, example.interval_s, actuator)
+    scaling = fit_scaling(command, mv, training, example.start)
+    ranges = fit_ranges(command, mv, training, scaling)
+    ranges["op"] = (float(op[training].min()), float(op[training].max()))
+    if example.start is not None:
+        ranges = stretched(ranges)
+    trained, watched = _split(training, settings.watched_share)
+    return TrainingRecord(
+        example=example,
+        op=op,
+        mv=mv,
+        usable=usable,
+        trained=trained,
+        watched=watched,
+        scaling=scaling,
+        ranges=ranges,
+        signals=scale(command, mv, scaling, ranges),
+    )
+
+
+def _objection(example: NarxExample, usable: Bools, early: Bools) -> str | None:
+    training, judging = usable & early, usable & ~early
+    for part, least, what in (
+        (training, _LEAST_TRAINED, "to train on"),
+        (judging, _LEAST_JUDGED, "held out to judge the network on"),
+    ):
+        found = int(np.sum(plan_run(part) == PlanStep.RUN))
+        if found < least:
+            return (
+                f"too few usable samples {what}: {found} with two usable ones before them, "
+                f"at least {least} needed; take a longer window"
+            )
+    if _still(example.op[training]):
+        return (
+            "OP never moves in the training part, so nothing can be learned of how the valve "
+            "follows; take a window in which the controller works the valve"
+        )
+    for part, where in ((training, "training"), (judging, "held-out")):
+        if _still(example.mv[part]):
+            return (
+                f"MV is constant in the {where} part: a valve that does not move at all, or a "
+                "frozen transmitter; check the position signal"
+            )
+    return None
+
+
+def _still(values: Floats) -> bool:
+    span = float(np.max(values) - np.min(values))
+    return span <= max(_SMALLEST_SPAN, 1e-9 * float(np.max(np.abs(values))))
+
+
+def _split(training: Bools, share: float) -> tuple[Bools, Bools]:
+    """The last ``share`` of the usable training samples is watched, the rest trained on."""
+    where = np.flatnonzero(training)
+    first_watched = where[round((1.0 - share) * (where.size - 1))] if share else training.size
+    late = np.arange(training.size) > first_watched
+    return training & ~late, training & late

@@ -1,0 +1,207 @@
+"""``Screening``: everything one look at one valve's recording found. Report and store read this."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
+from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.recording import Floats, Provenance, Recording, Role
+from stemwatch.models.verdict import Shape, Verdict
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataQuality:
+    """How far the recording itself can be trusted: grade A (clean) to D (no verdict possible)."""
+
+    grade: str
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual:
+    """How well a model's free run follows MV on samples it was not fitted to.
+
+    ``rmse`` in percent of span, ``normalised`` = rmse / standard deviation of MV there, so that
+    1 is no better than a constant. ``one_step`` is the one-step-ahead rmse (NARX only).
+    """
+
+    rmse: float
+    normalised: float
+    one_step: float | None = None
+
+    @property
+    def fit_percent(self) -> float:
+        """100 (1 - ||y - yhat|| / ||y - mean(y)||)."""
+        return 100.0 * (1.0 - self.normalised)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Indicator:
+    """One number a planner can trend, with its unit, its meaning, and which direction is worse."""
+
+    name: str  # a stable identifier, snake_case, the unit at its end where it has one
+    value: float
+    unit: str
+    meaning: str
+    worse: str = "up"  # "up", "down" or "none"
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traces:
+    """Simulated stem positions on the recording's clock, for the plots; NaN where not simulated."""
+
+    stiction: Floats | None = None  # (n,) free run of the stick-slip model, percent of travel
+    narx: Floats | None = None  # (n,) free run of the NARX network, percent of travel
+    heldout_from: int | None = None  # first sample of the part that no model was fitted to
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingFacts:
+    """What stays known of a recording when samples are let go.
+
+    ``tags`` has (tag, unit) of each role; ``zone`` is how times became UTC.
+    """
+
+    start: datetime | None
+    end: datetime | None
+    interval_s: float
+    samples: int
+    usable_share: float
+    tags: Mapping[Role, tuple[str, str]]
+    zone: str = ""
+
+    @classmethod
+    def of(cls, recording: Recording) -> RecordingFacts:
+        """What is known of ``recording``."""
+        return cls(
+            start=recording.start,
+            end=recording.end,
+            interval_s=recording.interval_s,
+            samples=len(recording),
+            usable_share=float(np.mean(recording.usable)) if len(recording) else 0.0,
+            tags={role: (one.tag, one.unit) for role, one in recording.signals.items()},
+            zone=recording.clock.zone,
+        )
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first sample to just after the last."""
+        return self.samples * self.interval_s
+
+
+def _empty_traces() -> Traces:
+    return Traces()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screening:
+    """One valve, one window: verdict, numbers, evidence, and where they came from."""
+
+    valve: str
+    verdict: Verdict
+    reason: str  # one sentence that a maintenance planner understands
+    advice: str  # what to do next, one sentence
+    shape: Shape | None
+    severity: float  # 0 to 100, for ranking
+    confidence: float | None  # 0 to 1; None where there is no verdict
+    S: Estimate  # deadband plus stickband, percent of OP span
+    J: Estimate  # slip jump, percent of OP span
+    residuals: Mapping[str, Residual | None]  # "stiction", "narx", "baseline"
+    quality: DataQuality
+    indicators: Mapping[str, Indicator]
+    still_seen: tuple[str, ...] = ()  # what can be said without a verdict, one sentence each
+    network: NarxNetwork | None = None
+    baseline_note: str = ""  # which baseline the comparison refers to, or that there is none
+    traces: Traces = field(default_factory=_empty_traces)
+    recording: Recording | None = None  # None where nothing could be read, or it was let go
+    kept: RecordingFacts | None = None  # what the whole was, where samples were let go
+    provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
+    mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
+    seconds: float = 0.0
+
+    @property
+    def window(self) -> tuple[datetime | None, datetime | None]:
+        """UTC start and end, ``None`` where the source does not tell."""
+        seen = self.recording if self.kept is None else self.kept
+        return (None, None) if seen is None else (seen.start, seen.end)
+
+    @property
+    def seen(self) -> RecordingFacts | None:
+        """What is known of the recording; ``None`` where the source could not be read at all."""
+        if self.kept is not None or self.recording is None:
+            return self.kept
+        return RecordingFacts.of(self.recording)
+
+    def finite_share(self) -> float:
+        """Share of samples a fit could use."""
+        seen = self.seen
+        return 0.0 if seen is None else seen.usable_share
+
+    def without_samples(self) -> Screening:
+        """The same result without a single sample: no recording, no traces, no free runs.
+
+        A day of a valve at 1 s is some 6 MB, what was found in it some 30 KB.
+        """
+        short = self.excerpt(0, 0)
+        return replace(short, recording=None, traces=Traces())
+
+    def excerpt(self, first: int, last: int) -> Screening:
+        """The same result with samples ``first`` (inclusive) to ``last`` (exclusive) only.
+
+        ``kept`` then says what the whole was.
+        """
+        if self.recording is None:
+            return self
+        traces, mismatch = self.traces, self.mismatch
+        runs = None if mismatch is None else mismatch.runs
+        if mismatch is not None and runs is not None:
+            part = FreeRuns(
+                naive=_copy(runs.naive, first, last),
+                extended=_copy(runs.extended, first, last),
+                heldout_from=max(runs.heldout_from - first, 0),
+            )
+            mismatch = replace(mismatch, runs=part if last > first else None)
+        heldout = traces.heldout_from
+        return replace(
+            self,
+            recording=self.recording.part(first, last),
+            kept=self.seen,
+            traces=Traces(
+                stiction=None if traces.stiction is None else _copy(traces.stiction, first, last),
+                narx=None if traces.narx is None else _copy(traces.narx, first, last),
+                heldout_from=None if heldout is None else max(heldout - first, 0),
+            ),
+            mismatch=mismatch,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreviousFinding:
+    """What was said of a valve before, by the screening of an earlier window.
+
+    ``at`` is the instant that screening speaks for, ``run`` the number of its run. ``S`` and ``J``
+    in percent of OP span, ``None`` where they were not known. ``finding`` is the word for what was
+    found beside S and J (of ``mismatch.findings.Finding``), ``effects`` the slugs that were named.
+    """
+
+    at: datetime
+    run: int
+    verdict: Verdict
+    severity: float = 0.0  # 0 to 100
+    S: float | None = None
+    J: float | None = None
+    finding: str | None = None
+    effects: tuple[str, ...] = ()
+
+
+def _copy(trace: Floats, first: int, last: int) -> Floats:
+    """A part that does not hold on to the whole."""
+    return trace[first:last].copy()

@@ -1,0 +1,261 @@
+"""``fit_model``: the same fit, and the same marks, for every model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.problem import FitProblem, make_problem
+from stemwatch.models.studies.literature.interval import intervals
+from stemwatch.models.studies.literature.model import ValveModel
+from stemwatch.models.studies.literature.scores import FitScore, score
+from stemwatch.models.studies.literature.search import (
+    QUICK,
+    SLOW,
+    Cube,
+    SearchEffort,
+    loss_over,
+    search,
+)
+
+LEAST_SAMPLES = 100  # scored samples of the training part
+AT_BOUND = 0.002  # share of a parameter's range within which it counts as being at its end
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFit:
+    """A model fitted to the samples before ``train_until``, or the reason why it could not be.
+
+    ``parameters`` by name, with 95 % intervals where a simulation is cheap. ``values`` (k,) are the
+    same numbers in the model's order, ``zero`` what the position reads where the stem is at 0,
+    percent. ``simulated`` (n,) is the free run over the whole record, started from the measurement
+    at its beginning, after each hole and at ``train_until``; NaN where nothing could be run.
+    ``outcome`` is empty, or a sentence: why there is no fit, or what to doubt about the one there
+    is.
+    """
+
+    model: str
+    parameters: Mapping[str, Estimate]
+    values: Floats | None = None
+    zero: float = 0.0
+    simulated: Floats | None = None
+    training: FitScore | None = None
+    heldout: FitScore | None = None
+    seconds: float = 0.0
+    outcome: str = ""
+
+    @property
+    def concluded(self) -> bool:
+        """Whether there are numbers at all."""
+        return self.values is not None
+
+
+@dataclass(frozen=True)
+class FitStretches:
+    """A recording cut into stretches that a free run crosses without a hole."""
+
+    problem: FitProblem
+    stretches: tuple[tuple[int, int], ...]
+    short: tuple[tuple[int, int], ...]  # the same, cut at each block of time as well
+    counted: Bools  # (n,) samples that are scored
+    train_until: int
+
+    def simulate(
+        self,
+        model: ValveModel,
+        parameters: Floats,
+        zero: float,
+        until: int,
+        *,
+        short: bool = False,
+    ) -> Floats:
+        """(n,) MV in percent by free runs, one a stretch; NaN outside and from ``until`` on.
+
+        ``short`` runs start afresh from the measurement at each block of time.
+        """
+        out = np.full(self.problem.op.size, np.nan)
+        for first, last in self.short if short else self.stretches:
+            if first >= until:
+                break
+            op, y0 = self.problem.op[first:last], self.problem.mv[first] - zero
+            out[first:last] = model.simulate(op, parameters, self.problem.interval_s, y0) + zero
+        return out
+
+
+def cut(problem: FitProblem, train_until: int) -> FitStretches:
+    """Stretches from each start to the next; past ``train_until`` the run starts afresh."""
+    starts = np.flatnonzero(problem.start == kernel.START)
+    before = starts[:1] if starts.size else np.array([], dtype=np.intp)
+    inside = train_until < problem.op.size and before.size and train_until > before[0]
+    ends = np.unique([*starts, *([train_until] if inside else []), problem.op.size])
+    pairs = tuple((int(a), int(b)) for a, b in pairwise(ends))
+    blocks = np.arange(problem.n_blocks) * problem.op.size // problem.n_blocks
+    first = int(ends[0])
+    both = np.unique([*ends, *blocks[blocks > first]])
+    short = tuple((int(a), int(b)) for a, b in pairwise(both))
+    counted = problem.scored.copy()
+    # As after any start, the stem's history is not known until it has slipped.
+    counted[train_until : train_until + _warm_up(problem)] = False
+    return FitStretches(
+        problem=problem, stretches=pairs, short=short, counted=counted, train_until=train_until
+    )
+
+
+def _warm_up(problem: FitProblem) -> int:
+    first = int(np.argmax(problem.start == kernel.START))
+    return int(np.argmax(problem.scored[first:]))
+
+
+def fit_model(
+    model: ValveModel, recording: Recording, train_until: int, effort: SearchEffort | None = None
+) -> ModelFit:
+    """Fit ``model`` to the samples before ``train_until``; the rest only judges.
+
+    The mean square error of the free run is minimised over the model's parameters and the zero of
+    the position reading, without derivatives: a slip that moves from one sample to the next makes a
+    step in it. Where to look is found on runs of one block of time (about 90 s) first: in a model
+    whose every slip depends on the one before, the error of a long run tells nothing until the
+    parameters are nearly right. Seeded, so that the same recording gives the same numbers. A
+    recording that cannot be fitted is a result with an outcome. Raises ``ValueError`` where
+    ``train_until`` is not within the recording.
+    """
+    began = time.perf_counter()
+    if not 0 < train_until <= len(recording):
+        raise ValueError(
+            f"{recording.valve}: train_until from 1 to {len(recording)} expected, received "
+            f"{train_until}"
+        )
+    problem = _problem(recording, train_until)
+    if isinstance(problem, str):
+        unknown = {p.name: Estimate.unknown(problem, unit=p.unit) for p in model.parameters}
+        return ModelFit(model=model.name, parameters=unknown, outcome=problem)
+    return _fitted(model, problem, train_until, effort or (SLOW if model.slow else QUICK), began)
+
+
+def _problem(recording: Recording, train_until: int) -> FitProblem | str:
+    """The problem, or a sentence on why there is none."""
+    if recording.mv is None:
+        return "the recording has no valve position (MV) to fit to"
+    if recording.mv.unit != recording.op.unit:
+        return (
+            f"the position is in {recording.mv.unit!r} and the command in {recording.op.unit!r}; "
+            "these models need both in percent: give the range of the position"
+        )
+    problem = make_problem(recording)
+    counted = int(problem.scored[:train_until].sum())
+    if counted < LEAST_SAMPLES:
+        return (
+            f"only {counted} usable samples before train_until, {LEAST_SAMPLES} are needed; take a "
+            "longer window"
+        )
+    if np.ptp(problem.op[:train_until]) == 0.0:
+        return "the command does not move before train_until, so nothing can be fitted"
+    if np.ptp(problem.mv[:train_until][problem.scored[:train_until]]) == 0.0:
+        return "the position does not move before train_until, so nothing can be fitted"
+    return problem
+
+
+def _fitted(
+    model: ValveModel, problem: FitProblem, train_until: int, effort: SearchEffort, began: float
+) -> ModelFit:
+    runs = cut(problem, train_until)
+    trained = runs.counted & (np.arange(problem.op.size) < train_until)
+    measured = problem.mv[trained]
+
+    def squares(parameters: Floats, zero: float, *, short: bool = False) -> Floats:
+        run = runs.simulate(model, parameters, zero, train_until, short=short)
+        return np.asarray((run[trained] - measured) ** 2)
+
+    low, high = np.percentile((problem.mv - problem.op)[trained], (2.0, 98.0))
+    cube = Cube(model=model, swing=problem.swing, zero=0.5 * float(low + high))
+    coarse = loss_over(cube, lambda q, zero: float(np.mean(squares(q, zero, short=True))))
+    free_run = loss_over(cube, lambda q, zero: float(np.mean(squares(q, zero))))
+    best = search(cube, coarse, free_run, effort).candidate
+    values, zero = cube.values(best)
+    simulated = runs.simulate(model, values, zero, problem.op.size)
+    resolution = _resolution(problem)
+    late = runs.counted & ~(np.arange(problem.op.size) < train_until)
+    training = score(simulated, problem.mv, trained, resolution)
+    limits = intervals(
+        cube, best, squares, problem.block[trained], effort.cloud, _command_step(problem.op)
+    )
+    return ModelFit(
+        model=model.name,
+        parameters={
+            p.name: Estimate(value=float(value), low=low, high=high, unit=p.unit)
+            for p, value, (low, high) in zip(model.parameters, values, limits, strict=True)
+        },
+        values=values,
+        zero=zero,
+        simulated=simulated,
+        training=training,
+        heldout=score(simulated, problem.mv, late, resolution),
+        seconds=time.perf_counter() - began,
+        outcome=_doubts(cube, best, training),
+    )
+
+
+def score_run(
+    recording: Recording, simulated: Floats, train_until: int
+) -> tuple[FitScore | None, FitScore | None]:
+    """(training, held-out) marks of any free run (n,) in percent, as ``fit_model`` gives them.
+
+    For what is no ``ValveModel``, such as a network. ``None`` where there is too little to mark.
+    """
+    problem = _problem(recording, train_until)
+    if isinstance(problem, str):
+        return None, None
+    counted, early = cut(problem, train_until).counted, np.arange(simulated.size) < train_until
+    resolution = _resolution(problem)
+    return (
+        score(simulated, problem.mv, counted & early, resolution),
+        score(simulated, problem.mv, counted & ~early, resolution),
+    )
+
+
+def _resolution(problem: FitProblem) -> float:
+    """The largest step of MV that noise alone makes, percent: three standard deviations."""
+    return 3.0 * float(np.sqrt(2.0)) * problem.sigma
+
+
+def _command_step(op: Floats) -> float:
+    """Median step of OP between samples where it moves, percent."""
+    steps = np.abs(np.diff(op))
+    moving = steps[steps > 0.0]
+    return float(np.median(moving)) if moving.size else 0.0
+
+
+def _doubts(cube: Cube, best: Floats, training: FitScore | None) -> str:
+    """What to doubt about a fit, as sentences; empty where there is nothing."""
+    doubts = []
+    if training is not None and training.fit_percent <= 0.0:
+        doubts.append(
+            "Even on the samples it was fitted to, the free run is no better than a constant."
+        )
+    for end in ("upper", "lower"):
+        names = _at_end(cube, best, end)
+        if names:
+            doubts.append(
+                f"{', '.join(names)} ended at the {end} end of the search; the truth may lie "
+                "beyond, or the record does not tell."
+            )
+    return " ".join(doubts)
+
+
+def _at_end(cube: Cube, best: Floats, end: str) -> list[str]:
+    """Parameters at an end of their range that is no natural one, such as no friction at all."""
+    found = []
+    for parameter, share in zip(cube.model.parameters, best[:-1].tolist(), strict=True):
+        natural = parameter.per_percent is not None or parameter.lower == 0.0
+        if end == "upper" and share > 1.0 - AT_BOUND:
+            found.append(parameter.name)
+        if end == "lower" and share < AT_BOUND and not natural:
+            found.append(parameter.name)
+    return found

@@ -1,0 +1,52 @@
+"""Dahl's friction: bristles without a Stribeck drop and without stiction."""
+
+from __future__ import annotations
+
+from stemwatch.models.recording import Floats
+from stemwatch.models.studies.literature.levels import UNREAD
+from stemwatch.models.studies.literature.model import KernelModel
+from stemwatch.models.studies.literature.physical.body import Packing
+from stemwatch.models.studies.literature.physical.bristle import bristle_constants, run_bristle
+from stemwatch.models.studies.literature.physical.classical import PHYSICAL_LIMITS
+from stemwatch.models.studies.literature.physical.friction import (
+    BALANCE,
+    SECTION,
+    TOLERANCE_PERCENT,
+    USUAL,
+    coulomb_level,
+    viscous,
+)
+from stemwatch.models.studies.literature.physical.published import ParameterSet
+
+
+def dahl(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERCENT) -> KernelModel:
+    """Dahl's model of ``valve``; parameters Fc (N) and Fv (N s/m), s0 the packing's."""
+
+    def run(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:
+        packing = Packing(
+            static_n=q[0],
+            kinetic_n=q[0],
+            viscous_ns_per_m=q[1],
+            stribeck_m_per_s=valve.packing.stribeck_m_per_s,
+            bristle_n_per_m=valve.packing.bristle_n_per_m,
+            bristle_ns_per_m=0.0,
+        )
+        c = bristle_constants(valve.body, packing, tolerance_percent)
+        run_bristle(op, interval_s, valve.body.stroke_m, y0, c, out)
+
+    return KernelModel(
+        name="dahl",
+        source=f"Dahl, A solid friction model (1968); {SECTION}, {UNREAD}.",
+        parameters=(coulomb_level(valve), viscous(valve)),
+        text=BALANCE + "z' = v - s0 |v| z/Fc, Ff = s0 z + Fv v.",
+        limits=(
+            "There is no Stribeck drop and no stiction: J is always 0.",
+            "It drifts in presliding, like LuGre.",
+            *PHYSICAL_LIMITS,
+        ),
+        run=run,
+        slow=True,
+    )
+
+
+DAHL = dahl()

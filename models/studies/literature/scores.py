@@ -1,0 +1,57 @@
+"""How well a simulated position follows the measured one: three numbers, the same for any model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.recording import Bools, Floats
+
+LEAST_SCORED = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitScore:
+    """A free run against ``samples`` measured positions.
+
+    ``rmse`` in percent of travel. ``fit_percent`` = 100 (1 - rmse / std(MV)): 0 is no better than a
+    constant. ``direction_percent``, correct directional change: the share of steps in which the
+    simulated and the measured stem both rise, both fall or both stay, where a step smaller than the
+    resolution of the measurement counts as staying. The formula that Zabiri, Samyudia and Zainudin
+    use is in a source that is not available; this one is the product's own.
+    """
+
+    rmse: float
+    fit_percent: float
+    direction_percent: float
+    samples: int
+
+
+def score(simulated: Floats, mv: Floats, counted: Bools, resolution: float) -> FitScore | None:
+    """Score where ``counted`` (n,), or ``None`` with fewer than 20 samples or a constant MV.
+
+    ``resolution`` in percent: a step of MV up to this is noise.
+    """
+    counted = counted & np.isfinite(simulated)
+    if counted.sum() < LEAST_SCORED or np.ptp(mv[counted]) == 0.0:
+        return None
+    rmse = float(np.sqrt(np.mean((simulated[counted] - mv[counted]) ** 2)))
+    return FitScore(
+        rmse=rmse,
+        fit_percent=100.0 * (1.0 - rmse / float(np.std(mv[counted]))),
+        direction_percent=_directions(simulated, mv, counted, resolution),
+        samples=int(counted.sum()),
+    )
+
+
+def _directions(simulated: Floats, mv: Floats, counted: Bools, resolution: float) -> float:
+    pairs = counted[1:] & counted[:-1]
+    if not pairs.any():
+        return float("nan")
+    ways = [_way(np.diff(signal)[pairs], resolution) for signal in (simulated, mv)]
+    return 100.0 * float(np.mean(ways[0] == ways[1]))
+
+
+def _way(steps: Floats, resolution: float) -> Floats:
+    return np.where(np.abs(steps) <= resolution, 0.0, np.sign(steps))

@@ -1,0 +1,133 @@
+"""Populations of loops with hidden effects; each loop depends on its place and the seed alone."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+from stemwatch.models.studies.simulator.hidden.case import HiddenCase
+from stemwatch.models.studies.simulator.hidden.catalogue import (
+    EFFECTS,
+    PHYSICS,
+    effect_named,
+    go_together,
+    with_effect,
+)
+from stemwatch.models.studies.simulator.hidden.loops import (
+    CONCEALMENTS,
+    HIGH_SCATTER,
+    some_loop,
+    tuned,
+)
+from stemwatch.models.studies.simulator.hidden.unknown import UNKNOWN
+
+# Of twenty cases: four nulls, eleven with one effect, three with a pair, two outside the catalogue.
+_PATTERN = "NSSPSSNSUSSPSNSUSPSN"
+# A record that is rounded or thinned already is no place to hide the same.
+_SAME = {("quantisation", "quantised"), ("historian_compression", "compressed")}
+
+
+def draw_hidden(n: int, seed: int) -> list[HiddenCase]:
+    """``n`` mixed cases: a fifth nulls (half of them with 12 % scatter), eleven in twenty with one
+    effect (all of the catalogue in turn), three in twenty with a pair, a tenth outside the
+    catalogue; concealments in turn. The first k cases do not depend on ``n``."""
+    return [_mixed(place, np.random.default_rng([seed, place, 3])) for place in range(n)]
+
+
+def draw_nulls(n: int, seed: int, concealment: str | None = None) -> list[HiddenCase]:
+    """``n`` cases with nothing hidden, every second one with 12 % scatter; ``concealment`` for all
+    of them, or all in turn."""
+    return [
+        _null(place, concealment or _in_turn(place), np.random.default_rng([seed, place, 4]))
+        for place in range(n)
+    ]
+
+
+def draw_effect(slug: str, n: int, seed: int, concealment: str = "routine") -> list[HiddenCase]:
+    """``n`` cases with the catalogue's effect ``slug``.
+
+    Raises ``KeyError`` with the slugs there are.
+    """
+    effect_named(slug)
+    key = zlib.crc32(slug.encode())
+    return [
+        _case((slug,), concealment, str(place), np.random.default_rng([seed, place, 5, key]))
+        for place in range(n)
+    ]
+
+
+def draw_unknown(n: int, seed: int, concealment: str = "routine") -> list[HiddenCase]:
+    """``n`` cases outside the catalogue, their kinds in turn."""
+    names = tuple(UNKNOWN)
+    return [
+        _case(
+            (names[place % len(names)],),
+            concealment,
+            str(place),
+            np.random.default_rng([seed, place, 6]),
+        )
+        for place in range(n)
+    ]
+
+
+def _in_turn(place: int) -> str:
+    """The concealment of a place; shifted at each round, or every effect would meet the same."""
+    return CONCEALMENTS[(place + place // len(EFFECTS)) % len(CONCEALMENTS)]
+
+
+def _mixed(place: int, rng: np.random.Generator) -> HiddenCase:
+    kind = _PATTERN[place % len(_PATTERN)]
+    before = _PATTERN[: place % len(_PATTERN)].count(kind)
+    rank = place // len(_PATTERN) * _PATTERN.count(kind) + before
+    concealment, tag = _in_turn(rank), str(place)
+    if kind == "N":
+        return _null(rank, concealment, rng, tag)
+    if kind == "S":
+        names: tuple[str, ...] = (tuple(EFFECTS)[rank % len(EFFECTS)],)
+    elif kind == "U":
+        names = (tuple(UNKNOWN)[rank % len(UNKNOWN)],)
+    else:
+        first = PHYSICS[rank % len(PHYSICS)]
+        others = [slug for slug in PHYSICS if go_together(first, slug)]
+        names = (first, str(rng.choice(others)))
+    return _case(names, concealment, tag, rng)
+
+
+def _null(
+    place: int, concealment: str, rng: np.random.Generator, tag: str | None = None
+) -> HiddenCase:
+    scatter = HIGH_SCATTER if place % 2 else None
+    return _case((), concealment, tag or str(place), rng, scatter)
+
+
+def _case(
+    names: tuple[str, ...],
+    concealment: str,
+    tag: str,
+    rng: np.random.Generator,
+    scatter: float | None = None,
+) -> HiddenCase:
+    if any((name, concealment) in _SAME for name in names):
+        concealment = "routine"
+    plain = some_loop(rng, tag, concealment, scatter=scatter)
+    sizes: dict[str, float] = {}
+    extra_s = 0.0
+    for name in names:
+        drawn = effect_named(name).draw(rng, plain)
+        sizes |= {f"{name}.{size}": value for size, value in drawn.items()}
+        extra_s += effect_named(name).delay_s(drawn)
+    plain = tuned(plain, extra_s, rng)
+    loop = plain
+    for name in names:
+        loop = with_effect(loop, name, sizes)
+    outside = any(name in UNKNOWN for name in names)
+    return HiddenCase(
+        loop=loop,
+        plain=plain,
+        seed=int(rng.integers(2**31)),
+        hidden=names,
+        effects=("unknown",) if outside else names,
+        concealment=concealment,
+        sizes=sizes,
+    )

@@ -1,0 +1,250 @@
+"""The loops in which effects are hidden: what drives them, and what conceals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stemwatch.models.studies.simulator.defects import PackingDefects
+from stemwatch.models.studies.simulator.hidden.hidden_effect import (
+    log_uniform,
+    with_transmitters,
+)
+from stemwatch.models.studies.simulator.hidden.record_effects import (
+    some_door,
+    some_steps,
+    with_door,
+    with_steps,
+)
+from stemwatch.models.studies.simulator.loop import (
+    Controller,
+    Load,
+    LoadKind,
+    ManualSpan,
+    PlantLoop,
+    Process,
+    ProcessKind,
+    Transmitters,
+)
+from stemwatch.models.studies.simulator.parts import (
+    LETTER,
+    PV_RANGE,
+    coloured_load,
+    some_actuator,
+    some_process,
+)
+from stemwatch.models.studies.simulator.tuning import delay_s, sound_settings
+from stemwatch.models.studies.simulator.valve import SimulatedValve
+
+_LOW, _HIGH = 8.0, 92.0
+_STEP_S = 0.5  # an operator's step is not instant
+_START = 50.0
+
+
+def some_manual(duration_s: float, warmup_s: float, rng: np.random.Generator) -> ManualSpan:
+    """OP by hand through random moves between 8 and 92 %, all kinds in turn, to the end."""
+    knots = [(-warmup_s, _START), (10.0, _START)]
+    moves = (_ramp, _staircase, _step, _slow_ramp)
+    place = int(rng.integers(len(moves)))
+    while knots[-1][0] < duration_s:
+        knots += moves[place % len(moves)](knots[-1], rng)
+        place += 1
+    return ManualSpan(start_s=-warmup_s, stop_s=duration_s + 60.0, knots=tuple(knots))
+
+
+def _elsewhere(here: float, rng: np.random.Generator, least: float, most: float) -> float:
+    """An opening ``least`` to ``most`` percent away, on the side where there is more room."""
+    way = float(rng.uniform(least, most))
+    up = here < 50.0 if rng.random() < 0.75 else here >= 50.0
+    return float(np.clip(here + (way if up else -way), _LOW, _HIGH))
+
+
+def _ramp(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+    """There and part of the way back, at 0.3 to 2 %/s."""
+    time, here = last
+    rate = log_uniform(rng, 0.3, 2.0)
+    there = _elsewhere(here, rng, 20.0, 60.0)
+    back = there + 0.6 * (here - there)
+    first = time + abs(there - here) / rate
+    second = first + abs(back - there) / rate
+    return [(first, there), (second, back), (second + float(rng.uniform(5.0, 40.0)), back)]
+
+
+def _slow_ramp(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+    """One way at 0.05 to 0.25 %/s, for at most five minutes."""
+    time, here = last
+    rate = log_uniform(rng, 0.05, 0.25)
+    there = _elsewhere(here, rng, 10.0, 300.0 * rate + 10.0)
+    return [(time + abs(there - here) / rate, there)]
+
+
+def _staircase(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Three to eight steps of 2 to 8 % in one direction, each held 5 to 60 s."""
+    time, here = last
+    sign = 1.0 if here < 50.0 else -1.0
+    stairs = []
+    for _ in range(int(rng.integers(3, 9))):
+        here = float(np.clip(here + sign * rng.uniform(2.0, 8.0), _LOW, _HIGH))
+        stairs.append((time + _STEP_S, here))
+        time += _STEP_S + log_uniform(rng, 5.0, 60.0)
+        stairs.append((time, here))
+    return stairs
+
+
+def _step(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
+    """One step of 10 to 45 %, held 20 to 120 s."""
+    time, here = last
+    there = _elsewhere(here, rng, 10.0, 45.0)
+    return [(time + _STEP_S, there), (time + _STEP_S + float(rng.uniform(20.0, 120.0)), there)]
+
+
+# Taken in turn. "positioner" is drawn only where it is asked for.
+CONCEALMENTS = (
+    "routine",
+    "rich",
+    "noisy",
+    "quantised",
+    "compressed",
+    "quiet",
+    "short",
+    "scatter",
+)
+POSITIONER = "positioner"
+DURATION_S = 3600.0
+SHORT_S = 900.0
+HIGH_SCATTER = 0.12
+_KINDS = (ProcessKind.FLOW, ProcessKind.FLOW, ProcessKind.PRESSURE, ProcessKind.LEVEL)
+_SCANS = (0.1, 0.2, 0.25, 0.5)
+# The stem would stop between the scans of a controller that is slower than this many air lags.
+_LAGS_PER_SCAN = 1.0
+# Low, so that re-sticking on slow ramps is there only where it is hidden on purpose.
+_STRIBECK_PERCENT_PER_S = (0.002, 0.01)
+# Noise of PV that the controller hands on, percent of OP: what is left behind its filter. More
+# would let the stem stop and start within each second, which is low-speed re-sticking too.
+_TREMBLE_PERCENT = (0.002, 0.012)
+_OPENINGS = (25.0, 75.0)
+# How far a set-point move throws the valve at once, as a share of where it ends.
+_MOST_KICK = 0.8
+
+
+def some_loop(
+    rng: np.random.Generator, tag: str, concealment: str, *, scatter: float | None = None
+) -> PlantLoop:
+    """A loop with nothing hidden but S and J, as ``concealment`` has it; to be tuned by ``tuned``.
+
+    S 2 to 8 %, J 0.15 to 0.7 S, breakaway scatter 5 % (5 to 12 % in three of ten), air lag 0.05 to
+    0.4 s, dead time at most 0.3 s, drag 0.05 s; no zero and no span error. One packing in five
+    is LuGre's.
+    """
+    kind = _KINDS[int(rng.integers(len(_KINDS)))]
+    process = some_process(kind, rng)
+    if not process.integrating:
+        # PV must not leave its range while the valve goes from 25 to 75 %.
+        process = replace(process, gain=min(process.gain, 1.4))
+    loop = PlantLoop(
+        tag=f"{LETTER[kind]}-{tag}",
+        story=f"hidden, {concealment}",
+        valve=_some_valve(rng, concealment, scatter),
+        process=process,
+        transmitters=Transmitters(
+            pv_noise=log_uniform(rng, *_TREMBLE_PERCENT),
+            position_noise=_some_noise(rng, concealment),
+        ),
+        pv_range=PV_RANGE[kind],
+        loads=_some_loads(process, rng, concealment),
+        duration_s=SHORT_S if concealment == "short" else DURATION_S,
+    )
+    return _concealed(loop, concealment, rng)
+
+
+def _some_valve(
+    rng: np.random.Generator, concealment: str, scatter: float | None
+) -> SimulatedValve:
+    S = float(rng.uniform(2.0, 8.0))
+    J = S * float(rng.uniform(0.15, 0.7))
+    usual = 0.05 if rng.random() < 0.7 else float(rng.uniform(0.05, 0.12))
+    if concealment == "scatter":
+        usual = HIGH_SCATTER
+    actuator = replace(
+        some_actuator(rng, (0.05, 0.4), 0.3),
+        stribeck_percent_per_s=float(rng.uniform(*_STRIBECK_PERCENT_PER_S)),
+    )
+    gain = float(rng.uniform(0.5, 2.5))
+    # Every fifth packing gives a little before it lets go: LuGre, the others Karnopp.
+    gives = float(rng.uniform(0.001, 0.003)) if rng.random() < 0.2 else 0.0
+    return SimulatedValve(
+        S=S,
+        J=J,
+        scatter=usual if scatter is None else scatter,
+        positioner_gain=gain if concealment == POSITIONER else 0.0,
+        actuator=actuator,
+        packing=PackingDefects(presliding_percent=gives),
+    )
+
+
+def _some_noise(rng: np.random.Generator, concealment: str) -> float:
+    if concealment == "noisy":
+        return float(rng.uniform(0.3, 0.5))
+    return log_uniform(rng, 0.02, 0.2)
+
+
+def _some_loads(process: Process, rng: np.random.Generator, concealment: str) -> tuple[Load, ...]:
+    """A coloured load; on a level the valve only travels where the load takes it, in steps too."""
+    size = (0.8, 2.0) if concealment == "quiet" else (0.2, 1.2)
+    loads = coloured_load(process, rng, size)
+    if not process.integrating or concealment == "quiet":
+        return loads
+    height, every = float(rng.uniform(6.0, 10.0)), float(rng.uniform(180.0, 400.0))
+    return (*loads, Load(kind=LoadKind.STEPS, size=height, time_s=every))
+
+
+def _concealed(loop: PlantLoop, concealment: str, rng: np.random.Generator) -> PlantLoop:
+    if concealment == "quantised":
+        return with_steps(loop, some_steps(rng, loop))
+    if concealment == "compressed":
+        return with_door(loop, some_door(rng, loop))
+    if concealment == "rich":
+        return replace(loop, manual=(some_manual(loop.duration_s, loop.warmup_s, rng),))
+    return loop
+
+
+def tuned(loop: PlantLoop, extra_s: float, rng: np.random.Generator) -> PlantLoop:
+    """``loop`` with a sound controller and set-point moves; ``extra_s`` is the delay that the
+    hidden effects add and that whoever tuned it felt."""
+    actuator = loop.valve.actuator
+    slowest = _LAGS_PER_SCAN * actuator.air_lag_s
+    scans = [scan for scan in _SCANS if scan <= slowest] or [_SCANS[0]]
+    scan = float(rng.choice(scans))
+    delay = delay_s(loop.process, actuator, scan) + extra_s
+    slowness = float(rng.uniform(1.2, 3.0))
+    if not loop.process.integrating:
+        lag = loop.process.lag_s + 0.5 * loop.process.second_lag_s
+        slowness = max(slowness, lag / (_MOST_KICK * delay) - 1.0)
+    settings = sound_settings(loop.process, delay, slowness)
+    controller = Controller(
+        gain=settings.gain,
+        reset_s=settings.reset_s,
+        scan_s=scan,
+        set_point=50.0,
+        output=float(rng.uniform(45.0, 55.0)),
+    )
+    noise = min(loop.transmitters.pv_noise / settings.gain, 0.1)
+    steady = with_transmitters(replace(loop, controller=controller), pv_noise=noise)
+    if "quiet" in loop.story or loop.manual:
+        return steady
+    return replace(steady, setpoints=_some_moves(steady, rng))
+
+
+def _some_moves(loop: PlantLoop, rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
+    """Set points every 150 to 500 s that bring the valve to openings between 25 and 75 %; on a
+    level, small ones that its controller answers with a kick."""
+    moves, time = [], float(rng.uniform(20.0, 120.0))
+    while time < loop.duration_s:
+        if loop.process.integrating:
+            height = float(rng.uniform(-8.0, 8.0)) / loop.controller.gain
+        else:
+            height = (float(rng.uniform(*_OPENINGS)) - loop.controller.output) * loop.process.gain
+        moves.append((round(time, 1), loop.controller.set_point + height))
+        time += float(rng.uniform(150.0, 500.0))
+    return tuple(moves)

@@ -1,0 +1,234 @@
+"""What can stand between a recording and a verdict, each with what would help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.excitation import reversals, swing
+from stemwatch.models.forensics import noise_sigma
+from stemwatch.models.limits import Limits
+from stemwatch.models.percent import not_percent
+from stemwatch.models.recording import Recording, Role
+from stemwatch.models.signal_pairing import correlation, delayed_correlation, is_copy
+from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
+from stemwatch.models.words import share, times
+
+# The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
+NOISE_SWING = 6.0
+# A sticking stem may lag by a quarter of a cycle: 256 simulated valves gave 0.1 and above.
+AGAINST = -0.3
+# 140 simulated valves that moved gave 0.37 and above, positions of other valves mostly below 0.3.
+UNRELATED = 0.3
+STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
+UNIT_REMEDY = "Give its values at 0 % and 100 % (low, high) so that it can be read as percent."
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """Why there can be no verdict, and what would make one possible; a sentence each."""
+
+    slug: str
+    reason: str
+    remedy: str
+
+
+def position_obstacles(recording: Recording) -> list[Obstacle]:
+    """No position, or one that is not the stem's."""
+    if recording.mv is None:
+        return [
+            Obstacle(
+                "no_position",
+                "there is no valve position in this recording, and OP and PV alone cannot tell "
+                "a sticking valve from a badly tuned loop or a disturbance",
+                "Record the position (positioner feedback, limit transmitter), or do a "
+                "stroke test: step OP by 1 % up and down and watch for the stem.",
+            )
+        ]
+    if is_copy(recording):
+        return [
+            Obstacle(
+                "position_is_op",
+                f"the position tag {recording.mv.tag} repeats OP sample for sample: it is the "
+                "controller output under another name",
+                "Map the tag of the stem position (ZT, POS, positioner feedback).",
+            )
+        ]
+    return _still_obstacles(recording) or _reversed_obstacles(recording)
+
+
+def _reversed_obstacles(recording: Recording) -> list[Obstacle]:
+    """A position that runs against OP: a fit would read the whole swing as sticking."""
+    together = correlation(recording)
+    if together > AGAINST:
+        return []
+    return [
+        Obstacle(
+            "position_reversed",
+            f"the position falls when OP rises (correlation {together:.2f}): it counts the other "
+            "way, so S and J cannot be read from the two as they are",
+            "Give the position's values at 0 % and 100 % of OP (low, high) the other way round.",
+        )
+    ]
+
+
+def foreign_obstacles(recording: Recording) -> list[Obstacle]:
+    """A position that does not go with OP at all: a fit would call it sticking."""
+    together = delayed_correlation(recording)
+    if together >= UNRELATED or swing(recording.op.values) <= 2.0:
+        return []
+    return [
+        Obstacle(
+            "position_unrelated",
+            f"the position does not go with OP (correlation {max(together, 0.0):.2f} at best, up "
+            "to two minutes later): it may be another valve's",
+            "Check which tag is this valve's position; step OP and see whether it answers.",
+        )
+    ]
+
+
+def unit_obstacles(recording: Recording) -> list[Obstacle]:
+    """A command or a position that is not in percent, so that they cannot be compared."""
+    found = []
+    for signal, slug, what in (
+        (recording.op, "op_unit", "of span"),
+        (recording.mv, "position_unit", "of travel"),
+    ):
+        instead = None if signal is None else not_percent(signal)
+        if signal is not None and instead is not None:
+            reason = (
+                f"{signal.tag} {instead}, not in percent {what}, so OP and position cannot be "
+                "compared"
+            )
+            found.append(Obstacle(slug, reason, UNIT_REMEDY))
+    return found
+
+
+def _still_obstacles(recording: Recording) -> list[Obstacle]:
+    """A position that does not move while OP does, or by its noise only."""
+    assert recording.mv is not None
+    mv, far = recording.mv.values, swing(recording.op.values)
+    finite = mv[np.isfinite(mv)]
+    if far <= 2.0 or not finite.size:
+        return []
+    if float(np.ptp(finite)) == 0.0:
+        return [
+            Obstacle(
+                "position_frozen",
+                f"the position did not change by one digit while OP moved over {far:.1f} %: "
+                "either the transmitter is frozen or the stem is stuck fast",
+                STUCK_REMEDY,
+            )
+        ]
+    # A position that is sampled too slowly looks like noise as well, but goes with OP.
+    if swing(mv) <= NOISE_SWING * noise_sigma(mv) and abs(correlation(recording)) < -AGAINST:
+        return [
+            Obstacle(
+                "position_still",
+                f"the position shows nothing but its noise while OP moved over {far:.1f} %: either "
+                "the stem is stuck fast or this is not the position of this valve",
+                STUCK_REMEDY,
+            )
+        ]
+    return []
+
+
+def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
+    """Too few samples, too many bad ones, or too many holes between them."""
+    usable = int(recording.usable.sum())
+    if not len(recording):
+        return [Obstacle("empty", "the recording holds no sample", "Choose another time window.")]
+    found = []
+    if recording.duration_s < limits.min_duration_s or usable < limits.min_samples:
+        found.append(
+            Obstacle(
+                "too_short",
+                f"the recording is too short: {usable} usable samples in "
+                f"{recording.duration_s / 60:.1f} minutes",
+                f"Export at least {limits.min_samples:.0f} samples and "
+                f"{limits.min_duration_s / 60:.0f} minutes; an hour at 1 s is good.",
+            )
+        )
+    bad = 1.0 - usable / len(recording)
+    if bad > limits.max_bad_share:
+        found.append(
+            Obstacle(
+                "bad_samples",
+                f"{share(bad)} of the samples are missing or marked bad",
+                "Mend the archive or the transmitter, or choose another time window.",
+            )
+        )
+    fitted = int(np.sum(scored_samples(recording)))
+    if not found and fitted < limits.min_samples:
+        found.append(
+            Obstacle(
+                "broken_up",
+                f"holes break the recording into pieces too short to fit: {fitted} samples are "
+                f"more than {WARM_UP_S:.0f} s after a hole",
+                f"Export at least {limits.min_samples:.0f} samples without holes, or mend the "
+                "archive.",
+            )
+        )
+    return found
+
+
+def _manual(recording: Recording) -> bool:
+    mode = recording.get(Role.MODE)
+    if mode is None:
+        return False
+    known = mode.values[np.isfinite(mode.values)]
+    return bool(known.size and np.mean(known == 0.0) > 0.5)
+
+
+def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
+    """An OP whose movement could not show a sticking stem."""
+    op = recording.op.values[np.isfinite(recording.op.values)]
+    far = swing(op)
+    # An OP that is sampled too slowly looks like noise; its turns must not be lost for that.
+    threshold = max(0.1 * far, min(4.0 * noise_sigma(op), 0.5 * far), 0.2)
+    turns = int(reversals(op, threshold).size) if op.size else 0
+    manual = "the loop was in manual and " if _manual(recording) else ""
+    remedy = (
+        "Screen a window in which the set point moved or the load changed, or step OP by 2 to "
+        "5 % a few times each way."
+    )
+    if far < 2.0 * limits.watch_S_percent:
+        reason = f"{manual}OP moved over {far:.1f} % only, so a sticking stem would not show"
+        return [Obstacle("manual" if manual else "op_still", reason, remedy)]
+    if turns < limits.min_reversals:
+        reason = f"{manual}OP turned round only {times(turns)}; stiction shows at reversals"
+        return [Obstacle("manual" if manual else "few_reversals", reason, remedy)]
+    per_cycle = 2.0 * op.size / turns
+    if per_cycle < limits.min_samples_per_cycle:
+        return [
+            Obstacle(
+                "slow_sampling",
+                f"sampling is too slow for this loop: {per_cycle:.1f} samples per cycle of OP",
+                f"Record faster than every {recording.interval_s:g} s.",
+            )
+        ]
+    return []
+
+
+def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstacle]:
+    """A position that the transmitter froze or the historian drew for too long."""
+    found = []
+    if frozen > 0.5:
+        found.append(
+            Obstacle(
+                "position_frozen",
+                f"the position reading was frozen for {share(frozen)} of the time",
+                "Check the position transmitter and its path to the historian.",
+            )
+        )
+    if drawn > limits.max_interpolated_share:
+        found.append(
+            Obstacle(
+                "compressed",
+                f"the historian compressed the position: {share(drawn)} of its moving samples were "
+                "drawn between stored points, which hides when the stem slipped",
+                "Export raw values with compression off (or its deviation below 0.1 %).",
+            )
+        )
+    return found

@@ -1,0 +1,387 @@
+"""``load_plant``: read ``plant.toml`` and its valve list, and say everything that is wrong at once.
+
+What is wrong for every valve (TOML that cannot be read, a wrong limit, an unknown table) makes the
+file unusable: ``PlantFileError``. What is wrong with one source or one valve costs that one only:
+it is left out, and ``Plant.problems`` says why.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
+
+from pydantic import BaseModel, Field, ValidationError, create_model
+
+from stemwatch.models.limits import Limits
+from stemwatch.service.config.archives import KINDS, ArchiveSource
+from stemwatch.service.config.plant import Plant
+from stemwatch.service.config.problems import (
+    Place,
+    PlantFileError,
+    Problem,
+    described,
+    either_of,
+    nearest,
+    problems_of,
+)
+from stemwatch.service.config.schema import PlantSection, Source, StorageSection, Table, Valve
+from stemwatch.service.config.service_schema import (
+    AlertRules,
+    NotifierTable,
+    ScheduleTable,
+    ServiceSection,
+)
+from stemwatch.service.config.toml import TomlLines, read_toml
+from stemwatch.service.config.valve_list import read_valve_list
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.runs.schedule import Schedule
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.modbus.device import Device
+
+# The science owns the limits: a field it adds can be set at once.
+_TYPES = get_type_hints(Limits)
+_FIELDS: dict[str, Any] = {
+    limit.name: (_TYPES[limit.name], Field(default=limit.default, description="a number"))
+    for limit in fields(Limits)
+}
+LimitsTable = create_model("LimitsTable", __base__=Table, **_FIELDS)
+
+
+class TopTable(Table):
+    """The whole file; its limits, sources and valves are looked into one by one."""
+
+    plant: PlantSection = Field(default=PlantSection(), description="a table with name and zone")
+    storage: StorageSection = Field(default=StorageSection(), description="a table with the url")
+    limits: dict[str, Any] = Field(default={}, description="a table of limits, each a number")
+    sources: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[sources]]")
+    valves: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[valves]]")
+    devices: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[devices]]")
+    schedules: list[dict[str, Any]] = Field(
+        default=[], description="tables, each headed [[schedules]]"
+    )
+    notifiers: list[dict[str, Any]] = Field(
+        default=[], description="tables, each headed [[notifiers]]"
+    )
+    alerts: AlertRules = Field(default=AlertRules(), description="a table of rules for alerts")
+    service: ServiceSection = Field(
+        default=ServiceSection(), description="a table of settings of the service"
+    )
+    valve_list: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, description='the name of a CSV file, such as "valves.csv"'
+    )
+
+
+def read_top(data: dict[str, Any], place: Place) -> tuple[TopTable, list[Problem]]:
+    """What holds for the whole plant; where there are problems, an empty ``TopTable`` with them."""
+    try:
+        return TopTable.model_validate(data), []
+    except ValidationError as error:
+        return TopTable(), problems_of(error, TopTable, place)
+
+
+def read_limits(table: Any, place: Place) -> tuple[Limits, list[Problem]]:
+    """The limits, with the default for each that is not given."""
+    if not isinstance(table, dict):
+        return Limits(), []  # reported with the top
+    try:
+        given = LimitsTable.model_validate(table)
+        return Limits(**given.model_dump()), []
+    except ValidationError as error:
+        return Limits(), problems_of(error, LimitsTable, place)
+    except ValueError as error:
+        # Raised by Limits itself; its sentence says what was expected and received.
+        expected = str(error).removeprefix("expected ")
+        return Limits(), [place.problem((), "limits that contradict one another", expected)]
+
+
+@dataclass
+class PlantReading:
+    """What was read so far: the good entries, where each name stands, and the problems."""
+
+    fatal: list[Problem] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+    sources: dict[str, Source] = field(default_factory=dict)
+    valves: dict[str, Valve] = field(default_factory=dict)
+    source_places: dict[str, Place] = field(default_factory=dict)  # of the faulty ones too
+    valve_places: dict[str, Place] = field(default_factory=dict)
+    orphans: dict[str, list[str]] = field(default_factory=dict)  # valves of a faulty source
+    devices: dict[str, Device] = field(default_factory=dict)
+    archives: dict[str, ArchiveSource] = field(default_factory=dict)
+    schedules: dict[str, Schedule] = field(default_factory=dict)
+    notifiers: dict[str, NotifierTable] = field(default_factory=dict)
+
+
+def tables(data: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
+    """The entries of ``[[key]]`` that are tables; what is not one is the top's problem."""
+    entries = data.get(key)
+    if not isinstance(entries, list):
+        return []
+    return [(i, entry) for i, entry in enumerate(entries) if isinstance(entry, dict)]
+
+
+def place_of(file: str, lines: TomlLines, kind: str, position: int, name: object) -> Place:
+    """Where the entry at ``position`` of ``[[kind]]`` stands, shown by its name if it has one."""
+    shown = name.strip() if isinstance(name, str) and name.strip() else position + 1
+    return Place(file, f"{kind}[{shown}]", lambda path: lines.of((kind, position, *path)))
+
+
+def name_taken(key: str, name: object, place: Place, places: dict[str, Place]) -> list[Problem]:
+    """The problem that ``name`` is taken, if it is; if not, it is now taken by ``place``."""
+    if not isinstance(name, str) or not name.strip():
+        return []  # the table's own problem
+    name = name.strip()
+    first = places.setdefault(name, place)
+    if first is place:
+        return []
+    found = f"{name!r}, which {first.file}, line {first.line_of((key,))} has already"
+    expected = "a name of its own (the first entry counts, this one is left out)"
+    return [place.problem((key,), found, expected)]
+
+
+def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -> Plant:
+    """The plant that the file at ``path`` describes.
+
+    The store's address is ``STEMWATCH_STORAGE_URL`` from ``environment`` (default: the
+    process's), else ``[storage] url``, else ``stemwatch.db`` beside the file. Raises
+    ``PlantFileError`` with every mistake found, including those that alone would only have cost
+    one valve.
+    """
+    file = Path(path).absolute()
+    data, lines = read_toml(file)
+    top, top_problems = read_top(data, Place(file.name, "", lines.of))
+    limits_place = Place(file.name, "limits", lambda path: lines.of(("limits", *path)))
+    limits, limit_problems = read_limits(data.get("limits", {}), limits_place)
+    found = PlantReading(fatal=[*top_problems, *limit_problems])
+    _read_sources(data, file.name, lines, found)
+    read_device_tables(data, file, lines, found)
+    _read_valves(data, file.name, lines, found)
+    _read_list(data, file, found)
+    read_live(data, file.name, lines, found)
+    _report_orphans(found)
+    if found.fatal:
+        raise PlantFileError([*found.fatal, *found.problems])
+    variables = os.environ if environment is None else environment
+    return Plant(
+        file=file,
+        name=top.plant.name,
+        zone=top.plant.zone,
+        sources=found.sources,
+        valves=found.valves,
+        limits=limits,
+        storage=storage_address(top.storage.url, file, variables),
+        problems=tuple(found.problems),
+        devices=found.devices,
+        archives=found.archives,
+        schedules=tuple(found.schedules.values()),
+        notifiers=found.notifiers,
+        alerts=top.alerts,
+        service=top.service,
+    )
+
+
+def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, found: PlantReading) -> None:
+    for position, table in tables(data, "sources"):
+        name = table.get("name")
+        place = place_of(file, lines, "sources", position, name)
+        again = name_taken("name", name, place, found.source_places)
+        found.problems += again
+        if "kind" in table:
+            read_archive(table, place, found, known=not again)
+            continue
+        try:
+            source = Source.model_validate(table)
+        except ValidationError as error:
+            found.problems += problems_of(error, Source, place)
+            continue
+        if not again:
+            found.sources[source.name] = source
+
+
+def _read_valves(data: dict[str, Any], file: str, lines: TomlLines, found: PlantReading) -> None:
+    for position, table in tables(data, "valves"):
+        place = place_of(file, lines, "valves", position, table.get("id"))
+        _add_valve(table, place, found, strict=True)
+
+
+def _read_list(data: dict[str, Any], file: Path, found: PlantReading) -> None:
+    name = data.get("valve_list")
+    if not isinstance(name, str) or not name.strip():
+        return
+    try:
+        listed = read_valve_list(file.parent / name.strip(), shown_as=name.strip())
+    except PlantFileError as error:
+        found.fatal += error.problems
+        return
+    found.problems += listed.problems
+    for row in listed.rows:
+        _add_valve(row.table, row.place, found, strict=False)
+
+
+def _add_valve(table: dict[str, Any], place: Place, found: PlantReading, *, strict: bool) -> None:
+    """Keep the valve if nothing is wrong with it. ``strict`` is false for a CSV row, whose
+    numbers are texts."""
+    again = name_taken("id", table.get("id"), place, found.valve_places)
+    found.problems += again
+    context = {"sources": found.source_places}
+    try:
+        valve = Valve.model_validate(table, strict=strict, context=context)
+    except ValidationError as error:
+        found.problems += problems_of(error, Valve, place)
+        return
+    if valve.source in found.devices:
+        missing = not_in_map(valve, found.devices[valve.source], place)
+        found.problems += missing
+        if not again and not missing:
+            found.valves[valve.id] = valve
+    elif valve.source not in found.sources and valve.source not in found.archives:
+        found.orphans.setdefault(valve.source, []).append(valve.id)
+    elif not again:
+        found.valves[valve.id] = valve
+
+
+def _report_orphans(found: PlantReading) -> None:
+    """One sentence for each faulty source, not one for each of its thousands of valves."""
+    for source, valves in found.orphans.items():
+        shown = ", ".join(valves[:5]) + (", ..." if len(valves) > 5 else "")
+        problem = found.source_places[source].problem(
+            (),
+            f"a source that is wrong, so its {len(valves)} valves are left out ({shown})",
+            "the mistakes in this source to be mended",
+        )
+        found.problems.append(problem)
+
+
+def read_archive(table: dict[str, Any], place: Place, found: PlantReading, *, known: bool) -> None:
+    """Keep the archive if nothing is wrong with it and its name is its own (``known``)."""
+    kind = table["kind"]
+    model = KINDS.get(kind) if isinstance(kind, str) else None
+    if model is None:
+        expected = either_of(KINDS) + "; without kind a source is a text export"
+        expected += nearest(kind, KINDS) if isinstance(kind, str) else ""
+        found.problems.append(place.problem(("kind",), described(kind), expected))
+        return
+    try:
+        source = model.model_validate(table)
+    except ValidationError as error:
+        found.problems += problems_of(error, model, place)
+        return
+    if known:
+        found.archives[source.name] = source
+
+
+Read = TypeVar("Read", bound=BaseModel)
+
+
+def read_device_tables(
+    data: dict[str, Any], file: Path, lines: TomlLines, found: PlantReading
+) -> None:
+    """The ``[[devices]]``; their names are those of sources, their lists lie beside ``file``."""
+    listed = tables(data, "devices")
+    if not listed:
+        return
+    # Late: pymodbus is loaded where a plant has devices, and nowhere else.
+    from stemwatch.connectors.modbus.config import read_devices
+
+    good = []
+    for position, table in listed:
+        name = table.get("name")
+        place = place_of(file.name, lines, "devices", position, name)
+        again = name_taken("name", name, place, found.source_places)
+        found.problems += again
+        if not again:
+            good.append((position, table))
+    for position, table in good:
+        read = read_devices(
+            [table],
+            lambda path, at=position: lines.of((path[0], at, *path[2:])),  # type: ignore[misc]
+            file.name,
+            folder=file.parent,
+        )
+        found.devices |= {device.name: device for device in read.devices}
+        found.problems += [
+            Problem(
+                file=one.file, line=one.line, key=one.key, found=one.found, expected=one.expected
+            )
+            for one in read.problems
+        ]
+
+
+def read_live(data: dict[str, Any], file: str, lines: TomlLines, found: PlantReading) -> None:
+    """Schedules and notifiers; one that is wrong costs itself only."""
+    places: dict[str, Place] = {}
+    for position, table in tables(data, "schedules"):
+        place = place_of(file, lines, "schedules", position, table.get("name"))
+        if read := _named(ScheduleTable, table, place, places, found):
+            found.schedules[read.name] = read.schedule()
+            found.problems += _unknown_valves(read, place, found)
+    places = {}
+    for position, table in tables(data, "notifiers"):
+        place = place_of(file, lines, "notifiers", position, table.get("name"))
+        if notifier := _named(NotifierTable, table, place, places, found):
+            found.notifiers[notifier.name] = notifier
+
+
+def _unknown_valves(read: ScheduleTable, place: Place, found: PlantReading) -> list[Problem]:
+    """What a schedule names and the plant does not have; the rest of it holds."""
+    areas = {valve.area for valve in found.valves.values()}
+    asked = [("valves", name, found.valves) for name in read.valves]
+    asked += [("areas", name, areas) for name in read.areas]  # type: ignore[misc]
+    return [
+        place.problem((key,), f"the unknown {key[:-1]} {name!r}", "one that this file describes")
+        for key, name, known in asked
+        if name not in known
+    ]
+
+
+def _named(
+    model: type[Read],
+    table: dict[str, Any],
+    place: Place,
+    places: dict[str, Place],
+    found: PlantReading,
+) -> Read | None:
+    """``table`` as ``model`` if nothing is wrong with it and its name is its own."""
+    again = name_taken("name", table.get("name"), place, places)
+    found.problems += again
+    try:
+        read = model.model_validate(table)
+    except ValidationError as error:
+        found.problems += problems_of(error, model, place)
+        return None
+    return None if again else read
+
+
+def not_in_map(valve: Valve, device: Device, place: Place) -> list[Problem]:
+    """Tags of a valve that its device has no register for."""
+    known = set(device.tags)
+    return [
+        place.problem(
+            ("tags", role.value, "tag"),
+            f"{tag.tag!r}, which no register of {device.name} has",
+            "the tag of one of its registers" + nearest(tag.tag, known),
+        )
+        for role, tag in valve.tags.given().items()
+        if tag.tag not in known
+    ]
+
+
+VARIABLE = "STEMWATCH_STORAGE_URL"
+DEFAULT_NAME = "stemwatch.db"
+_SQLITE_FILE = "sqlite:///"
+
+
+def storage_address(url: str | None, plant_file: Path, variables: Mapping[str, str]) -> Address:
+    """The environment's address, else the file's ``url``, else a database beside the file.
+
+    A relative SQLite path is relative to the plant file, so that a command finds the same store
+    from every folder.
+    """
+    chosen = variables.get(VARIABLE, "").strip() or url or f"{_SQLITE_FILE}{DEFAULT_NAME}"
+    name = chosen.removeprefix(_SQLITE_FILE)
+    if name in (chosen, "", ":memory:") or name.startswith("file:"):
+        return Address(chosen)
+    return Address(f"{_SQLITE_FILE}{plant_file.parent / name}")

@@ -1,0 +1,133 @@
+"""``Plant``: a plant file that was read; what the rest of the service asks."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stemwatch.connectors.archive.address import ArchiveAddress
+from stemwatch.connectors.connector import TagMapping, ValveTags
+from stemwatch.models.limits import Limits
+from stemwatch.service.config.archives import ArchiveSource
+from stemwatch.service.config.problems import Problem
+from stemwatch.service.config.schema import Source, Tag, Valve
+from stemwatch.service.config.service_schema import AlertRules, NotifierTable, ServiceSection
+from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.runs.schedule import Schedule
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.modbus.device import Device
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant:
+    """The plant as its file describes it.
+
+    ``sources`` and ``valves`` hold what is right; each entry that is wrong is left out and stands
+    in ``problems``, one sentence each. ``zone`` is what reports show times in, and the zone of
+    every source that does not name its own. A valve's source is one of ``sources``, ``archives``
+    or ``devices``.
+    """
+
+    file: Path
+    name: str
+    zone: str | None
+    sources: Mapping[str, Source]
+    valves: Mapping[str, Valve]
+    limits: Limits
+    storage: Address
+    problems: tuple[Problem, ...] = ()
+    devices: Mapping[str, Device] = field(default_factory=dict)
+    archives: Mapping[str, ArchiveSource] = field(default_factory=dict)
+    schedules: tuple[Schedule, ...] = ()
+    notifiers: Mapping[str, NotifierTable] = field(default_factory=dict)
+    alerts: AlertRules = field(default_factory=AlertRules)
+    service: ServiceSection = field(default_factory=ServiceSection)
+
+    def is_live(self, valve: str | Valve) -> bool:
+        """Whether a valve's samples come into the store, rather than being read from files."""
+        source = self._valve(valve).source
+        if source in self.archives:
+            return False
+        return source in self.devices or self.sources[source].folder is not None
+
+    def archive_of(self, valve: str | Valve) -> ArchiveAddress | None:
+        """Where the archive is that a valve is read from; ``None`` for files and live sources."""
+        found = self.archives.get(self._valve(valve).source)
+        return None if found is None else found.address(self.file.parent, self.zone)
+
+    def beside(self, name: str) -> Path:
+        """A path as the plant file means it: relative to the file itself."""
+        return self.file.parent / name
+
+    def valve_tags(self, valve: str | Valve) -> ValveTags:
+        """What a connector is asked for. Raises ``KeyError`` for a valve that is not here."""
+        entry = self._valve(valve)
+        tags = {role: _mapping(tag) for role, tag in entry.tags.given().items()}
+        return ValveTags(valve=entry.id, tags=tags)
+
+    def source_of(self, valve: str | Valve) -> Source:
+        """The source a valve is read from. Raises ``KeyError`` for one of a device."""
+        return self.sources[self._valve(valve).source]
+
+    def source_files(self, source: str | Source) -> tuple[Path, ...]:
+        """The files a source's path or pattern matches now, in the order of their names; none for
+        a folder, whose files go into the store."""
+        path = self._source(source).path
+        if path is None:
+            return ()
+        pattern = self.beside(path)
+        found = (Path(name) for name in glob.glob(str(pattern), recursive=True))
+        return tuple(sorted(path for path in found if path.is_file()))
+
+    def read_options(self, source: str | Source) -> dict[str, Any]:
+        """The reading options of a source by name; the plant's zone where it names none."""
+        options = self._source(source).read_options()
+        return options if self.zone is None else {"zone": self.zone} | options
+
+    @property
+    def settings_digest(self) -> str:
+        """sha256 of everything here that can change a verdict: limits, sources, tags. The store's
+        address, descriptions and criticalities are not part of it."""
+        settings = {
+            "zone": self.zone,
+            "limits": asdict(self.limits),
+            "sources": [source.model_dump() for _, source in sorted(self.sources.items())],
+            "valves": {valve.id: _verdict_settings(valve) for valve in self.valves.values()},
+            **self._archive_settings(),
+            **(
+                {"devices": {name: repr(one) for name, one in sorted(self.devices.items())}}
+                if self.devices
+                else {}
+            ),
+        }
+        text = json.dumps(settings, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def _archive_settings(self) -> dict[str, Any]:
+        """Of archives what can change a verdict; nothing where there is none, so that the digest
+        of a plant without them stays what it was."""
+        dumps = [
+            one.model_dump(exclude={"url", "user", "secret_variable", "secret_file"})
+            for _, one in sorted(self.archives.items())
+        ]
+        return {"archives": dumps} if dumps else {}
+
+    def _valve(self, valve: str | Valve) -> Valve:
+        return self.valves[valve] if isinstance(valve, str) else valve
+
+    def _source(self, source: str | Source) -> Source:
+        return self.sources[source] if isinstance(source, str) else source
+
+
+def _mapping(tag: Tag) -> TagMapping:
+    return TagMapping(tag=tag.tag, unit=tag.unit, low=tag.low, high=tag.high)
+
+
+def _verdict_settings(valve: Valve) -> dict[str, Any]:
+    return valve.model_dump(include={"source", "tags"})

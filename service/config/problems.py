@@ -1,0 +1,169 @@
+"""``Problem``: one mistake in a plant file, said so that it can be mended without asking.
+
+``problems_of`` makes them of what pydantic says of a table: file, line, key, expectation.
+"""
+
+from __future__ import annotations
+
+import difflib
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from stemwatch.service.store.database_url import masked
+
+KeyPath = tuple[str | int, ...]  # from the top of a file, or of a table, to a key
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One mistake: where it stands, what was found there and what was expected."""
+
+    file: str
+    line: int | None  # None where no line can be named: the file itself is not there
+    key: str  # valves[FIC-101].tags.op.low, or the column of a valve list
+    found: str
+    expected: str
+
+    def __str__(self) -> str:
+        line = "" if self.line is None else f", line {self.line}"
+        return f"{self.file}{line}: {self.key}: found {self.found}; expected {self.expected}"
+
+
+class PlantFileError(Exception):
+    """The plant file cannot be used as a whole. ``problems`` holds every mistake found."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+    def __reduce__(self) -> tuple[type[PlantFileError], tuple[tuple[Problem, ...]]]:
+        return PlantFileError, (self.problems,)
+
+
+KIND = "contradiction"
+
+
+def contradiction(key: tuple[str, ...], found: str, expected: str) -> PydanticCustomError:
+    """To be raised by a validator; ``key`` is where to look, from the table that is checked."""
+    context = {"key": key, "found": found, "expected": expected}
+    return PydanticCustomError(KIND, "found {found}; expected {expected}", context)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """``" (did you mean 'zone'?)"``, or nothing where no known word comes close."""
+    by_lower = {name.lower(): name for name in sorted(known)}
+    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
+
+
+def either_of(known: Iterable[str]) -> str:
+    """``"one of area, id, source"``."""
+    return "one of " + ", ".join(sorted(known))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a table was read: its file, its name in messages, and how its keys are shown."""
+
+    file: str
+    name: str  # "valves[FIC-101]", or empty for the top
+    line_of: Callable[[KeyPath], int | None]  # of a path inside the table
+    key_of: Callable[[KeyPath], str] | None = None  # of a CSV file: a column instead of a key
+
+    def problem(self, path: KeyPath, found: str, expected: str) -> Problem:
+        """The problem at ``path`` inside this table."""
+        return Problem(
+            file=self.file,
+            line=self.line_of(path),
+            key=self._key(path),
+            found=found,
+            expected=expected,
+        )
+
+    def _key(self, path: KeyPath) -> str:
+        if self.key_of is not None:
+            return self.key_of(path)
+        text = self.name
+        for part in path:
+            text += f"[{part + 1}]" if isinstance(part, int) else f".{part}"
+        return text.removeprefix(".")
+
+
+def problems_of(error: ValidationError, model: type[BaseModel], place: Place) -> list[Problem]:
+    """One problem for each mistake in ``error``, which validating ``model`` raised."""
+    return [_problem(details, model, place) for details in error.errors(include_url=False)]
+
+
+def described(value: Any) -> str:
+    """A value as somebody reading the file sees it, with its kind."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return "an empty text" if not value else f"the text {_short(repr(masked(value)))}"
+    return _short(str(value))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _problem(details: ErrorDetails, model: type[BaseModel], place: Place) -> Problem:
+    path: KeyPath = tuple(details["loc"])
+    if details["type"] == "extra_forbidden":
+        known = _model_at(model, path[:-1]).model_fields
+        hint = nearest(str(path[-1]), known)
+        if len(path) > 1 and path[-1] in model.model_fields:
+            hint = f"; {path[-1]} belongs at the top of the file, before the first [table]"
+        return place.problem(path, "an unknown key", either_of(known) + hint)
+    if details["type"] == KIND:
+        context = details["ctx"]
+        return place.problem((*path, *context["key"]), context["found"], context["expected"])
+    field = _field_at(model, path)
+    found = described(None) if details["type"] == "missing" else described(details["input"])
+    return place.problem(path, found, _expected(details, field))
+
+
+def _expected(details: ErrorDetails, field: FieldInfo | None) -> str:
+    if details["type"] == "value_error":
+        return str(details["ctx"]["error"])
+    if field is not None and field.description:
+        return field.description
+    return details["msg"]
+
+
+def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
+    names = [part for part in path if isinstance(part, str)]
+    field: FieldInfo | None = None
+    for name in names:
+        if name not in model.model_fields:
+            return field
+        field = model.model_fields[name]
+        model = _model_in(field.annotation) or model
+    return field
+
+
+def _model_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel]:
+    field = _field_at(model, path)
+    return model if field is None else _model_in(field.annotation) or model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The model inside ``Model``, ``Model | None`` or ``Annotated[Model, ...]``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    if get_origin(annotation) in (Union, types.UnionType, Annotated):
+        inner = (_model_in(argument) for argument in get_args(annotation))
+        return next((found for found in inner if found), None)
+    return None

@@ -1,0 +1,297 @@
+"""The tables of ``plant.toml``. Each field's description is what an error says was expected."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self
+from zoneinfo import ZoneInfo, available_timezones
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+
+from stemwatch.models.recording import Role
+from stemwatch.service.config.problems import contradiction, either_of, nearest
+
+EXPECTED = 'the full stroke with its unit, such as "40 mm", "1.5 in" or "90 deg"'
+_FORM = re.compile(r"(\d+(?:[.,]\d+)?)\s*(mm|cm|in|inch|deg|degrees|°)", re.IGNORECASE)
+_UNITS = {
+    "mm": ("mm", 1.0),
+    "cm": ("mm", 10.0),
+    "in": ("in", 1.0),
+    "inch": ("in", 1.0),
+    "deg": ("°", 1.0),
+    "degrees": ("°", 1.0),
+    "°": ("°", 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """``full`` travel from stop to stop in ``unit``: mm, in or ° (of a rotary valve)."""
+
+    full: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.full:g}{self._gap}{self.unit}"
+
+    def of_percent(self, percent: float) -> str:
+        """``percent`` of the stroke in its own unit: 5 % of 40 mm is "2.0 mm"."""
+        value = percent * self.full / 100.0
+        digits = 3 if self.unit == "in" else 2 if abs(value) < 1.0 else 1
+        return f"{value:.{digits}f}{self._gap}{self.unit}"
+
+    @property
+    def _gap(self) -> str:
+        return "" if self.unit == "°" else " "
+
+
+def parse_stroke(text: str) -> Stroke:
+    """The stroke that ``text`` names. Raises ``ValueError`` with what was expected."""
+    found = _FORM.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(EXPECTED)
+    unit, factor = _UNITS[found[2].lower()]
+    full = float(found[1].replace(",", ".")) * factor
+    if full <= 0.0:
+        raise ValueError(f"{EXPECTED}, above 0")
+    return Stroke(full, unit)
+
+
+class Table(BaseModel):
+    """A TOML table: no unknown keys, no silent conversion of one type into another."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        str_strip_whitespace=True,
+        validate_default=False,
+    )
+
+
+def _known_zone(zone: str) -> str:
+    try:
+        ZoneInfo(zone)
+    except (KeyError, ValueError, OSError):
+        raise ValueError(
+            "an IANA time zone such as Europe/Berlin" + nearest(zone, available_timezones())
+        ) from None
+    return zone
+
+
+def _known_encoding(encoding: str) -> str:
+    try:
+        codecs.lookup(encoding)
+    except (LookupError, ValueError):
+        raise ValueError("an encoding that Python knows, such as utf-8 or cp1252") from None
+    return encoding
+
+
+def _one_line(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("text without line breaks and control characters")
+    return text
+
+
+def _known_stroke(text: str) -> str:
+    parse_stroke(text)
+    return text
+
+
+def _existing_source(name: str, info: ValidationInfo) -> str:
+    """Checked where the validation's context says which sources there are."""
+    known = None if info.context is None else info.context["sources"]
+    if known is None or name in known:
+        return name
+    expected = either_of(known) if known else "a [[sources]] table with this name"
+    raise contradiction((), f"the unknown source {name!r}", expected + nearest(name, known))
+
+
+Text = Annotated[str, AfterValidator(_one_line)]
+Name = Annotated[Text, Field(min_length=1, max_length=200)]
+Zone = Annotated[str, AfterValidator(_known_zone)]
+Encoding = Annotated[str, AfterValidator(_known_encoding)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class PlantSection(Table):
+    """``[plant]``."""
+
+    name: Text = Field(default="", description="the plant's name as text")
+    zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
+
+
+class StorageSection(Table):
+    """``[storage]``."""
+
+    url: str | None = Field(
+        default=None,
+        min_length=1,
+        description="a database URL such as sqlite:///stemwatch.db or "
+        "postgresql://user:password@host/database",
+    )
+
+
+class Source(Table):
+    """``[[sources]]``: where recordings come from and how to read them.
+
+    What is not given is decided by the reader from the file itself, and the report says so.
+    """
+
+    name: Name = Field(description="a name of its own for the source, as text of 1 to 200 letters")
+    path: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="a file or pattern such as exports/*.csv, relative to the plant file",
+    )
+    folder: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="a folder that exports are dropped into, relative to the plant file",
+    )
+    zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
+    encoding: Encoding | None = Field(
+        default=None, description="an encoding such as utf-8 or cp1252"
+    )
+    separator: Literal[",", ";", "\t", "|", " "] | None = Field(
+        default=None, description='one of "," ";" "\\t" "|" " "'
+    )
+    decimal: Literal[".", ","] | None = Field(default=None, description='"." or ","')
+    day_first: bool | None = Field(
+        default=None, description="true (31.12.2025) or false (12/31/2025)"
+    )
+    time_format: Name | None = Field(
+        default=None, description='a format such as "%d.%m.%Y %H:%M:%S"'
+    )
+    time_column: Name | None = Field(
+        default=None, description="the heading of the time column, as text"
+    )
+    interval_s: Positive | None = Field(
+        default=None, description="seconds between samples, above 0"
+    )
+    tag_column: Name | None = Field(
+        default=None, description="the heading of the column of tag names, as text"
+    )
+    value_column: Name | None = Field(
+        default=None, description="the heading of the column of values, as text"
+    )
+    quality_column: Name | None = Field(
+        default=None, description="the heading of the column of quality codes, as text"
+    )
+    good_quality: list[Name] | None = Field(
+        default=None, description='a list of the codes that mean good, such as ["192", "Good"]'
+    )
+    ambiguous_hour: Literal["infer", "first", "second"] | None = Field(
+        default=None,
+        description='"infer", "first" (summer time) or "second" (standard time): which hour is '
+        "meant where clocks are put back and one local hour occurs twice",
+    )
+    missing_hour: Literal["shift", "leave_out"] | None = Field(
+        default=None,
+        description='"shift" (forward by an hour) or "leave_out": what becomes of rows in the '
+        "hour that clocks skip when they are put forward",
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.path is None) == (self.folder is None):
+            found = "nothing" if self.path is None else "both path and folder"
+            expected = (
+                "a file or pattern such as exports/*.csv, relative to the plant file; or folder "
+                "instead, for exports that are dropped there"
+            )
+            raise contradiction(("path",), found, expected)
+        return self
+
+    @model_validator(mode="after")
+    def _two_marks(self) -> Self:
+        if self.separator is not None and self.separator == self.decimal:
+            found = f"{self.decimal!r}, which is also the separator"
+            raise contradiction(("decimal",), found, "two different marks")
+        return self
+
+    def read_options(self) -> dict[str, Any]:
+        """What the file says of reading, under the names of ``ReadOptions``; the rest is left to
+        the reader."""
+        options = self.model_dump(exclude={"name", "path", "folder"}, exclude_none=True)
+        if "good_quality" in options:
+            options["good_quality"] = tuple(options["good_quality"])
+        return options
+
+
+class Tag(Table):
+    """``[valves.tags.op]``: one tag, and the engineering values at 0 % and 100 %."""
+
+    tag: Name = Field(description="the tag's name in the source, as text of 1 to 200 letters")
+    unit: Text = Field(default="", description='a unit such as "%" or "t/h"')
+    low: float | None = Field(default=None, description="the engineering value at 0 %, as a number")
+    high: float | None = Field(
+        default=None, description="the engineering value at 100 %, as a number"
+    )
+
+    @model_validator(mode="after")
+    def _range(self) -> Self:
+        if (self.low is None) != (self.high is None):
+            given, other = ("low", "high") if self.high is None else ("high", "low")
+            found = f"{given} without {other}"
+            raise contradiction((given,), found, "both low and high, or neither")
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            found = f"low = {self.low:g} and high = {self.high:g}"
+            expected = "low below high: the engineering values at 0 % and at 100 %"
+            raise contradiction(("low",), found, expected)
+        return self
+
+
+class Tags(Table):
+    """``[valves.tags]``: the tag of each role; only OP must be there."""
+
+    op: Tag = Field(
+        description="the tag of the controller output (OP): "
+        '[valves.tags.op] with tag = "...", or column op of a valve list'
+    )
+    mv: Tag | None = Field(
+        default=None, description="a table with the tag of the measured position (MV)"
+    )
+    pv: Tag | None = Field(
+        default=None, description="a table with the tag of the process variable (PV)"
+    )
+    sp: Tag | None = Field(default=None, description="a table with the tag of the set point (SP)")
+    mode: Tag | None = Field(
+        default=None, description="a table with the tag of the controller mode"
+    )
+
+    @model_validator(mode="after")
+    def _position_is_measured(self) -> Self:
+        # Historians look tags up without regard to case, so two spellings are one tag.
+        if self.mv is not None and self.mv.tag.casefold() == self.op.tag.casefold():
+            found = f"{self.mv.tag!r}, which is also the op tag"
+            expected = "the tag of the measured valve position; with no position transmitter, no mv"
+            raise contradiction(("mv", "tag"), found, expected)
+        return self
+
+    def given(self) -> dict[Role, Tag]:
+        """The tags that are there, by role."""
+        by_role = {role: getattr(self, role.value) for role in Role}
+        return {role: tag for role, tag in by_role.items() if tag is not None}
+
+
+class Valve(Table):
+    """``[[valves]]``, or one row of a valve list."""
+
+    id: Name = Field(description="the valve's own name, as text of 1 to 200 letters")
+    description: Text = Field(default="", description="text on one line")
+    area: Text = Field(default="", description="text on one line")
+    criticality: Annotated[int, Field(ge=1, le=3)] = Field(
+        default=2, description="1, 2 or 3, where 3 is the valve the plant can least do without"
+    )
+    stroke: Annotated[str, AfterValidator(_known_stroke)] | None = Field(
+        default=None, description=EXPECTED
+    )
+    source: Annotated[Name, AfterValidator(_existing_source)] = Field(
+        description="the name of one of the [[sources]]"
+    )
+    tags: Tags = Field(
+        description="a table of tags with at least the controller output: "
+        '[valves.tags.op] with tag = "..."'
+    )

@@ -1,0 +1,170 @@
+"""The tables of ``plant.toml`` for the service that runs: schedules, alerts, notifiers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from stemwatch.service.config.cron import CronTimes
+from stemwatch.service.config.problems import contradiction
+from stemwatch.service.config.schema import Name, Positive, Table
+from stemwatch.service.store.runs.schedule import Schedule
+
+Severity = Literal["high", "medium", "low"]
+SHORTEST_S = 10.0
+
+
+def _readable_cron(expression: str) -> str:
+    try:
+        CronTimes(expression, "UTC")
+    except ValueError as error:
+        raise ValueError(f'five cron fields, such as "30 5 * * 1" ({error})') from None
+    return expression
+
+
+class ScheduleTable(Table):
+    """``[[schedules]]``: when which valves are screened."""
+
+    name: Name = Field(description="a name of its own for the schedule, as text")
+    cron: Annotated[str, AfterValidator(_readable_cron)] | None = Field(
+        default=None, description='five cron fields as text, such as "30 5 * * 1"'
+    )
+    every_s: Annotated[float, Field(ge=SHORTEST_S)] | None = Field(
+        default=None, description=f"seconds from one run to the next, {SHORTEST_S:g} or more"
+    )
+    jitter_s: Annotated[float, Field(ge=0, le=86400)] = Field(
+        default=0.0, description="seconds over which beginnings are spread, 0 to 86400"
+    )
+    window_s: Positive | None = Field(
+        default=None, description="seconds of recording that a run looks at, above 0"
+    )
+    areas: list[Name] = Field(default=[], description='a list of areas, such as ["100", "200"]')
+    valves: list[Name] = Field(default=[], description='a list of ids, such as ["FIC-101"]')
+    enabled: bool = Field(default=True, description="true or false")
+
+    @model_validator(mode="after")
+    def _one_rhythm(self) -> Self:
+        if (self.cron is None) == (self.every_s is None):
+            found = "neither cron nor every_s" if self.cron is None else "both cron and every_s"
+            raise contradiction(("cron",), found, "one of the two")
+        return self
+
+    def schedule(self) -> Schedule:
+        """The schedule as the store keeps it."""
+        values = self.model_dump() | {"areas": tuple(self.areas), "valves": tuple(self.valves)}
+        return Schedule(**values)
+
+
+class AlertRules(Table):
+    """``[alerts]``: what is worth telling somebody, and when.
+
+    A finding is raised when it was there in ``raise_after_runs`` of the last ``of_runs`` runs, and
+    closed when it was not there in ``clear_after_runs`` runs in a row.
+    """
+
+    raise_after_runs: Annotated[int, Field(ge=1, le=20)] = Field(
+        default=2, description="a whole number of runs, 1 to 20"
+    )
+    of_runs: Annotated[int, Field(ge=1, le=20)] = Field(
+        default=3, description="a whole number of runs, 1 to 20"
+    )
+    clear_after_runs: Annotated[int, Field(ge=1, le=20)] = Field(
+        default=3, description="a whole number of runs, 1 to 20"
+    )
+    grown_S_percent: Positive = Field(
+        default=0.5, description="percent of OP span by which S grows at least, above 0"
+    )
+    silent_after_s: Positive = Field(
+        default=900.0, description="seconds without a good sample, above 0"
+    )
+    common_valves: Annotated[int, Field(ge=2)] = Field(
+        default=5, description="a whole number of valves, 2 or more"
+    )
+    common_share: Annotated[float, Field(gt=0, le=1)] = Field(
+        default=0.3, description="a share of the valves of an area or source, above 0 and up to 1"
+    )
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.raise_after_runs > self.of_runs:
+            found = f"raise_after_runs = {self.raise_after_runs} of of_runs = {self.of_runs}"
+            raise contradiction(("raise_after_runs",), found, "at most of_runs")
+        return self
+
+
+class NotifierTable(Table):
+    """``[[notifiers]]``: who is told of alerts, and how. Which keys are needed follows ``kind``."""
+
+    name: Name = Field(description="a name of its own for the notifier, as text")
+    kind: Literal["mail", "webhook", "file"] = Field(description='"mail", "webhook" or "file"')
+    least_severity: Severity = Field(default="low", description='"high", "medium" or "low"')
+    host: Name | None = Field(default=None, description="the mail server's name, as text")
+    port: Annotated[int, Field(ge=1, le=65535)] | None = Field(
+        default=None, description="a port, 1 to 65535"
+    )
+    security: Literal["starttls", "tls", "none"] = Field(
+        default="starttls", description='"starttls", "tls" or "none"'
+    )
+    user: Name | None = Field(default=None, description="the name to log in with, as text")
+    secret_variable: Name | None = Field(
+        default=None, description="the name of the environment variable that holds the secret"
+    )
+    secret_file: Name | None = Field(
+        default=None, description="the name of a file that holds nothing but the secret"
+    )
+    sender: Name | None = Field(default=None, description="the sender's address, as text")
+    to: list[Name] = Field(default=[], description='a list of addresses, such as ["a@plant.org"]')
+    url: Name | None = Field(default=None, description="an address with http:// or https://")
+    allow_private: bool = Field(default=False, description="true or false")
+    path: Name | None = Field(default=None, description="a file, relative to the plant file")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needed = {"mail": ("host", "sender", "to"), "webhook": ("url",), "file": ("path",)}
+        for key in needed[self.kind]:
+            if not getattr(self, key):
+                expected = f"{', '.join(needed[self.kind])} for {self.kind}"
+                raise contradiction((key,), "nothing", expected)
+        if self.url is not None and not self.url.startswith(("http://", "https://")):
+            raise contradiction(("url",), repr(self.url), "an address with http:// or https://")
+        if self.secret_variable is not None and self.secret_file is not None:
+            both = "both secret_variable and secret_file"
+            raise contradiction(("secret_file",), both, "one of the two")
+        if self.user is not None and not (self.secret_variable or self.secret_file):
+            found = "a user without a password"
+            raise contradiction(("user",), found, "secret_variable or secret_file as well")
+        return self
+
+
+class ServiceSection(Table):
+    """``[service]``: where the service keeps its files, and how much of everything."""
+
+    address: Annotated[str, Field(pattern=r"^(|https?://[^\s?#]+)$")] = Field(
+        default="", description="where people reach the pages, such as https://valves.example/"
+    )
+    spool: Name = Field(
+        default="stemwatch-spool", description="a folder, relative to the plant file"
+    )
+    reports: Name = Field(
+        default="stemwatch-reports", description="a folder, relative to the plant file"
+    )
+    keep_reports: Annotated[int, Field(ge=1)] = Field(
+        default=30, description="a whole number of reports, 1 or more"
+    )
+    report_valves: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=100, description="a whole number of valves, 1 to 1000"
+    )
+    keep_samples_days: Positive = Field(default=90.0, description="days, above 0")
+    window_s: Positive = Field(
+        default=86400.0, description="seconds of recording that a run looks at, above 0"
+    )
+    workers: Annotated[int, Field(ge=1, le=256)] | None = Field(
+        default=None, description="a whole number of processes, 1 to 256"
+    )
+    executor: Annotated[str, Field(pattern=r"^(local|dask://[^/\s]+:\d+)$")] = Field(
+        default="local", description='"local" or "dask://HOST:PORT"'
+    )
+    valve_timeout_s: Annotated[float, Field(ge=1)] = Field(
+        default=120.0, description="seconds, 1 or more"
+    )

@@ -1,0 +1,80 @@
+"""What was said of a valve before: the one question behind trend, "since when" and ranking.
+
+Earlier means: of another window, and for an instant before. A screening whose source does not tell
+its dates speaks for the instant at which it was saved; the same source again is the same window and
+therefore not earlier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import and_, select
+from sqlalchemy.orm import Session, aliased
+
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.rows import window_key
+from stemwatch.service.store.screenings.tables import ScreeningRow
+
+
+def read_previous(
+    session: Session, screening: Screening, limit: int, now: datetime | None = None
+) -> list[PreviousFinding]:
+    """What was said before ``screening``, newest first, at most ``limit``.
+
+    Before the end of its window; where it has no dates, before ``now``, or where that is not given
+    either, before it was saved itself.
+    """
+    one = ScreeningRow
+    key = window_key(screening)
+    before = screening.window[1] or now
+    if before is None:
+        own = select(one.at).where(one.valve == screening.valve, one.window_key == key)
+        before = session.scalar(own)
+    statement = select(*_columns(one)).where(one.valve == screening.valve, one.window_key != key)
+    if before is not None:
+        statement = statement.where(one.at < before)
+    rows = session.execute(statement.order_by(one.at.desc(), one.id.desc()).limit(limit))
+    return [_previous(row) for row in rows]
+
+
+def read_previous_of(session: Session, screenings: Sequence[int]) -> dict[int, PreviousFinding]:
+    """What was said last before each of these screenings, by their numbers; those that have
+    nothing before them are left out. One statement for a page of valves."""
+    if not screenings:
+        return {}
+    now, before, inner = aliased(ScreeningRow), aliased(ScreeningRow), aliased(ScreeningRow)
+    earlier = (
+        select(inner.id)
+        .where(inner.valve == now.valve, inner.at < now.at)
+        .order_by(inner.at.desc(), inner.id.desc())
+        .limit(1)
+        .correlate(now)
+        .scalar_subquery()
+    )
+    statement = select(now.id.label("of"), *_columns(before)).join(
+        before, and_(before.valve == now.valve, before.id == earlier)
+    )
+    rows = session.execute(statement.where(now.id.in_(screenings)))
+    return {row.of: _previous(row) for row in rows}
+
+
+def _columns(one: Any) -> tuple[Any, ...]:
+    numbers = (one.severity, one.s_percent, one.j_percent)
+    return one.at, one.run_id, one.verdict, *numbers, one.mismatch_finding, one.mismatch_slugs
+
+
+def _previous(row: Any) -> PreviousFinding:
+    return PreviousFinding(
+        at=row.at,
+        run=row.run_id,
+        verdict=Verdict(row.verdict),
+        severity=row.severity,
+        S=row.s_percent,
+        J=row.j_percent,
+        finding=row.mismatch_finding,
+        effects=tuple(row.mismatch_slugs or ()),
+    )

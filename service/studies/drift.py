@@ -1,0 +1,306 @@
+"""Does the baseline ratio tell growing stiction from a valve that stays as it is?
+
+Counted on simulated valves. A loop is drawn with a healthy valve; a network is trained on its
+first window; then six later windows are scored against that network, with the valve as it was or
+with stiction that grows from window to window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.narx.baseline import BaselineScore, score_baseline
+from stemwatch.models.narx.example import NarxExample
+from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.narx.training import train
+from stemwatch.models.recording import Recording
+from stemwatch.models.studies.simulator import (
+    PlantLoop,
+    SimulatedValve,
+    draw_healthy,
+    simulate_loop,
+)
+from stemwatch.models.studies.simulator.parts import some_setpoints
+from stemwatch.service.executors import Executor, map_items
+
+WINDOWS, WINDOW_S = 6, 600.0
+JUDGED = 3  # the last scored windows, whose median ratio is the valve's score
+BATCH = 12
+
+_TRAINED_SHARE = 0.6  # of the baseline window, as in a screening
+_FEWEST_JUDGED = 2
+_GROWN_S_PERCENT = (1.5, 8.0)
+# Above this friction, in percent of the spring range, the air supply could not move the stem.
+_MOST_FRICTION_PERCENT = 40.0
+
+
+class ValveFate(StrEnum):
+    """What becomes of a valve after its baseline window."""
+
+    UNCHANGED = "unchanged"
+    OPERATED = "unchanged, run differently"
+    GROWING = "growing stiction"
+
+
+class OperatingChange(StrEnum):
+    """How a loop can be run differently with the same valve."""
+
+    OPENING = "other opening"
+    LOAD = "stronger disturbance"
+    TUNING = "other tuning"
+    SETPOINTS = "set points moved"
+
+
+HEALTHY = (ValveFate.UNCHANGED, ValveFate.OPERATED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Followed:
+    """One valve, one way: the ratio in each later window, ``None`` where the baseline refused.
+
+    ``S`` and ``J`` (percent of span) are those of the last window. ``reason`` is set where no
+    baseline could be trained.
+    """
+
+    tag: str
+    story: str
+    way: ValveFate
+    operation: OperatingChange | None
+    S_before: float
+    S: float
+    J: float
+    ratios: tuple[float | None, ...] = ()
+    reason: str = ""
+
+    @property
+    def score(self) -> float | None:
+        """Median ratio of the last three scored windows; ``None`` where fewer than two were."""
+        scored = [ratio for ratio in self.ratios if ratio is not None]
+        return float(np.median(scored[-JUDGED:])) if len(scored) >= _FEWEST_JUDGED else None
+
+    @property
+    def refused(self) -> int:
+        """How many later windows the baseline would not score."""
+        return sum(ratio is None for ratio in self.ratios)
+
+
+@dataclass(frozen=True)
+class DriftBatch:
+    """Loops whose baselines one worker trains together, each with its place in the draw."""
+
+    loops: tuple[tuple[int, PlantLoop], ...]
+    seed: int
+    ways: tuple[ValveFate, ...]
+
+
+def run_drift(
+    valves: int,
+    seed: int,
+    executor: Executor,
+    tell: Callable[[int], None],
+    ways: Sequence[ValveFate] = tuple(ValveFate),
+) -> list[Followed]:
+    """Follow ``valves`` loops, drawn healthy with ``seed``, in each of ``ways``.
+
+    The ways of a loop share its baseline. ``tell`` hears how many loops are done.
+    """
+    drawn = list(enumerate(draw_healthy(valves, seed)))
+    batches = [
+        DriftBatch(tuple(drawn[first : first + BATCH]), seed, tuple(ways))
+        for first in range(0, valves, BATCH)
+    ]
+    done: dict[int, list[Followed]] = {}
+    for place, followed in map_items(executor, follow_batch, batches):
+        done[place] = followed
+        tell(sum(map(len, done.values())) // len(ways))
+    return [one for place in sorted(done) for one in done[place]]
+
+
+def follow_batch(batch: DriftBatch) -> list[Followed]:
+    """Simulate the baseline windows, train on them, simulate the later windows and score them."""
+    first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
+    fits = train([_example(recording) for recording in first])
+    return [
+        _follow(batch.seed, at, loop, way, fit.network, fit.reason or "")
+        for (at, loop), fit in zip(batch.loops, fits, strict=True)
+        for way in batch.ways
+    ]
+
+
+def _chance(seed: int, *place: int) -> int:
+    return int(np.random.default_rng([seed, *place]).integers(2**31))
+
+
+def _example(recording: Recording) -> NarxExample:
+    return NarxExample.of(recording, int(_TRAINED_SHARE * len(recording)))
+
+
+def _follow(
+    seed: int, at: int, loop: PlantLoop, way: ValveFate, baseline: NarxNetwork | None, reason: str
+) -> Followed:
+    number = tuple(ValveFate).index(way)
+    rng = np.random.default_rng([seed, at, number, 0])
+    operation = (
+        tuple(OperatingChange)[at % len(OperatingChange)] if way is ValveFate.OPERATED else None
+    )
+    later = [
+        _window(_operated(loop, operation, rng), valve, rng)
+        for valve in _valves(loop.valve, way, rng)
+    ]
+    followed = Followed(
+        tag=loop.tag,
+        story=loop.story,
+        way=way,
+        operation=operation,
+        S_before=loop.valve.S_read,
+        S=later[-1].valve.S_read,
+        J=later[-1].valve.J_read,
+        reason=reason,
+    )
+    if baseline is None:
+        return followed
+    seeds = [_chance(seed, at, number, 1 + place) for place in range(WINDOWS)]
+    scores = [_score(baseline, window, chance) for window, chance in zip(later, seeds, strict=True)]
+    return replace(followed, ratios=tuple(score.ratio for score in scores))
+
+
+def _valves(
+    valve: SimulatedValve, way: ValveFate, rng: np.random.Generator
+) -> list[SimulatedValve]:
+    """The valve in each later window; growing stiction gets to its end in equal steps."""
+    if way is not ValveFate.GROWING:
+        return [valve] * WINDOWS
+    ratio = float(rng.uniform(0.0, 1.0))
+    low, high = _GROWN_S_PERCENT
+    # A positioner divides what its packing shows by 1 + gain, so that less can be seen of it.
+    most = _MOST_FRICTION_PERCENT / ((1.0 + valve.positioner_gain) * (1.0 + ratio))
+    end = float(np.exp(rng.uniform(np.log(low), np.log(max(min(high, most), low)))))
+    shares = np.arange(1, WINDOWS + 1) / WINDOWS
+    return [
+        SimulatedValve.showing(
+            float(valve.S_read + share * (end - valve.S_read)),
+            float(valve.J_read + share * (ratio * end - valve.J_read)),
+            positioner_gain=valve.positioner_gain,
+            scatter=valve.scatter,
+            actuator=valve.actuator,
+        )
+        for share in shares
+    ]
+
+
+def _operated(
+    loop: PlantLoop, operation: OperatingChange | None, rng: np.random.Generator
+) -> PlantLoop:
+    """The loop run otherwise: the valve, its transmitter and the process stay as they are."""
+    controller = loop.controller
+    if operation is OperatingChange.OPENING:
+        away = 12.0 if controller.output < 50.0 else -12.0
+        return replace(loop, controller=replace(controller, output=controller.output + away))
+    if operation is OperatingChange.LOAD:
+        loads = tuple(replace(load, size=2.5 * load.size) for load in loop.loads)
+        return replace(loop, loads=loads)
+    if operation is OperatingChange.TUNING:
+        slower = replace(controller, gain=0.5 * controller.gain, reset_s=1.5 * controller.reset_s)
+        return replace(loop, controller=slower)
+    if operation is OperatingChange.SETPOINTS:
+        return replace(loop, setpoints=_steps(loop, (2.0, 10.0), rng))
+    return loop
+
+
+def _window(loop: PlantLoop, valve: SimulatedValve, rng: np.random.Generator) -> PlantLoop:
+    """One later window: set points, where the loop has any, move anew by steps of their size."""
+    window = replace(loop, valve=valve, duration_s=WINDOW_S)
+    if not loop.setpoints:
+        return window
+    heights = [loop.controller.set_point, *(height for _, height in loop.setpoints)]
+    moves = np.abs(np.diff(heights)) / _per_travel(loop)
+    moves = moves[moves > 0]
+    if not moves.size:
+        return window
+    return replace(window, setpoints=_steps(window, (moves.min(), moves.max()), rng))
+
+
+def _steps(
+    loop: PlantLoop, travel: tuple[float, float], rng: np.random.Generator
+) -> tuple[tuple[float, float], ...]:
+    return some_setpoints(
+        loop.process, loop.controller, rng, duration_s=loop.duration_s, travel=travel
+    )
+
+
+def _per_travel(loop: PlantLoop) -> float:
+    """Percent of set point that moves the valve by one percent, as ``some_setpoints`` counts."""
+    return 1.0 / loop.controller.gain if loop.process.integrating else loop.process.gain
+
+
+def _score(baseline: NarxNetwork, window: PlantLoop, chance: int) -> BaselineScore:
+    recording = simulate_loop(window, chance).recording
+    assert recording.mv is not None
+    return score_baseline(
+        baseline,
+        recording.op.values,
+        recording.mv.values,
+        recording.usable,
+        interval_s=recording.interval_s,
+    )
+
+
+def scores(followed: Sequence[Followed], *ways: ValveFate) -> list[float]:
+    """The scores of the valves that went one of ``ways`` and have one."""
+    return [one.score for one in followed if one.way in ways and one.score is not None]
+
+
+_NORMAL_95 = 1.959964
+_BESIDE = 1e-9  # far below one pair in the largest groups
+
+
+def auc(healthy: Sequence[float], growing: Sequence[float]) -> Estimate:
+    """Chance that a growing valve's score is above a healthy one's, ties half, 95 % interval.
+
+    The interval's ends are the values that lie 1.96 of their own standard errors from what was
+    found, after Hanley and McNeil (1982) with the mean of the two group sizes: method 5 of Newcombe
+    (2006), both quoted from memory. Unlike a bootstrap it does not shrink to nothing at 1. Where
+    the groups are the same loops, as here, it is a little too wide. Unknown where a group is empty.
+    """
+    if not healthy or not growing:
+        return Estimate.unknown("no valve of one group could be scored; follow more valves")
+    above = np.subtract.outer(np.asarray(growing), np.asarray(healthy))
+    found = float(np.mean((above > 0) + 0.5 * (above == 0)))
+    low, high = _newcombe(found, len(healthy), len(growing))
+    return Estimate(value=found, low=low, high=high)
+
+
+def _newcombe(found: float, m: int, n: int) -> tuple[float, float]:
+    from scipy.optimize import brentq
+
+    larger = (m + n) / 2 - 1
+
+    def variance(area: float) -> float:
+        spread = 1 + larger * ((1 - area) / (2 - area) + area / (1 + area))
+        return area * (1 - area) * spread / (m * n)
+
+    def excess(area: float) -> float:
+        return (found - area) ** 2 - _NORMAL_95**2 * variance(area)
+
+    # The excess is below zero next to ``found``, above it at the far end, and 0 at ``found`` itself
+    # where that is 0 or 1: the search begins beside it.
+    low = 0.0 if found <= 0.0 else float(brentq(excess, 0.0, found - _BESIDE))
+    high = 1.0 if found >= 1.0 else float(brentq(excess, found + _BESIDE, 1.0))
+    return low, high
+
+
+def calibrated_limit(healthy: Sequence[float], share: float) -> float | None:
+    """The lowest limit, in tenths, that at most ``share`` of ``healthy`` exceed.
+
+    ``None`` where there is no healthy score. A small share rests on few scores: with 200 of them,
+    2 % are the four highest.
+    """
+    if not healthy:
+        return None
+    found = float(np.quantile(healthy, 1.0 - share, method="higher"))
+    return float(np.ceil(10.0 * found - 1e-9) / 10.0)

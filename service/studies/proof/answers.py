@@ -1,0 +1,191 @@
+"""``judge``: CSV files to answers, by ``stemwatch explain`` in processes that see nothing else.
+
+An ``Answer`` is what the JSON of ``stemwatch explain`` says of one recording.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from stemwatch.service.executors import Executor, map_items
+
+NOTHING = "nothing named"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedEffect:
+    """An effect that was named: its slug, and all that the recording cannot tell from it."""
+
+    slug: str
+    members: tuple[str, ...]
+
+    def holds(self, slug: str) -> bool:
+        """Whether ``slug`` is it, or one of its class."""
+        return slug == self.slug or slug in self.members
+
+
+@dataclass(frozen=True, kw_only=True)
+class StictionNumbers:
+    """S and J in percent of span; ``None`` where the judge would not say."""
+
+    S: float | None = None
+    J: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """One judged recording: the names, strongest first, and the figures beside them.
+
+    ``fit_naive`` and ``fit_extended`` in percent, on data that the fit did not see; ``reason`` why
+    there is no S, where there is none.
+    """
+
+    file: str
+    verdict: str
+    names: tuple[NamedEffect, ...] = ()
+    record_effects: tuple[str, ...] = ()
+    not_testable: tuple[str, ...] = ()
+    naive: StictionNumbers = field(default_factory=StictionNumbers)
+    restated: StictionNumbers = field(default_factory=StictionNumbers)
+    fit_naive: float | None = None
+    fit_extended: float | None = None
+    rmse_naive: float | None = None
+    rmse_extended: float | None = None
+    seconds: float = 0.0
+    reason: str = ""
+
+    @property
+    def label(self) -> str:
+        """What was said, in a table of confusions."""
+        if self.names:
+            return " + ".join(name.slug for name in self.names)
+        return NOTHING if self.verdict in ("none", "") else self.verdict
+
+
+def read_answer(found: Mapping[str, Any]) -> Answer:
+    """One object of the JSON of ``stemwatch explain``.
+
+    Raises ``ValueError`` with what is missing where it does not follow the contract.
+    """
+    try:
+        heldout, stiction = found["heldout"] or {}, found["stiction"] or {}
+        return Answer(
+            file=Path(found["recording"]).name,
+            verdict=str(found["verdict"]),
+            names=tuple(
+                NamedEffect(slug=one["slug"], members=tuple(one["class"]))
+                for one in found["effects"]
+            ),
+            record_effects=_slugs(found["record_effects"]),
+            not_testable=_slugs(found["not_testable"]),
+            naive=_numbers(stiction.get("naive")),
+            restated=_numbers(stiction.get("restated")),
+            fit_naive=heldout.get("fit_naive"),
+            fit_extended=heldout.get("fit_extended"),
+            rmse_naive=heldout.get("rmse_naive"),
+            rmse_extended=heldout.get("rmse_extended"),
+            seconds=float(found["seconds"]),
+            reason=_no_s(stiction.get("naive")),
+        )
+    except KeyError as missing:
+        raise ValueError(
+            f"the JSON of explain lacks {missing} for {found.get('recording', 'a recording')}; "
+            f"received the fields {sorted(found)}"
+        ) from missing
+
+
+def _slugs(found: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    return tuple(str(one["slug"]) for one in found if one.get("slug"))
+
+
+def _no_s(found: Mapping[str, Any] | None) -> str:
+    return str(((found or {}).get("S") or {}).get("reason") or "")
+
+
+def _numbers(found: Mapping[str, Any] | None) -> StictionNumbers:
+    """S and J; a missing object or a null value is no number."""
+    values = {name: ((found or {}).get(name) or {}).get("value") for name in ("S", "J")}
+    return StictionNumbers(S=values["S"], J=values["J"])
+
+
+CHUNK = 12  # files of one process, so that its start costs little
+_LAST_WORDS = 2000  # characters of a failing judge's messages
+
+
+class JudgeFailed(ValueError):
+    """The judging process ended without an answer."""
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """Files that one process judges: their folder, and their names."""
+
+    folder: str
+    files: tuple[str, ...]
+    arguments: tuple[str, ...]
+
+
+def judge(
+    folder: Path,
+    files: Sequence[str],
+    executor: Executor,
+    tell: Callable[[int], None],
+    arguments: Sequence[str] = (),
+) -> list[Answer]:
+    """What ``stemwatch explain`` says of ``files`` (names) in ``folder``, in the order of names.
+
+    Each process is given the names of CSV files and works in their folder; the truth is in no file
+    yet. ``arguments`` are further options of explain. Raises ``JudgeFailed`` where a process ends
+    without an answer for each of its files: a crash is no miss.
+    """
+    names = sorted(files)
+    chunks = [
+        _Chunk(str(folder), tuple(names[first : first + CHUNK]), tuple(arguments))
+        for first in range(0, len(names), CHUNK)
+    ]
+    said: list[Answer] = []
+    for _, answers in map_items(executor, _explain, chunks):
+        said += answers
+        tell(len(said))
+    return sorted(said, key=lambda one: one.file)
+
+
+def _explain(chunk: _Chunk) -> list[Answer]:
+    with tempfile.TemporaryDirectory() as home:
+        answer = Path(home) / "answer.json"
+        ours = ["--json", str(answer), "--workers", "1"]
+        command = ["explain", *chunk.files, *ours, *chunk.arguments]
+        done = subprocess.run(
+            [sys.executable, "-m", "stemwatch.service", *command],
+            cwd=chunk.folder,
+            env={**os.environ, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            check=False,
+        )
+        if not answer.is_file():
+            raise JudgeFailed(_failure(chunk, f"exit status {done.returncode}", done.stderr))
+        said = [read_answer(one) for one in json.loads(answer.read_text(encoding="utf-8"))]
+    silent = sorted(set(chunk.files) - {one.file for one in said})
+    if silent or len(said) != len(chunk.files):
+        raise JudgeFailed(
+            _failure(chunk, f"no single answer for {silent or 'a file'}", done.stderr)
+        )
+    return said
+
+
+def _failure(chunk: _Chunk, what: str, words: str) -> str:
+    first, last = chunk.files[0], chunk.files[-1]
+    return (
+        f"the judging of {first} to {last} failed: {what}; run `stemwatch explain {first}` on the "
+        f"kept files (--keep DIR). Its last words: {words[-_LAST_WORDS:].strip() or 'none'}"
+    )

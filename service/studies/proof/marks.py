@@ -1,0 +1,104 @@
+"""``mark``: one case's truth against what was said of it. The rules of the count stand here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import permutations
+
+from stemwatch.service.studies.proof.answers import Answer, NamedEffect
+from stemwatch.service.studies.proof.truth import CaseKind, CaseTruth
+
+
+class CaseOutcome(StrEnum):
+    """How one case ended."""
+
+    EXACT = "exact"  # the first name is the truth
+    CLASS = "by class"  # the truth is among those that the first name cannot be told from
+    WRONG = "wrong"  # the first name's class holds no truth
+    MISS = "missed"  # nothing was named
+    BOTH = "both"  # both of a pair by class, each by a name of its own
+    ONE = "one of two"
+    QUIET = "quiet"  # nothing hidden, nothing named
+    FALSE_ALARM = "false alarm"
+    CAUGHT = "caught"  # outside the catalogue, and said to be unknown
+    MISNAMED = "misnamed"  # outside the catalogue, and given a name of the catalogue
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseMark:
+    """Truth, answer and outcome of one case.
+
+    ``wrong_names`` are all names whose class holds no truth, further ones included. ``right_name``
+    tells whether the first name is right by class, ``None`` where nothing was named.
+    """
+
+    truth: CaseTruth
+    said: Answer
+    outcome: CaseOutcome
+    wrong_names: tuple[str, ...]
+    right_name: bool | None
+
+    @property
+    def named(self) -> bool:
+        """Whether any physics was named."""
+        return bool(self.said.names)
+
+
+def mark(truth: CaseTruth, said: Answer) -> CaseMark:
+    """The outcome by the kind of the case; record effects are counted apart."""
+    rules = {
+        CaseKind.NULL: _null,
+        CaseKind.SINGLE: _single,
+        CaseKind.PAIR: _pair,
+        CaseKind.UNKNOWN: _unknown,
+    }
+    wrong = tuple(
+        name.slug for name in said.names if not any(name.holds(slug) for slug in truth.physics)
+    )
+    first = said.names[0].slug if said.names else None
+    return CaseMark(
+        truth=truth,
+        said=said,
+        outcome=rules[truth.kind](truth.physics, said),
+        wrong_names=wrong,
+        right_name=None if first is None else first not in wrong,
+    )
+
+
+def _null(_physics: Sequence[str], said: Answer) -> CaseOutcome:
+    return CaseOutcome.FALSE_ALARM if said.names else CaseOutcome.QUIET
+
+
+def _single(physics: Sequence[str], said: Answer) -> CaseOutcome:
+    if not said.names:
+        return CaseOutcome.MISS
+    (slug,), first = physics, said.names[0]
+    if first.slug == slug:
+        return CaseOutcome.EXACT
+    return CaseOutcome.CLASS if first.holds(slug) else CaseOutcome.WRONG
+
+
+def _pair(physics: Sequence[str], said: Answer) -> CaseOutcome:
+    if not said.names:
+        return CaseOutcome.MISS
+    found = _found(physics, said.names)
+    return (CaseOutcome.WRONG, CaseOutcome.ONE, CaseOutcome.BOTH)[min(found, 2)]
+
+
+def _found(physics: Sequence[str], names: Sequence[NamedEffect]) -> int:
+    """The most truths that names can be given to, each name to one truth."""
+    wide = [*names, *[None] * len(physics)]
+    return max(
+        sum(
+            name is not None and name.holds(slug) for slug, name in zip(physics, order, strict=True)
+        )
+        for order in permutations(wide, len(physics))
+    )
+
+
+def _unknown(_physics: Sequence[str], said: Answer) -> CaseOutcome:
+    if said.names:
+        return CaseOutcome.MISNAMED
+    return CaseOutcome.CAUGHT if said.verdict == "unknown" else CaseOutcome.MISS

@@ -1,0 +1,250 @@
+"""The rates of a blind trial, each with its interval and the target that it is held against."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from stemwatch.service.studies.proof.marks import CaseMark, CaseOutcome
+from stemwatch.service.studies.proof.truth import RECORD_EFFECTS, WIDE_SCATTER, CaseKind
+from stemwatch.service.studies.trial import wilson
+
+RIGHT = (CaseOutcome.EXACT, CaseOutcome.CLASS)
+# Concealments with a target of their own; every other one counts among the routine records.
+QUANTISED = "quantised"
+NO_VERDICT = "not_testable"
+HARD = ("compressed", "quiet", "short")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rate:
+    """``hits`` of ``of`` cases, with the share to reach: at least, or at most where ``at_most``."""
+
+    group: str
+    name: str
+    hits: int
+    of: int
+    target: float | None = None
+    at_most: bool = False
+
+    @property
+    def share(self) -> float | None:
+        """Share of hits, ``None`` where there was no such case."""
+        return self.hits / self.of if self.of else None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the share, Wilson (1927)."""
+        return wilson(self.hits, self.of)
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the share itself meets the target; ``None`` without target or case."""
+        share = self.share
+        if self.target is None or share is None:
+            return None
+        return share <= self.target if self.at_most else share >= self.target
+
+
+def headline(marks: Sequence[CaseMark]) -> list[Rate]:
+    """The rates that a target was set for, and those that tell how far to trust them."""
+    singles = [m for m in marks if m.truth.kind is CaseKind.SINGLE and m.truth.excited]
+    routine = [m for m in singles if m.truth.concealment not in (QUANTISED, *HARD)]
+    quantised = _under(singles, QUANTISED)
+    rates = [
+        *_naming("one effect, 1 h, moving", routine, by_class=0.94, when_named=0.97, exact=0.88),
+        *_naming("one effect, quantised", quantised, by_class=0.85),
+    ]
+    for concealment in HARD:
+        group = _under(singles, concealment)
+        rates += _naming(f"one effect, {concealment}", group, by_class=0.70, when_named=0.92)
+    return [
+        *rates,
+        *_pairs(marks),
+        *_nulls(marks),
+        *_unknowns(marks),
+        *_unexcited(marks),
+        _rate("every case", "no verdict at all", marks, lambda m: m.said.verdict == NO_VERDICT),
+    ]
+
+
+def _under(marks: Iterable[CaseMark], concealment: str) -> list[CaseMark]:
+    return [m for m in marks if m.truth.concealment == concealment]
+
+
+def _rate(
+    group: str,
+    name: str,
+    marks: Sequence[CaseMark],
+    hit: Callable[[CaseMark], bool],
+    target: float | None = None,
+    *,
+    at_most: bool = False,
+) -> Rate:
+    hits = sum(map(hit, marks))
+    return Rate(group=group, name=name, hits=hits, of=len(marks), target=target, at_most=at_most)
+
+
+def _naming(
+    group: str,
+    marks: Sequence[CaseMark],
+    *,
+    by_class: float | None = None,
+    when_named: float | None = None,
+    exact: float | None = None,
+) -> list[Rate]:
+    """Of all cases, and of those in which something was named."""
+    named = [m for m in marks if m.named]
+    return [
+        _rate(group, "right by class", marks, lambda m: m.outcome in RIGHT, by_class),
+        _rate(group, "right when named", named, lambda m: bool(m.right_name), when_named),
+        _rate(group, "every name right", named, lambda m: not m.wrong_names),
+        _rate(group, "exact name", marks, lambda m: m.outcome is CaseOutcome.EXACT, exact),
+        _rate(group, "nothing named", marks, lambda m: m.outcome is CaseOutcome.MISS),
+    ]
+
+
+def _pairs(marks: Sequence[CaseMark]) -> list[Rate]:
+    pairs = [m for m in marks if m.truth.kind is CaseKind.PAIR and m.truth.excited]
+    hard = (QUANTISED, *HARD)
+    moving = [m for m in pairs if m.truth.concealment not in hard]
+    harder = [m for m in pairs if m.truth.concealment in hard]
+    one = (CaseOutcome.BOTH, CaseOutcome.ONE)
+    rates = []
+    for group, of, target in (
+        ("two effects, 1 h, moving", moving, 0.85),
+        ("two effects, harder records", harder, None),
+    ):
+        rates += [
+            _rate(group, "both by class", of, lambda m: m.outcome is CaseOutcome.BOTH, target),
+            _rate(group, "at least one", of, lambda m: m.outcome in one),
+            _rate(group, "a wrong name", of, lambda m: bool(m.wrong_names)),
+        ]
+    return rates
+
+
+def _nulls(marks: Sequence[CaseMark]) -> list[Rate]:
+    nulls = [m for m in marks if m.truth.kind is CaseKind.NULL]
+    usual = [m for m in nulls if m.truth.scatter < WIDE_SCATTER]
+    wide = [m for m in nulls if m.truth.scatter >= WIDE_SCATTER]
+
+    def alarms(group: str, of: Sequence[CaseMark], target: float) -> Rate:
+        return _rate(
+            group, "false alarm", of, lambda m: m.outcome is CaseOutcome.FALSE_ALARM, target,
+            at_most=True,
+        )  # fmt: skip
+
+    return [
+        alarms("nothing hidden, scatter to 8 %", usual, 0.03),
+        alarms("nothing hidden, scatter over 8 %", wide, 0.05),
+    ]
+
+
+def _unknowns(marks: Sequence[CaseMark]) -> list[Rate]:
+    group = [m for m in marks if m.truth.kind is CaseKind.UNKNOWN]
+    shown = [m for m in group if m.truth.excited]
+    name = CaseKind.UNKNOWN.value
+    return [
+        _rate(name, "caught as unknown", shown, lambda m: m.outcome is CaseOutcome.CAUGHT, 0.90),
+        _rate(
+            name, "misnamed", group, lambda m: m.outcome is CaseOutcome.MISNAMED, 0.03, at_most=True
+        ),
+    ]
+
+
+def _unexcited(marks: Sequence[CaseMark]) -> list[Rate]:
+    """Where the record cannot show the effect: silence is right, a wrong name is wrong."""
+    kinds = (CaseKind.SINGLE, CaseKind.PAIR)
+    group = [m for m in marks if m.truth.kind in kinds and not m.truth.excited]
+    return [
+        _rate("not excited", "silent or right", group, lambda m: not m.wrong_names),
+        _rate("not excited", "a wrong name", group, lambda m: bool(m.wrong_names)),
+        _rate(
+            "not excited", "said to be not testable", group,
+            lambda m: set(m.truth.physics) <= set(m.said.not_testable),
+        ),
+    ]  # fmt: skip
+
+
+def record_rates(marks: Sequence[CaseMark]) -> list[Rate]:
+    """How often each record effect is found where it is, and claimed where it is not."""
+    rates = []
+    for slug in RECORD_EFFECTS:
+        there = [m for m in marks if slug in m.truth.record_effects]
+        absent = [m for m in marks if slug not in m.truth.record_effects]
+        for name, group in (("found", there), ("claimed in error", absent)):
+            hits = sum(slug in m.said.record_effects for m in group)
+            rates.append(Rate(group=slug, name=name, hits=hits, of=len(group)))
+    return rates
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tally:
+    """Single excited effects of one group: how many, and how each ended."""
+
+    group: str
+    of: int
+    exact: int
+    by_class: int  # exact ones included
+    wrong: int
+    missed: int
+    unexcited: int  # further cases that the record could not show
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the share that is right by class, Wilson (1927)."""
+        return wilson(self.by_class, self.of)
+
+
+def by_effect(marks: Sequence[CaseMark]) -> list[Tally]:
+    """One row for each hidden effect."""
+    return _tallies(marks, lambda m: m.truth.label)
+
+
+def by_concealment(marks: Sequence[CaseMark]) -> list[Tally]:
+    """One row for each way in which effects were concealed."""
+    return _tallies(marks, lambda m: m.truth.concealment)
+
+
+def _tallies(marks: Sequence[CaseMark], group_of: Callable[[CaseMark], str]) -> list[Tally]:
+    singles = [m for m in marks if m.truth.kind is CaseKind.SINGLE]
+    found = []
+    for group in sorted({group_of(m) for m in singles}):
+        members = [m for m in singles if group_of(m) == group]
+        counts = Counter(m.outcome for m in members if m.truth.excited)
+        found.append(
+            Tally(
+                group=group,
+                of=counts.total(),
+                exact=counts[CaseOutcome.EXACT],
+                by_class=sum(counts[outcome] for outcome in RIGHT),
+                wrong=counts[CaseOutcome.WRONG],
+                missed=counts[CaseOutcome.MISS],
+                unexcited=sum(not m.truth.excited for m in members),
+            )
+        )
+    return found
+
+
+def confusions(marks: Sequence[CaseMark]) -> list[tuple[str, str, int]]:
+    """(truth, what was said, how often), by truth and then the most frequent answer first."""
+    counts = Counter((m.truth.label, _answer(m)) for m in marks if m.truth.excited)
+    rows = [(truth, said, count) for (truth, said), count in counts.items()]
+    return sorted(rows, key=lambda row: (row[0], -row[2], row[1]))
+
+
+def _answer(mark: CaseMark) -> str:
+    """What was said; all names right and none more reads as the truth does, in its order."""
+    slugs = sorted(name.slug for name in mark.said.names)
+    return mark.truth.label if slugs and slugs == sorted(mark.truth.physics) else mark.said.label
+
+
+def without_verdict(marks: Sequence[CaseMark]) -> list[tuple[str, int]]:
+    """(reason, how often) where the judge gave no verdict, the commonest first.
+
+    Such a case counts as silence in every rate; a judge that broke down would look cautious.
+    """
+    return Counter(
+        m.said.reason or "no reason given" for m in marks if m.said.verdict == NO_VERDICT
+    ).most_common()

@@ -1,0 +1,154 @@
+"""Searches in step find what each finds alone, and what they ask for fills the lanes."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.batched_search import conclude, together
+from stemwatch.models.mismatch.crossfit import CAREFUL, folds, search
+from stemwatch.models.mismatch.evaluator import RunRequest, batches
+from stemwatch.models.mismatch.forces import Forces
+from stemwatch.models.mismatch.kernel import LANES
+from stemwatch.models.mismatch.least_squares import descend
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.terms import catalogue
+from tests.models.mismatch.chain import bench_of, hypothesis, played
+
+# One of each kind of table, one without, and two that shape the command.
+KINDS = (
+    (),
+    ("dead_time",),
+    ("actuator_lag", "lost_motion"),
+    ("position_dependent_friction",),
+    ("dwell_dependent_breakaway",),
+    ("sensor_drift",),
+    ("growing_stiction", "flow_force"),
+)
+
+
+@cache
+def evaluator():
+    """A quarter of an hour of a valve whose command comes 2.6 s late, on its evaluator."""
+    return bench_of(played(samples=900, dead_time=[2.6]))
+
+
+def anywhere(layout, count, rng):
+    """(count, size) candidates from anywhere within the limits."""
+    return rng.uniform(layout.bounds.low, layout.bounds.high, (count, layout.size))
+
+
+def searches(seed):
+    """A descent on one fold for every kind of hypothesis, and a careful search."""
+    rng, (even, odd) = np.random.default_rng(seed), folds(evaluator())
+    for i, slugs in enumerate(KINDS):
+        layout = evaluator().layout(hypothesis(*slugs))
+        start = anywhere(layout, 1, rng)[0]
+        yield descend(evaluator(), layout, even if i % 2 else odd, start, rounds=2)
+    layout = evaluator().layout(hypothesis("dead_time"))
+    yield search(evaluator(), layout, even, anywhere(layout, 5, rng), CAREFUL)
+
+
+@given(st.integers(0, 2**20))
+@settings(max_examples=5, deadline=None)
+def test_a_search_finds_in_company_what_it_finds_alone(seed):
+    """To the last bit: the same candidates, the same losses, in the order of the searches."""
+    alone = [conclude(evaluator(), one) for one in searches(seed)]
+    in_step = conclude(evaluator(), together(searches(seed)))
+    assert len(alone) == len(in_step) == len(KINDS) + 1
+    for one, other in zip(alone, in_step, strict=True):
+        np.testing.assert_array_equal(one.candidate, other.candidate)
+        assert one.loss == other.loss
+
+
+def test_what_asks_for_nothing_is_done_at_once():
+    """No searches, and searches that know already, find without a run."""
+
+    def known(value):
+        return value
+        yield
+
+    assert conclude(evaluator(), together([])) == []
+    assert conclude(evaluator(), together([known(1), known(2)])) == [1, 2]
+
+
+def test_a_search_that_fails_is_not_taken_for_done():
+    """What goes wrong in one search comes out of all."""
+
+    def wrong():
+        yield [RunRequest(evaluator().layout(hypothesis()), np.zeros((1, base_coordinate.N_BASE)))]
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        conclude(evaluator(), together([*searches(1), wrong()]))
+
+
+@given(st.lists(st.integers(1, 3 * LANES), min_size=1, max_size=12))
+def test_every_candidate_runs_once_in_as_few_batches_as_can_be(counts):
+    """Batches keep the order, are no larger than the lanes, and differ by one at most."""
+    made = list(batches(counts))
+    ran = [(lot, i) for batch in made for lot, part in batch for i in range(*part.indices(10**6))]
+    assert ran == [(lot, i) for lot, count in enumerate(counts) for i in range(count)]
+    sizes = [sum(part.stop - part.start for _, part in batch) for batch in made]
+    assert len(sizes) == -(-sum(counts) // LANES)
+    assert max(sizes) <= LANES
+    assert max(sizes) - min(sizes) <= 1
+
+
+def test_answers_are_those_of_a_candidate_alone():
+    """Asks of several layouts, too many for one pass, each get their own losses."""
+    rng = np.random.default_rng(3)
+    layouts = [evaluator().layout(hypothesis(*slugs)) for slugs in KINDS]
+    asks = [RunRequest(layout, anywhere(layout, 11, rng)) for layout in layouts]
+    evaluator().answer(asks)
+    for ask in asks:
+        for i in (0, 5, 10):
+            alone = evaluator().block_losses(ask.layout, ask.candidates[i][None])[0]
+            np.testing.assert_array_equal(ask.losses[i], alone)
+
+
+def test_hypotheses_run_alike_by_what_their_stems_use():
+    """Levels that vary and readings that wander are kept apart from plain stems."""
+    kinds = [evaluator().layout(hypothesis(*slugs)).kind for slugs in KINDS]
+    plain, varied, timed = (False, False), (True, False), (False, True)
+    assert kinds == [plain, plain, plain, varied, varied, timed, varied]
+
+
+@pytest.mark.parametrize("slug", sorted(catalogue()))
+def test_every_term_is_known_by_its_upper_limits(slug):
+    """What a term fills anywhere within its limits it also fills at the upper ones."""
+    layout = evaluator().layout(hypothesis(slug))
+    varied, timed = layout.kind
+    for candidate in anywhere(layout, 5, np.random.default_rng(5)):
+        stem = Stem.neutral(900, 1.0)
+        for term, place in layout.filling:
+            term.fill(stem, candidate[place])
+        by_place, by_rest, growth, by_time = stem.numbers[
+            [stem_number.BY_PLACE, stem_number.BY_REST, stem_number.GROWTH, stem_number.BY_TIME]
+        ]
+        assert varied or not (by_place or by_rest or growth)
+        assert timed or not by_time
+
+
+def test_a_force_is_made_once_and_the_oldest_makes_room():
+    """Forces of the same coordinates share a row, and those in use keep theirs."""
+    op, start = np.linspace(40.0, 60.0, 50), np.zeros(50, dtype=np.uint8)
+    start[0] = 1
+    forces = Forces.none_yet(op, start, 1.0, rows=3)
+    shaping = evaluator().layout(hypothesis("actuator_lag")).shaping
+    one, two, three, four = ([0.1, tau] for tau in (1.0, 2.0, 3.0, 4.0))
+    first = forces.of([(shaping, np.array([one, two, one, three]))])
+    assert first.tolist() == [0, 1, 0, 2]
+    expected = forces.rows[1].copy()
+    then = forces.of([(shaping, np.array([two, four]))])
+    assert then.tolist() == [1, 0]  # the row of the oldest that is not wanted now
+    np.testing.assert_array_equal(forces.rows[1], expected)
+    fresh = Forces.none_yet(op, start, 1.0, rows=1)
+    fresh.of([(shaping, np.array([four]))])
+    np.testing.assert_array_equal(forces.rows[0], fresh.rows[0])

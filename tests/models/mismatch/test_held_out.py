@@ -1,0 +1,124 @@
+"""Fit before and after are measured on what neither fit has seen, and said as they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch.base_fit import fit_base
+from stemwatch.models.mismatch.evaluator import make_evaluator
+from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.held_out import show
+from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.terms import catalogue
+from tests.models.mismatch.chain import hypothesis, played
+
+
+@cache
+def prepared(*slugs):
+    """The scaled evaluator of a valve whose command comes 3 s late, and the terms in question."""
+    problem = problem_of(recording := played(dead_time=[3.0]), settle(recording))
+    evaluator = fit_base(problem, look_of(problem)).evaluator
+    return evaluator, evaluator.layout(hypothesis(*slugs)), [catalogue()[slug] for slug in slugs]
+
+
+@cache
+def shown(*slugs):
+    """What is shown of it."""
+    return show(*prepared(*slugs), None)
+
+
+def with_position(evaluator, mv):
+    """The same terms and scales over another position, its breakaways found anew."""
+    problem = replace(evaluator.problem, mv=mv)
+    made = make_evaluator(
+        problem,
+        evaluator.look,
+        evaluator.base_bounds,
+        evaluator.delta,
+        evaluator.restick,
+        evaluator.scatter,
+    )
+    return replace(made, window=evaluator.window)
+
+
+def errors(evaluator, runs):
+    """RMS errors of the naive and the extended run over the held-out part, and its spread."""
+    late = evaluator.problem.scored & (np.arange(evaluator.problem.op.size) >= runs.heldout_from)
+    mv = evaluator.problem.mv[late]
+    rms = [float(np.sqrt(np.mean((mv - run[late]) ** 2))) for run in (runs.naive, runs.extended)]
+    return *rms, float(np.std(mv))
+
+
+@pytest.mark.parametrize("slugs", [("dead_time",), ()])
+def test_the_runs_do_not_know_what_comes_after(slugs):
+    """Another position after ``heldout_from`` changes neither run, anywhere."""
+    evaluator, layout, terms = prepared(*slugs)
+    before = shown(*slugs)
+    first = before.runs.heldout_from
+    mv = evaluator.problem.mv.copy()
+    mv[first:] = 50.0 + np.random.default_rng(1).normal(0.0, 8.0, mv.size - first)
+    after = show(with_position(evaluator, mv), layout, terms, None)
+    assert first == after.runs.heldout_from
+    np.testing.assert_array_equal(after.runs.naive, before.runs.naive)
+    np.testing.assert_array_equal(after.runs.extended, before.runs.extended)
+    assert after.heldout.rmse_extended > 2.0 * before.heldout.rmse_extended
+
+
+def test_another_position_in_the_first_part_changes_the_runs():
+    """What is fitted does depend on the part that it is fitted to."""
+    evaluator, layout, terms = prepared("dead_time")
+    mv = evaluator.problem.mv.copy()
+    mv[: shown("dead_time").runs.heldout_from] += 2.0
+    after = show(with_position(evaluator, mv), layout, terms, None)
+    assert not np.array_equal(after.runs.extended, shown("dead_time").runs.extended)
+
+
+def test_errors_and_fits_are_those_of_the_runs():
+    """RMSE and fit follow from the two runs and the position after ``heldout_from``."""
+    evaluator, _, _ = prepared("dead_time")
+    found = shown("dead_time")
+    naive, extended, spread = errors(evaluator, found.runs)
+    told = found.heldout
+    assert (naive, extended) == pytest.approx((told.rmse_naive, told.rmse_extended))
+    assert told.fit_naive == pytest.approx(100.0 * (1.0 - naive / spread))
+    assert told.fit_extended == pytest.approx(100.0 * (1.0 - extended / spread))
+    assert told.gain_low <= told.fit_extended - told.fit_naive <= told.gain_high
+    assert told.noise_floor == evaluator.problem.sigma
+    assert None is told.rmse_ceiling
+
+
+def test_the_physics_that_was_left_out_improves_the_unseen_part():
+    """With the dead time the error on unseen data falls to about the noise, clearly."""
+    with_it, without = shown("dead_time").heldout, shown().heldout
+    assert with_it.rmse_extended < 0.15 * with_it.rmse_naive
+    assert with_it.gain_low > 10.0
+    # Without a term there is only the reading's own freedom, which cannot make it good.
+    assert without.rmse_extended > 3.0 * with_it.rmse_extended
+    assert without.rmse_naive == with_it.rmse_naive
+
+
+def test_the_ceiling_is_the_networks_error_on_the_same_samples():
+    """Where its run has values it is scored, on the held-out part only; too few tell nothing."""
+    evaluator, layout, terms = prepared("dead_time")
+    mv, first = evaluator.problem.mv, shown("dead_time").runs.heldout_from
+    ceiling = mv + 0.25
+    ceiling[:first] = mv[:first] + 9.0
+    ceiling[first : first + 50] = np.nan
+    assert 0.25 == pytest.approx(show(evaluator, layout, terms, ceiling).heldout.rmse_ceiling)
+    ceiling[first + 29 :] = np.nan
+    assert None is show(evaluator, layout, terms, ceiling).heldout.rmse_ceiling
+    assert None is show(evaluator, layout, terms, mv[:-1]).heldout.rmse_ceiling
+
+
+def test_where_the_unseen_part_stands_still_no_fit_is_claimed():
+    """A position that is constant after ``heldout_from`` has no spread to explain."""
+    evaluator, layout, terms = prepared("dead_time")
+    mv = evaluator.problem.mv.copy()
+    mv[shown("dead_time").runs.heldout_from :] = 50.0
+    told = show(with_position(evaluator, mv), layout, terms, None).heldout
+    assert told.noise_floor == evaluator.problem.sigma
+    assert {None} == {told.rmse_naive, told.rmse_extended, told.fit_naive, told.fit_extended}

@@ -1,0 +1,252 @@
+"""What the recorder did is named from the numbers alone, and what the valve did is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stemwatch.models.mismatch.record_effects import refresh_period, settle
+from stemwatch.models.recording import ClockFacts, Recording, Role, Signal
+from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.loop import (
+    Compression,
+    CompressionKind,
+    Load,
+    LoadKind,
+    SimulatedArchive,
+    Span,
+    Transmitters,
+)
+
+VALVES = [(4.0, 1.5), (0.3, 0.0), (6.0, 6.0)]
+DOOR, EXCEPTION = CompressionKind.SWINGING_DOOR, CompressionKind.EXCEPTION
+NOISELESS = Transmitters(position_noise=0.0, pv_noise=0.0)
+
+
+@cache
+def plant(S=4.0, J=1.5, transmitters=None, archive=None, seed=3) -> Recording:
+    """An hour of a flow loop under load with set-point steps."""
+    loop = PlantLoop(
+        valve=SimulatedValve(S=S, J=J),
+        setpoints=tuple((float(t), 50.0 + 9.0 * (-1) ** (t // 300)) for t in range(10, 3500, 310)),
+        loads=(Load(kind=LoadKind.COLOURED, size=1.0, time_s=20.0),),
+        transmitters=transmitters or Transmitters(position_noise=0.05),
+        archive=archive or SimulatedArchive(),
+    )
+    return simulate_loop(loop, seed).recording
+
+
+def with_position(mv, base=None) -> Recording:
+    """A recording with another position."""
+    base = base or plant()
+    return replace(base, signals={**base.signals, Role.MV: Signal.good(mv, "FV-7.ZT")})
+
+
+def printed(recording, digits) -> Recording:
+    """The recording as an export with so many decimals tells it."""
+    signals = {
+        role: replace(signal, values=np.round(signal.values, digits))
+        for role, signal in recording.signals.items()
+    }
+    return replace(recording, signals=signals)
+
+
+def compressed(kind, deviation, role=Role.MV) -> SimulatedArchive:
+    """An archive that thins one signal."""
+    return SimulatedArchive(compression=(Compression(role=role, kind=kind, deviation=deviation),))
+
+
+def frozen(start_s, stop_s) -> SimulatedArchive:
+    """An archive whose position stands still from one time to another."""
+    return SimulatedArchive(frozen=(Span(start_s=start_s, stop_s=stop_s, role=Role.MV),))
+
+
+def found(recording) -> dict:
+    """Record effects by slug; each says so in one sentence or more, without NaN."""
+    effects = settle(recording).effects
+    for effect in effects:
+        assert effect.sentence[0].isupper()
+        assert effect.sentence.endswith(".")
+        assert all(np.isfinite(value) for value in effect.parameters.values())
+    return {effect.slug: effect for effect in effects}
+
+
+@pytest.mark.parametrize("digits", [None, 4, 2])
+@pytest.mark.parametrize("transmitters", [None, NOISELESS])
+@pytest.mark.parametrize(("S", "J"), VALVES)
+def test_a_clean_record_has_no_effect(S, J, transmitters, digits):
+    """A noisy or noiseless position of any valve, printed with any digits, is left alone."""
+    recording = plant(S, J, transmitters)
+    settled = settle(recording if digits is None else printed(recording, digits))
+    assert () == settled.effects
+    assert settled.real.all()
+    assert (0.0, 1.0) == (settled.sigma_floor, settled.spacing_s)
+
+
+@pytest.mark.parametrize(("S", "J"), VALVES)
+@pytest.mark.parametrize("step", [0.1, 0.25, 0.5, 1.0])
+def test_a_coarse_position_is_quantised_and_nothing_else(S, J, step):
+    """Steps from 0.1 to 1 % are measured; that a resting stem then repeats itself is not frozen."""
+    settled = settle(plant(S, J, Transmitters(position_noise=0.05, position_step=step)))
+    (effect,) = settled.effects
+    assert "quantisation" == effect.slug
+    assert effect.parameters["step_percent"] == pytest.approx(step)
+    assert f"the position in steps of {step:.2g} %" in effect.sentence
+    assert settled.sigma_floor == pytest.approx(step / np.sqrt(12.0))
+    assert settled.real.all()
+
+
+def test_a_coarse_command_is_named_as_such():
+    """Steps of OP are told from steps of the position, and leave its noise alone."""
+    settled = settle(plant(transmitters=Transmitters(op_step=0.5)))
+    (effect,) = settled.effects
+    assert {"op_step_percent": pytest.approx(0.5)} == effect.parameters
+    assert 0.0 == settled.sigma_floor
+
+
+@pytest.mark.parametrize("digits", [None, 4])
+@pytest.mark.parametrize(("S", "J"), VALVES)
+@pytest.mark.parametrize("deviation", [0.1, 0.3, 1.0])
+def test_drawn_lines_are_left_out(S, J, deviation, digits):
+    """Behind a swinging door only the stored points are real, and they are real."""
+    true = plant(S, J).signals[Role.MV].values
+    recording = plant(S, J, None, compressed(DOOR, deviation))
+    settled = settle(recording if digits is None else printed(recording, digits))
+    (effect,) = settled.effects
+    assert "historian_compression" == effect.slug
+    assert "drew straight lines between them" in effect.sentence
+    kept = settled.real.mean()
+    assert effect.parameters["kept_share"] == pytest.approx(kept)
+    assert 0.01 < kept < 0.5
+    error = np.abs(recording.signals[Role.MV].values - true)
+    assert np.mean(error[settled.real] < 1e-9) > 0.9
+    assert np.mean(error[~settled.real] < 1e-9) < 0.1
+
+
+def test_held_reports_are_left_out():
+    """Exception reporting is told by steps that are never small; its deviation is measured."""
+    settled = settle(plant(archive=compressed(EXCEPTION, 0.1)))
+    (effect,) = settled.effects
+    assert effect.parameters["deviation_percent"] == pytest.approx(0.1, rel=0.05)
+    assert "held the last between them" in effect.sentence
+    assert settled.sigma_floor == pytest.approx(0.1 / np.sqrt(3.0), rel=0.05)
+
+
+def test_a_compressed_command_is_named_and_costs_no_sample():
+    """Lines in OP are said; the position was measured all the same."""
+    settled = settle(plant(archive=compressed(DOOR, 0.3, Role.OP)))
+    (effect,) = settled.effects
+    assert {"op_kept_share"} == set(effect.parameters)
+    assert settled.real.all()
+
+
+def test_a_ramped_command_is_not_compressed():
+    """Ramps by hand, however many, are straight lines too, and so is a stem that follows them."""
+    t = np.arange(3600.0)
+    knots = np.arange(0.0, 3601.0, 40.0)
+    op = np.interp(t, knots, np.random.default_rng(4).uniform(20.0, 70.0, knots.size))
+    base = plant()
+    for mv in (op - 1.0, op + 0.05 * np.random.default_rng(1).standard_normal(t.size)):
+        signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
+        assert {} == found(replace(base, signals=signals))
+
+
+def test_a_noiseless_speed_limit_is_not_compressed():
+    """A stem at its top speed draws straight lines as well, all at the same slope."""
+    op = plant(transmitters=NOISELESS).op.values
+    mv = np.empty_like(op)
+    mv[0] = op[0]
+    for k in range(1, op.size):
+        mv[k] = mv[k - 1] + np.clip(op[k] - mv[k - 1], -0.7, 0.4)
+    assert "historian_compression" not in found(with_position(mv, plant(transmitters=NOISELESS)))
+
+
+@pytest.mark.parametrize(("S", "J"), VALVES)
+@pytest.mark.parametrize(("start_s", "stop_s"), [(1300.0, 1360.0), (900.0, 1900.0)])
+def test_a_frozen_reading_is_left_out(S, J, start_s, stop_s):
+    """Exact repeats of a noisy reading are frozen, from their second sample on, and no others."""
+    settled = settle(plant(S, J, None, frozen(start_s, stop_s)))
+    (effect,) = settled.effects
+    assert "frozen_signal" == effect.slug
+    assert stop_s - start_s - 1.0 == effect.parameters["frozen_s"]
+    assert "check the transmitter" in effect.sentence
+    inside = slice(int(start_s) + 1, int(stop_s))
+    assert not settled.real[inside].any()
+    assert np.count_nonzero(~settled.real) == stop_s - start_s - 1.0
+
+
+def test_a_coarse_reading_freezes_where_the_command_moves_on():
+    """A quantised reading is frozen where OP moves by more than friction ever held the stem."""
+    coarse = Transmitters(position_noise=0.02, position_step=0.5)
+    effects = found(plant(0.3, 0.0, coarse, frozen(900.0, 1900.0)))
+    assert {"quantisation", "frozen_signal"} == set(effects)
+    assert effects["frozen_signal"].parameters["frozen_s"] == pytest.approx(1000.0, abs=40.0)
+
+
+def test_a_stuck_valve_is_not_frozen():
+    """A stem that never moves under a noisy or a coarse reading is not called frozen."""
+    n = plant().op.values.size
+    noisy = 50.0 + 0.05 * np.random.default_rng(2).standard_normal(n)
+    for mv in (noisy, np.round(noisy), np.full(n, 50.0)):
+        assert "frozen_signal" not in found(with_position(mv))
+
+
+@given(period=st.integers(2, 30), place=st.integers(0, 29), seed=st.integers(0, 2**16))
+@settings(max_examples=30, deadline=None)
+def test_a_slow_scan_is_measured(period, place, seed):
+    """A signal that is refreshed every few samples gives period and phase."""
+    place %= period
+    rng = np.random.default_rng(seed)
+    values = rng.standard_normal(3600)[(np.arange(3600) - place) // period]
+    assert (period, place) == refresh_period(values)
+
+
+def test_a_slowly_scanned_position_is_scored_where_it_is_fresh():
+    """Of a position that is read every 5 s only the fresh readings are real."""
+    mv = plant().signals[Role.MV].values
+    settled = settle(with_position(mv[np.arange(mv.size) // 5 * 5]))
+    (effect,) = settled.effects
+    assert "sampling_jitter" == effect.slug
+    assert {"spacing_s": 5.0} == effect.parameters
+    assert "The values change only every 5 s" in effect.sentence
+    assert 5.0 == settled.spacing_s
+    assert settled.real.mean() == pytest.approx(0.2)
+
+
+def test_a_controller_that_scans_slowly_is_no_record_effect():
+    """OP that is held between scans is the true command."""
+    base = plant()
+    op = base.op.values[np.arange(len(base)) // 5 * 5]
+    assert {} == found(replace(base, signals={**base.signals, Role.OP: Signal.good(op, "OP")}))
+
+
+def test_an_uneven_clock_is_said():
+    """Time stamps that scatter by more than a tenth of the interval are named with their size."""
+    recording = replace(plant(), clock=ClockFacts(jitter_s=0.4))
+    (effect,) = settle(recording).effects
+    assert ("sampling_jitter", {"jitter_s": 0.4}) == (effect.slug, effect.parameters)
+    assert "scatter by 0.4 s about 1 s" in effect.sentence
+    assert () == settle(replace(plant(), clock=ClockFacts(jitter_s=0.05))).effects
+
+
+def test_holes_are_not_real_and_not_an_effect():
+    """Missing samples are left out without a word about the archive."""
+    mv = plant().signals[Role.MV].values.copy()
+    mv[500:600] = np.nan
+    settled = settle(with_position(mv))
+    assert () == settled.effects
+    assert 100 == np.count_nonzero(~settled.real)
+
+
+def test_without_a_position_nothing_is_real():
+    """A recording of OP and PV alone has nothing to score, and its clock can still be said."""
+    base = plant()
+    signals = {role: s for role, s in base.signals.items() if role is not Role.MV}
+    settled = settle(replace(base, signals=signals, clock=ClockFacts(jitter_s=0.5)))
+    assert not settled.real.any()
+    assert ["sampling_jitter"] == [effect.slug for effect in settled.effects]

@@ -1,0 +1,224 @@
+"""What the chain was made with is named, with its numbers, and nothing that was not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.base_fit import fit_base
+from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.crossfit import CAREFUL, again, gain, scored
+from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term_selection import (
+    AS_GOOD,
+    MOST_TERMS,
+    SelectionStage,
+    TermScore,
+    accepted,
+    name,
+    neutral,
+    passes,
+    pruned,
+    reduced,
+)
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.recording import Recording
+from stemwatch.models.stickslip.fit import Advantage
+from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+
+NAMES = [slug for slug, term in catalogue().items() if term.way is not Way.READING]
+
+
+def begun(recording: Recording):
+    """The base of a recording, and every term that does not belong to the reading."""
+    problem = problem_of(recording, settle(recording))
+    terms = [catalogue()[slug] for slug in NAMES]
+    return fit_base(problem, look_of(problem)), terms
+
+
+@cache
+def named(**terms):
+    """What is named in a recording that the chain made with ``terms`` (slug to a value)."""
+    values = {slug: np.atleast_1d(value) for slug, value in terms.items()}
+    return name(*begun(played(**values)))
+
+
+@pytest.mark.parametrize(
+    ("slug", "value", "within"),
+    [
+        ("dead_time", 3.0, 0.05),
+        ("actuator_lag", 4.0, 0.1),
+        ("asymmetric_rate_limit", (1 / 8.0, 1 / 1.2), (0.02, 0.02)),
+        ("viscous_drag", 3.0, 0.15),
+        ("lost_motion", 0.8, 0.1),
+        ("growing_stiction", 0.8, 0.05),
+        ("flow_force", 5.0, 0.3),
+        ("stem_creep", 0.02, 0.002),
+        ("position_dependent_friction", (2.5, 55.0, 4.0), (0.2, 0.3, 0.3)),
+    ],
+)
+def test_what_the_chain_was_made_with_is_recovered(slug, value, within):
+    """The term is named alone, with its own coordinates, S and J on both folds."""
+    found = named(**{slug: value})
+    assert [slug] == [one.term.slug for one in found.needed]
+    assert (slug,) == found.fitted.slugs
+    off = np.abs(found.fitted.values(slug) - np.atleast_1d(value))
+    assert (off <= np.atleast_1d(within)).all(), found.fitted.values(slug)
+    S, ratio = found.fitted.candidates[:, [base_coordinate.S_PERCENT, base_coordinate.RATIO]].T
+    np.testing.assert_allclose(S, 4.0, atol=0.2)
+    np.testing.assert_allclose(S * ratio, 1.2, atol=0.2)
+    # What is needed is what stands at the end, against the best fit that lacks it.
+    (need,) = found.needed
+    again_gained = gain(found.evaluator, need.without, found.fitted)
+    assert (need.advantage.mean, need.advantage.t) == (again_gained.mean, again_gained.t)
+    assert slug not in need.without.slugs
+
+
+def test_where_nothing_is_hidden_nothing_is_named():
+    """S, J and noise: no term is accepted, and the hypothesis stays the base."""
+    found = named()
+    assert () == found.needed
+    assert () == found.fitted.slugs
+    assert 1 == len(found.stages)
+    assert not found.stages[0].accepted
+
+
+def test_the_scores_of_a_round_are_of_all_terms_best_first():
+    """Every term that the recording could show has a score, in falling order."""
+    found = named()
+    means = [one.advantage.mean for one in found.stages[0].scores]
+    assert sorted(means, reverse=True) == means
+    assert {one.slug for one in found.stages[0].scores} <= set(NAMES)
+    assert len(means) >= 14
+
+
+@pytest.mark.parametrize(
+    "terms",
+    [
+        {"dead_time": 3.0, "lost_motion": 0.8},
+        {"rate_limit": 1 / 1.5, "sensor_drift": (3.0, 0.0, 0.0, 0.0)},
+    ],
+)
+def test_two_effects_are_both_found(terms):
+    """Both are needed at the end, each against the best fit that lacks it alone, and no third."""
+    found = named(**terms)
+    assert set(terms) == {one.term.slug for one in found.needed} == set(found.fitted.slugs)
+    for one in found.needed:
+        assert {one.term.slug} == set(terms) - set(one.without.slugs)
+    for slug, value in terms.items():
+        first = float(found.fitted.values(slug)[:, 0].mean())
+        assert first == pytest.approx(np.atleast_1d(value)[0], rel=0.12)
+
+
+def test_there_are_no_more_rounds_than_terms_that_may_be_named():
+    """A round without a name is the last."""
+    for found in (named(), named(dead_time=3.0), named(dead_time=3.0, lost_motion=0.8)):
+        assert len(found.stages) <= MOST_TERMS
+        assert all(stage.accepted for stage in found.stages[:-1])
+
+
+def went_on(evaluator, simple, rich):
+    """``simple`` searched further in the coordinates of ``rich``."""
+    begun = conclude(evaluator, neutral(evaluator, simple, rich))
+    return conclude(evaluator, again(evaluator, begun, CAREFUL))
+
+
+def test_a_first_term_that_the_second_makes_needless_is_dropped():
+    """A lag that stood in for the dead time goes once the dead time is there."""
+    found = named(dead_time=3.0)
+    evaluator, both = found.evaluator, hypothesis("actuator_lag", "dead_time")
+    of_lag = went_on(evaluator, found.base, hypothesis("actuator_lag"))
+    fitted = went_on(evaluator, found.fitted, both)
+    lag, late = (catalogue()[slug] for slug in ("actuator_lag", "dead_time"))
+    stages = [
+        SelectionStage(
+            found.base, (), (TermScore(lag, of_lag, gain(evaluator, found.base, of_lag)),)
+        ),
+        SelectionStage(of_lag, (), (TermScore(late, fitted, gain(evaluator, of_lag, fitted)),)),
+    ]
+    left, needed = pruned(evaluator, fitted, stages)
+    assert ["dead_time"] == [one.term.slug for one in needed]
+    assert ("dead_time",) == left.slugs
+    np.testing.assert_allclose(left.values("dead_time"), 3.0, atol=0.1)
+
+
+# Nothing in the range of the positioner's coordinates is neutral.
+@pytest.mark.parametrize("slug", [slug for slug in NAMES if slug != "underdamped_positioner"])
+def test_a_richer_hypothesis_contains_the_simpler_one(slug):
+    """With its new term neutral it costs the same in every block: it can win by the term alone."""
+    evaluator = named().evaluator
+    simple = conclude(
+        evaluator, scored(evaluator.layout(hypothesis()), two(evaluator, hypothesis()))
+    )
+    rich = conclude(evaluator, neutral(evaluator, simple, hypothesis(slug)))
+    np.testing.assert_allclose(rich.heldout, simple.heldout, rtol=1e-9)
+    back = reduced(evaluator, rich, hypothesis())
+    np.testing.assert_array_equal(back, simple.candidates)
+
+
+def two(evaluator, which, S=3.5):
+    """Two candidates of a hypothesis without a delay within the sample."""
+    layout = evaluator.layout(which)
+    return np.vstack([candidate(layout, S, J, {base_coordinate.ZERO: 0.3}) for J in (0.5, 2.0)])
+
+
+def score_of(slug, found, mean, t, values=None):
+    """A score of a term on The evaluator of ``found`` with a given advantage."""
+    evaluator = found.evaluator
+    layout = evaluator.layout(hypothesis(slug))
+    both = two(evaluator, hypothesis(slug))
+    if values is not None:
+        both[:, layout.places[slug]] = values
+    return TermScore(
+        catalogue()[slug], conclude(evaluator, scored(layout, both)), Advantage(mean, t)
+    )
+
+
+def test_what_is_too_small_to_matter_is_not_named_however_certain():
+    """A dead time of 0.2 s is certain and no work order; 3 s are; 3 s by chance are not."""
+    evaluator, found = bench_of(played()), named()
+    assert not passes(score_of("dead_time", found, 1.0, 20.0, 0.2), evaluator, 0)
+    assert passes(score_of("dead_time", found, 1.0, 20.0, 3.0), evaluator, 0)
+    assert not passes(score_of("dead_time", found, 0.5, 0.8, 3.0), evaluator, 0)
+    assert not passes(score_of("dead_time", found, 0.005, 20.0, 3.0), evaluator, 0)
+
+
+def test_the_simpler_of_two_that_are_as_good_comes_first():
+    """An asymmetric limit that predicts no better than one limit gives way to it."""
+    found = named(rate_limit=1 / 1.5)
+    evaluator = found.evaluator
+    simple = score_of("rate_limit", found, 1.0, 9.0, 1 / 1.5)
+    both = score_of("asymmetric_rate_limit", found, 1.1, 9.0, (1 / 1.5, 1 / 1.5))
+    simple, both = matched(evaluator, simple), matched(evaluator, both)
+    taken = accepted(evaluator, [both, simple], 0)
+    assert "rate_limit" == taken[0].slug
+
+
+def matched(evaluator, score):
+    """The score with the S and J that the recording has."""
+    candidates = score.fitted.candidates.copy()
+    (
+        candidates[:, base_coordinate.S_PERCENT],
+        candidates[:, base_coordinate.RATIO],
+        candidates[:, base_coordinate.ZERO],
+    ) = 4.0, 0.3, 0.0
+    return replace(score, fitted=conclude(evaluator, scored(score.fitted.layout, candidates)))
+
+
+def test_what_predicts_as_well_is_a_member_of_the_class():
+    """A rival is kept beside the best where blocks it did not see do not tell them apart."""
+    found = named(dead_time=3.0)
+    evaluator = found.evaluator
+    late = matched(evaluator, score_of("dead_time", found, 1.5, 9.0, 3.0))
+    lag = matched(evaluator, score_of("actuator_lag", found, 1.4, 9.0, 3.0))
+    assert gain(evaluator, lag.fitted, late.fitted).t > AS_GOOD
+    assert [late] == accepted(evaluator, [late, lag], 0)
+    same = replace(lag, fitted=replace(lag.fitted, losses=late.fitted.losses))
+    assert [late, same] == accepted(evaluator, [late, same], 0)
+    assert [] == accepted(evaluator, [], 0)

@@ -1,0 +1,32 @@
+"""Products over lag by a spectrum are the sums that they stand for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stemwatch.models.cross_correlation import lagged_products, quick_length
+
+
+@pytest.mark.parametrize("n", [2, 3, 64, 101, 1000])
+@pytest.mark.parametrize("same", [False, True], ids=["two signals", "one signal"])
+def test_each_lag_is_its_sum(n, same):
+    """No lag that was asked for wraps round, up to the last that there is."""
+    rng = np.random.default_rng(n)
+    first = rng.standard_normal(n)
+    second = first if same else rng.standard_normal(n)
+    sums = [first[: n - lag] @ second[lag:] for lag in range(n)]
+    for lags in {1, n // 2, n}:
+        found = lagged_products(first, second, lags)
+        np.testing.assert_allclose(found, sums[:lags], rtol=1e-12, atol=1e-12 * n)
+
+
+@pytest.mark.parametrize("least", [1, 2, 7, 63, 64, 65, 1009, 86_519, 129_599, 999_983])
+def test_a_quick_length_is_a_little_longer_and_smooth(least):
+    """No factor but 2, 3 and 5, never too short, and at most an eighth too long."""
+    length = quick_length(least)
+    assert least <= length <= max(1.125 * least, least + 1)
+    for factor in (2, 3, 5):
+        while length % factor == 0:
+            length //= factor
+    assert 1 == length

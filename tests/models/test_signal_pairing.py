@@ -1,0 +1,56 @@
+"""Whether a position belongs to a command: copies, strangers, and true pairs."""
+
+import numpy as np
+import pytest
+
+from stemwatch.models.limits import Limits
+from stemwatch.models.quality import assess
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.signal_pairing import correlation, delayed_correlation, is_copy
+from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
+
+RNG = np.random.default_rng(4)
+OP = 50.0 + np.cumsum(0.2 * RNG.standard_normal(1800))
+
+
+def pair(op, mv) -> Recording:
+    signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
+    return Recording(valve="V", signals=signals, interval_s=1.0)
+
+
+@pytest.mark.parametrize(
+    "mv",
+    [OP, np.round(OP, 1), np.append(OP[:1], OP[:-1]), np.append(OP[:2], OP[:-2])],
+    ids=["equal", "rounded", "one scan late", "two scans late"],
+)
+def test_a_copy_of_op_is_no_position(mv):
+    """OP under another name is recognised, also rounded or recorded a scan or two late."""
+    assert is_copy(pair(OP, mv))
+    assert "position_is_op" == assess(pair(OP, mv), Limits()).obstacles[0].slug
+
+
+def test_a_stem_that_follows_well_is_no_copy():
+    """A position with noise and an offset of its own is a position."""
+    assert not is_copy(pair(OP, OP + 0.3 + 0.03 * RNG.standard_normal(OP.size)))
+
+
+def test_true_positions_go_with_their_command():
+    """A sticking stem follows late, but it follows."""
+    for place, loop in enumerate(draw_sticky(6, 17)):
+        recording = simulate_loop(loop, place).recording
+        assert delayed_correlation(recording) > 0.3
+        assert "position_unrelated" not in [o.slug for o in assess(recording, Limits()).obstacles]
+
+
+def test_the_position_of_another_valve_is_refused():
+    """A position that does not go with OP is an obstacle that says so."""
+    other = 50.0 + 5.0 * np.sin(np.arange(OP.size) / 7.0) + 0.1 * RNG.standard_normal(OP.size)
+    found = assess(pair(OP, other), Limits()).obstacles[0]
+    assert "position_unrelated" == found.slug
+    assert "another valve" in found.reason
+
+
+def test_correlation_of_what_does_not_move_is_zero():
+    """A constant position is neither with nor against OP."""
+    still = pair(OP, np.full(OP.size, 50.0))
+    assert (0.0, 0.0, False) == (correlation(still), delayed_correlation(still), is_copy(still))

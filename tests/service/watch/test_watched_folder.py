@@ -1,0 +1,216 @@
+"""A watched folder: each export once, whole files only, what is wrong beside a note."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stemwatch.connectors.connector import Window
+from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.models.recording import Role
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.run.plan import Request, make_plan
+from stemwatch.service.run.task import screen_tasks
+from stemwatch.service.store.samples.connector import StoredSamples
+from stemwatch.service.store.store import Store, open_store
+from stemwatch.service.watch import WatchedFolder
+
+STICKY = "FIC-104"
+
+
+@pytest.fixture
+def watched(plant: Path, export: Path) -> Plant:
+    """The small plant, whose exports are dropped into a folder."""
+    lines = plant.read_text(encoding="utf-8").splitlines()
+    text = "\n".join('folder = "inbox"' if line.startswith("path =") else line for line in lines)
+    plant.write_text(text, encoding="utf-8")
+    loaded = load_plant(plant, environment={})
+    assert loaded.problems == ()
+    assert all(loaded.is_live(valve) for valve in loaded.valves)
+    return loaded
+
+
+@pytest.fixture
+def store(watched: Plant) -> Iterator[Store]:
+    """The plant's store."""
+    with open_store(watched.storage) as opened:
+        yield opened
+
+
+@pytest.fixture
+def folder(watched: Plant, store: Store) -> WatchedFolder:
+    """The watched folder of the plant's only source."""
+    (source,) = watched.sources
+    return WatchedFolder(watched, source, store, quiet=timedelta(0))
+
+
+def drop(folder: WatchedFolder, name: str, content: bytes) -> Path:
+    folder.folder.mkdir(exist_ok=True)
+    path = folder.folder / name
+    path.write_bytes(content)
+    return path
+
+
+def twice(folder: WatchedFolder):
+    """Two looks: the first one sees a file, the second one that it has not changed."""
+    return [*folder.look(), *folder.look()]
+
+
+def count(store: Store, folder: WatchedFolder) -> int:
+    return sum(
+        store.samples.count(tag.source, tag.name)
+        for source in ("historian",)
+        for tag in store.samples.tags(source)
+    )
+
+
+def test_an_export_is_taken_in_and_read_back_the_same(
+    folder: WatchedFolder, store: Store, watched: Plant, export: Path
+) -> None:
+    """A valve's recording from the store is the one that the file gives."""
+    drop(folder, "monday.csv", export.read_bytes())
+    (taken,) = twice(folder)
+    assert taken.accepted
+    assert taken.samples > 0
+    assert [path.name for path in (folder.folder / "done").iterdir()] == ["monday.csv"]
+    tags = watched.valve_tags(STICKY)
+    (source,) = watched.sources
+    stored = StoredSamples(store.samples, source).read(tags)
+    options = ReadOptions(**watched.read_options(source))
+    read = HistorianFile(export, options).read(tags)
+    assert (stored.start, stored.interval_s) == (read.start, read.interval_s)
+    for role in (Role.OP, Role.MV):
+        np.testing.assert_allclose(stored.get(role).values, read.get(role).values, atol=1e-9)
+        np.testing.assert_array_equal(stored.get(role).quality, read.get(role).quality)
+
+
+def test_a_valve_is_screened_from_the_store(
+    folder: WatchedFolder, watched: Plant, export: Path
+) -> None:
+    """A run over the plant reads such a valve from the store and comes to the same verdict."""
+    drop(folder, "monday.csv", export.read_bytes())
+    twice(folder)
+    tasks = [one for one in make_plan(Request(plant=watched)).tasks if one.tags.valve == STICKY]
+    (found,) = screen_tasks(tasks, watched.limits)
+    assert found.verdict is Verdict.STICKY
+    assert found.provenance.layout == "samples in the store"
+    empty = Window(start=datetime(2030, 1, 1, tzinfo=UTC))
+    task = replace(tasks[0], window=empty)
+    (nothing,) = screen_tasks([task], watched.limits)
+    assert nothing.verdict is Verdict.UNDETERMINED
+    assert "no good sample of the controller output" in nothing.reason
+
+
+def test_the_same_bytes_are_taken_once_whatever_their_name(
+    folder: WatchedFolder, store: Store, export: Path
+) -> None:
+    """A copy goes to done with a note, and the store does not change."""
+    drop(folder, "a.csv", export.read_bytes())
+    twice(folder)
+    before = count(store, folder)
+    drop(folder, "a.csv", export.read_bytes())
+    twice(folder)
+    done = sorted(path.name for path in (folder.folder / "done").iterdir())
+    assert done == ["a-2.csv", "a-2.csv.why.txt", "a.csv"]
+    assert count(store, folder) == before
+    assert len(store.sources.files()) == 1
+
+
+def test_a_file_that_grows_waits(folder: WatchedFolder, export: Path) -> None:
+    """Nothing is taken in while somebody still writes, nor before it has rested."""
+    content = export.read_bytes()
+    half = drop(folder, "slow.csv", content[: len(content) // 2])
+    assert folder.look() == []
+    half.write_bytes(content)
+    assert folder.look() == []
+    assert [one.name for one in folder.look()] == ["slow.csv"]
+
+
+def test_a_fresh_file_rests_first(watched: Plant, store: Store, export: Path) -> None:
+    """A file that changed a moment ago may go on changing."""
+    (source,) = watched.sources
+    patient = WatchedFolder(watched, source, store, quiet=timedelta(hours=1))
+    path = drop(patient, "fresh.csv", export.read_bytes())
+    assert twice(patient) == []
+    old = (datetime.now(UTC) - timedelta(hours=2)).timestamp()
+    os.utime(path, (old, old))
+    assert len(twice(patient)) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "empty"),
+        (b"\x00\x01\x02" * 100, ""),
+        (b"%PDF-1.7 a report", ""),
+        (b"Time;OTHER.OP\n2026-03-02 06:00:00;1,5\n2026-03-02 06:00:01;1,6\n", "OTHER.OP"),
+    ],
+)
+def test_what_cannot_be_taken_is_rejected_with_its_reason(
+    folder: WatchedFolder, store: Store, content: bytes, said: str
+) -> None:
+    """The file lies in rejected beside a note, and the others are taken in all the same."""
+    drop(folder, "bad.csv", content)
+    (file,) = twice(folder)
+    assert not file.accepted
+    rejected = folder.folder / "rejected"
+    note = (rejected / "bad.csv.why.txt").read_text(encoding="utf-8")
+    assert note.strip() == file.note
+    assert said in note
+    assert len(note) > 20
+    assert (rejected / "bad.csv").read_bytes() == content
+    assert store.sources.taken(file.digest).note == file.note
+
+
+def test_a_rejected_file_may_come_again(
+    folder: WatchedFolder, store: Store, watched: Plant, export: Path
+) -> None:
+    """What was rejected is looked at again when it is dropped again: the plant file may have been
+    mended meanwhile."""
+    content = b"Time;OTHER.OP\n2026-03-02 06:00:00;1,5\n2026-03-02 06:00:01;1,6\n"
+    for _ in range(2):
+        drop(folder, "bad.csv", content)
+        assert [one.accepted for one in twice(folder)] == [False]
+    assert len(list((folder.folder / "rejected").glob("bad*.csv"))) == 2
+
+
+def test_hidden_files_links_and_folders_are_left_alone(
+    folder: WatchedFolder, export: Path, tmp_path: Path
+) -> None:
+    """Office programs, copying tools and people leave things behind that are no exports."""
+    drop(folder, ".partial.csv", export.read_bytes())
+    drop(folder, "~$lock.csv", b"x")
+    (folder.folder / "sub").mkdir()
+    (folder.folder / "link.csv").symlink_to(export)
+    assert twice(folder) == []
+    assert export.exists()
+
+
+def test_the_folders_state_is_shown(folder: WatchedFolder, store: Store, export: Path) -> None:
+    """Pages see how many files came, and a folder that is not there."""
+    drop(folder, "a.csv", export.read_bytes())
+    twice(folder)
+    (state,) = store.sources.states()
+    assert (state.kind, state.connected) == ("folder", True)
+    assert (state.figures["taken"], state.figures["rejected"]) == (1, 0)
+    assert state.last_good is not None
+
+
+def test_a_folder_that_cannot_be_used_is_said_and_looked_at_again(
+    folder: WatchedFolder, store: Store, export: Path
+) -> None:
+    """A share that is away is a fault of the source, not of the service."""
+    folder.folder.write_text("a file where a folder should be", encoding="utf-8")
+    assert folder.look() == []
+    assert not store.sources.states()[0].connected
+    folder.folder.unlink()
+    drop(folder, "a.csv", export.read_bytes())
+    assert len(twice(folder)) == 1
+    assert store.sources.states()[0].connected
