@@ -112,13 +112,23 @@ class Provenance:
     decisions: tuple[str, ...] = ()  # each choice the reader made, one sentence each
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Recording:
     """One valve's signals on one even clock of ``interval_s`` seconds.
 
     ``start`` is the UTC time of sample 0, or ``None`` where the source's zone is not known (then
     durations are right and the date is not). OP is always there; MV, PV, SP and mode may not be.
+    ``recording.op.values`` (n,) is percent of span, ``recording.mv.values`` (n,) percent of travel,
+    NaN wherever ``quality`` (n,) says why there is no honest number; all arrays are read-only.
+    ``len(recording)`` is n, ``recording.part(first, last)`` a stretch of it.
     Raises ``ValueError`` on unequal lengths, a naive start or an interval that is not positive.
+
+    Example:
+        >>> import numpy as np
+        >>> from stemwatch.models.recording import Recording, Role, Signal
+        >>> op = Signal.good(np.array([50.0, np.nan, 51.0]), "FIC101.OP")
+        >>> Recording(valve="FIC-101", signals={Role.OP: op}, interval_s=1.0)
+        FIC-101: op; 3 samples of 1 s (3 s), date not known, 66.6 % usable
     """
 
     valve: str
@@ -153,6 +163,15 @@ class Recording:
             "provenance": self.provenance,
         }
         return (_rebuild, (state,))
+
+    def __repr__(self) -> str:
+        roles = ", ".join(role.value for role in Role if role in self.signals)
+        when = f" from {self.start:%Y-%m-%d %H:%M} UTC" if self.start else ", date not known"
+        usable = np.floor(1000.0 * np.mean(self.usable)) / 10.0 if len(self) else 0.0
+        return (
+            f"{self.valve}: {roles}; {len(self)} samples of {self.interval_s:g} s "
+            f"({_rounded(self.duration_s)}){when}, {usable:g} % usable"
+        )
 
     def __len__(self) -> int:
         return int(self.signals[Role.OP].values.size)
@@ -203,6 +222,14 @@ class Recording:
         if start is not None:
             start += timedelta(seconds=first * self.interval_s)
         return replace(self, signals=signals, start=start)
+
+
+def _rounded(seconds: float) -> str:
+    """A duration in the unit in which people say it."""
+    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * length:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds:.3g} s"
 
 
 def _kept(flags: Bools) -> Bools:

@@ -101,7 +101,7 @@ def _empty_traces() -> Traces:
     return Traces()
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Screening:
     """One valve, one window: verdict, numbers, evidence, and where they came from."""
 
@@ -126,6 +126,10 @@ class Screening:
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
     seconds: float = 0.0
+
+    def __repr__(self) -> str:
+        numbers = "" if self.S.value is None else f"; S {self.S}, J {self.J}"
+        return f"{self.valve}: {self.verdict.value}, severity {self.severity:.0f}{numbers}"
 
     @property
     def window(self) -> tuple[datetime | None, datetime | None]:

@@ -63,6 +63,7 @@ def test_every_public_function_and_class_says_what_it_does() -> None:
         for node in _tree(path).body
         if isinstance(node, Function | ast.ClassDef)
         if not node.name.startswith("_") and not ast.get_docstring(node)
+        if not _is_overload(node)
         if node.name not in OF_ALEMBIC
     ]
     assert silent == []
@@ -80,7 +81,7 @@ def test_every_test_says_what_it_shows() -> None:
 
 
 def test_no_function_is_longer_than_a_screen() -> None:
-    """Functions stay below 70 lines."""
+    """Functions stay below 70 lines, what they say of themselves apart."""
     long = [
         f"{_place(path, function)} {function.name}: {_length(function)} lines"
         for path in _everything()
@@ -143,8 +144,15 @@ def _functions(path: Path) -> Iterator[Function]:
     return (node for node in ast.walk(_tree(path)) if isinstance(node, Function))
 
 
+def _is_overload(node: ast.stmt) -> bool:
+    """One of several signatures of a function; what they say stands under the function."""
+    decorators = getattr(node, "decorator_list", [])
+    return any(isinstance(one, ast.Name) and one.id == "overload" for one in decorators)
+
+
 def _length(function: Function) -> int:
-    return (function.end_lineno or function.lineno) - function.lineno + 1
+    lines = (function.end_lineno or function.lineno) - function.lineno + 1
+    return lines - len((ast.get_docstring(function, clean=False) or "").splitlines())
 
 
 def _says_something(tree: ast.Module) -> bool:

@@ -21,7 +21,7 @@ FOLDERS = ("service", "connectors", "models")
 FRONT = [
     f"stemwatch/{path.name}"
     for path in (REPOSITORY / "stemwatch").iterdir()
-    if path.suffix in (".py", ".typed")
+    if path.is_file() and path.suffix != ".pyc"
 ]
 HEAVY = ("numpy", "pandas", "torch", "scipy", "numba", "matplotlib", "sqlalchemy", "xlsxwriter")
 # Written in pieces, so that this file does not hold what it looks for.

@@ -4,10 +4,10 @@
 ``propose_valves`` says which valves a file holds where tags and descriptions leave no doubt.
 """
 
-from stemwatch.connectors.historian.file import HistorianFile, propose_valves
+from stemwatch.connectors.historian.connector import HistorianFile, propose_valves
+from stemwatch.connectors.historian.find_exports import FoundSources, find_sources
 from stemwatch.connectors.historian.inspection import Inspection
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.sources import FoundSources, find_sources
 
 __all__ = [
     "FoundSources",

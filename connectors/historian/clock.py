@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.columns import Column
-from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.time_fields import Ints
 from stemwatch.connectors.historian.timeline import Timeline, distinct_times, middle
 from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.connectors.historian import faults
-from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian import implausible_values
 from stemwatch.connectors.historian.numbers import parse_numbers
-from stemwatch.connectors.historian.qualitycodes import quality_of
-from stemwatch.connectors.historian.raw import RawColumn
-from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.quality_codes import quality_of
+from stemwatch.connectors.historian.raw_table import RawColumn
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import Ints
 from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.connectors.historian.times import Instants
-from stemwatch.connectors.historian.words import mode_value, says_truncated, word_quality
+from stemwatch.connectors.historian.value_texts import mode_value, says_truncated, text_quality
 from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes, Role
 
 _SHOWN = 30
@@ -64,7 +64,7 @@ def own_interval_s(column: Column, *, command: bool) -> float | None:
     step = column.times.usual_step
     if step is None:
         return None
-    own = faults.own_interval(column.times.ticks, column.values, command=command)
+    own = implausible_values.own_interval(column.times.ticks, column.values, command=command)
     return None if own is None else own * step / 1e9
 
 
@@ -81,7 +81,7 @@ def convert(
 
     Raises ``UnreadableSource`` where a quality column's codes cannot be understood.
     """
-    notes = Notes()
+    notes = ReadingNotes()
     values = parse_numbers(raw.cells, decimal)
     quality, reasons = _words(raw, values, notes)
     if as_mode:
@@ -111,7 +111,7 @@ def finished(
     values: Floats,
     quality: NDArray[np.uint8],
     *,
-    notes: Notes,
+    notes: ReadingNotes,
     reasons: Counter[str],
 ) -> Column:
     """The column of one tag from its rows in the source's order, all (n,).
@@ -134,12 +134,14 @@ def finished(
     )
 
 
-def _words(raw: RawColumn, values: Floats, notes: Notes) -> tuple[NDArray[np.uint8], Counter[str]]:
+def _words(
+    raw: RawColumn, values: Floats, notes: ReadingNotes
+) -> tuple[NDArray[np.uint8], Counter[str]]:
     quality = np.zeros(values.size, dtype=np.uint8)
     reasons: Counter[str] = Counter()
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
         text = raw.cells[row]
-        quality[row] = word_quality(text)
+        quality[row] = text_quality(text)
         if text.strip():
             reasons[text.strip()[:_SHOWN]] += 1
         if says_truncated(text):
@@ -166,7 +168,7 @@ def _coded(
     quality: NDArray[np.uint8],
     good: tuple[str, ...],
     name: str,
-    notes: Notes,
+    notes: ReadingNotes,
     reasons: Counter[str],
 ) -> NDArray[np.uint8]:
     if raw.quality_codes is None:
@@ -217,20 +219,28 @@ def _faulty(
     tag: str,
     values: Floats,
     quality: NDArray[np.uint8],
-    notes: Notes,
+    notes: ReadingNotes,
     reasons: Counter[str],
 ) -> NDArray[np.uint8]:
     """Numbers that are no measurements, each kind with its sentence."""
     kinds = (
-        (faults.codes, Quality.CODE, "are non-zero but below 1e-37, a state code in a value slot"),
-        (faults.beyond, Quality.RANGE, "are 1e30 or more, which no signal can be"),
         (
-            faults.pi_states,
+            implausible_values.denormal_values,
+            Quality.CODE,
+            "are non-zero but below 1e-37, a state code in a value slot",
+        ),
+        (
+            implausible_values.out_of_float_range,
+            Quality.RANGE,
+            "are 1e30 or more, which no signal can be",
+        ),
+        (
+            implausible_values.pi_states,
             Quality.CODE,
             "are numbers of PI system states far outside the tag's own range",
         ),
         (
-            faults.zero_dropouts,
+            implausible_values.zero_dropouts,
             Quality.RANGE,
             "are exactly 0 for a moment between values far from 0: dropouts without a flag",
         ),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
 MAX_TEXT_BYTES = 4 * 1024**3
 _CHUNK = 1 << 16
@@ -41,12 +41,12 @@ class Document:
         return str(self.path)
 
 
-def open_document(path: Path, encoding: str | None, notes: Notes) -> Document:
+def open_document(path: Path, encoding: str | None, notes: ReadingNotes) -> Document:
     """The file at ``path`` as lines. Raises ``UnreadableSource`` where it is not text."""
     return read_document(_read(path), path, encoding, notes)
 
 
-def read_document(raw: bytes, path: Path, encoding: str | None, notes: Notes) -> Document:
+def read_document(raw: bytes, path: Path, encoding: str | None, notes: ReadingNotes) -> Document:
     """The bytes of a file as lines.
 
     Order: gzip by its magic bytes, byte order mark, the caller's encoding, NULs of UTF-16, strict
@@ -79,7 +79,7 @@ def _read(path: Path) -> bytes:
         ) from error
 
 
-def _inflate(raw: bytes, path: Path, notes: Notes) -> bytes:
+def _inflate(raw: bytes, path: Path, notes: ReadingNotes) -> bytes:
     """Gzip members unpacked; of a damaged archive as much as can be had."""
     if not raw.startswith(_GZIP):
         return raw
@@ -155,7 +155,7 @@ def _decodes(data: bytes, encoding: str) -> bool:
     return True
 
 
-def _decode(data: bytes, encoding: str, path: Path, notes: Notes) -> str:
+def _decode(data: bytes, encoding: str, path: Path, notes: ReadingNotes) -> str:
     try:
         text = data.decode(encoding)
     except (UnicodeDecodeError, UnicodeError, LookupError) as error:
@@ -171,7 +171,7 @@ def _decode(data: bytes, encoding: str, path: Path, notes: Notes) -> str:
     return text
 
 
-def _decode_damaged(data: bytes, encoding: str, error: Exception, notes: Notes) -> str:
+def _decode_damaged(data: bytes, encoding: str, error: Exception, notes: ReadingNotes) -> str:
     # Latin-1 maps every byte, so a damaged byte stays visible in its cell and spoils no other.
     fallback = "latin-1" if encoding in ("cp1252",) else encoding
     text = data.decode(fallback, errors="strict" if fallback == "latin-1" else "replace")
@@ -179,7 +179,7 @@ def _decode_damaged(data: bytes, encoding: str, error: Exception, notes: Notes) 
     return text
 
 
-def _clean(text: str, notes: Notes) -> str:
+def _clean(text: str, notes: ReadingNotes) -> str:
     if "\0" in text:
         notes.problem(f"{text.count(chr(0))} NUL characters were removed")
         text = text.replace("\0", "")

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.qualitycodes import Family
-from stemwatch.connectors.historian.raw import Index, RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.layout_input import LayoutInput
+from stemwatch.connectors.historian.quality_codes import Family
+from stemwatch.connectors.historian.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.units import bare_tag, canonical, split_unit
 
 TAG_NAMES = (
@@ -53,7 +53,7 @@ def pick(header: Sequence[str], names: Sequence[str], option: str | None = None)
     return None
 
 
-def demand(header: Sequence[str], name: str | None, source: Source) -> None:
+def demand(header: Sequence[str], name: str | None, source: LayoutInput) -> None:
     """Raise ``UnreadableSource`` where the user named a column that is not there."""
     if name is not None and pick(header, (), name) is None:
         raise UnreadableSource(
@@ -62,7 +62,7 @@ def demand(header: Sequence[str], name: str | None, source: Source) -> None:
 
 
 def narrow_table(
-    source: Source,
+    source: LayoutInput,
     columns: Sequence[Sequence[str]],
     numbers: Sequence[int],
     header: Sequence[str],
@@ -115,7 +115,7 @@ def _values(columns: Sequence[Sequence[str]], where: NarrowColumns) -> Sequence[
 
 
 def _series(
-    columns: Sequence[Sequence[str]], where: NarrowColumns, source: Source
+    columns: Sequence[Sequence[str]], where: NarrowColumns, source: LayoutInput
 ) -> dict[str, Index]:
     """Rows of each tag, in file order."""
     n = len(columns[where.value])

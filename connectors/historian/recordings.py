@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from datetime import timedelta
+from typing import Protocol
 
 import numpy as np
 
@@ -18,7 +20,6 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian.clock import Grid, Laid, clock_facts, lay_column, make_grid
 from stemwatch.connectors.historian.columns import Column, own_interval_s, sharing_times
 from stemwatch.connectors.historian.epoch import EPOCH, ns_of
-from stemwatch.connectors.historian.holding import Holding
 from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.connectors.historian.units import canonical
 from stemwatch.models.recording import (
@@ -32,13 +33,48 @@ from stemwatch.models.recording import (
     Signal,
 )
 
+
+class SampleSource(Protocol):
+    """Tags with their samples, from a file or from an archive.
+
+    ``where`` names the source in messages. ``known`` says whether times are instants in UTC; else
+    durations are right and dates are not.
+    """
+
+    @property
+    def where(self) -> str: ...
+
+    @property
+    def names(self) -> Sequence[str]: ...
+
+    @property
+    def known(self) -> bool: ...
+
+    @property
+    def zone(self) -> str: ...
+
+    @property
+    def digest(self) -> str: ...
+
+    @property
+    def layout(self) -> str: ...
+
+    @property
+    def decisions(self) -> Sequence[str]: ...
+
+    @property
+    def problems(self) -> Sequence[str]: ...
+
+    def column(self, tag: str, *, as_mode: bool = False) -> Column: ...
+
+
 # Percent of span that a transmitter or an output can still deliver (NAMUR NE 43 goes to 112.5).
 _OUTSIDE = (-25.0, 125.0)
 _MOST_OUTSIDE = 0.05  # more than this means that the range is wrong, not the samples
 _PLAIN_PERCENT = (-15.0, 115.0)
 
 
-def assemble(opened: Holding, valve: ValveTags, window: Window) -> Recording:
+def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recording:
     """The recording of ``valve`` in ``window``. Raises ``UnknownTag`` or ``ConnectorError``."""
     _check_roles(opened, valve)
     columns = sharing_times(
@@ -68,7 +104,7 @@ def assemble(opened: Holding, valve: ValveTags, window: Window) -> Recording:
     )
 
 
-def _check_roles(opened: Holding, valve: ValveTags) -> None:
+def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
     if Role.OP not in valve.tags:
         raise MappingNeeded(
             f"{opened.where}: {valve.valve}: no tag is given for OP, the controller output; a "
@@ -83,7 +119,7 @@ def _check_roles(opened: Holding, valve: ValveTags) -> None:
         )
 
 
-def find_tag(opened: Holding, wanted: str) -> str:
+def find_tag(opened: SampleSource, wanted: str) -> str:
     """The source's tag for what a user wrote. Raises ``UnknownTag`` with the nearest ones."""
     tags = list(opened.names)
     if wanted in tags:
@@ -102,7 +138,7 @@ def find_tag(opened: Holding, wanted: str) -> str:
     )
 
 
-def _check_samples(opened: Holding, op: Column) -> None:
+def _check_samples(opened: SampleSource, op: Column) -> None:
     if not np.isfinite(op.values).any():
         why = ", ".join(f"{text!r} {n} times" for text, n in list(op.reasons.items())[:4])
         raise ConnectorError(
@@ -117,7 +153,7 @@ def _clock(op: Column) -> Timeline:
     return op.times if own else Timeline(op.file_ns)
 
 
-def _window_ns(opened: Holding, window: Window) -> tuple[int | None, int | None]:
+def _window_ns(opened: SampleSource, window: Window) -> tuple[int | None, int | None]:
     if window.start is None and window.stop is None:
         return None, None
     if not opened.known:
@@ -128,7 +164,7 @@ def _window_ns(opened: Holding, window: Window) -> tuple[int | None, int | None]
     return ns_of(window.start), ns_of(window.stop)
 
 
-def _outside_window(opened: Holding, op: Column, window: Window) -> str:
+def _outside_window(opened: SampleSource, op: Column, window: Window) -> str:
     first, last = (EPOCH + timedelta(seconds=int(ns) // 10**9) for ns in (op.ns[0], op.ns[-1]))
     return (
         f"{opened.where}: {op.tag}: no samples between {window.start} and {window.stop}; the file "
@@ -215,7 +251,7 @@ def _remark_same_values(signals: dict[Role, Signal], notes: list[str]) -> None:
         )
 
 
-def _provenance(opened: Holding, columns: dict[Role, Column], notes: list[str]) -> Provenance:
+def _provenance(opened: SampleSource, columns: dict[Role, Column], notes: list[str]) -> Provenance:
     said = list(opened.decisions)
     for column in columns.values():
         said += column.decisions

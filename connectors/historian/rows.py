@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
 SEPARATORS = "\t;|,"
 _QUOTED_LINES = 20  # a quoted cell that goes on for longer is a stray quote
@@ -24,7 +24,7 @@ class Rows:
 
 
 def split_rows(
-    lines: Sequence[str], separator: str, first_line: int = 1, notes: Notes | None = None
+    lines: Sequence[str], separator: str, first_line: int = 1, notes: ReadingNotes | None = None
 ) -> Rows:
     """Rows of ``lines``, whose first is line ``first_line``; blank lines are left out.
 
@@ -46,7 +46,7 @@ def split_rows(
 
 
 def _next_row(
-    lines: Sequence[str], at: int, separator: str, first_line: int, notes: Notes | None
+    lines: Sequence[str], at: int, separator: str, first_line: int, notes: ReadingNotes | None
 ) -> tuple[list[str], int]:
     """The row that begins at ``lines[at]`` and how many lines it takes."""
     line = lines[at]
@@ -98,7 +98,7 @@ def sniff_separator(lines: Sequence[str]) -> str | None:
     return best[1] if best else None
 
 
-def table_rows(rows: Rows, width: int, notes: Notes, *, ends_whole: bool = True) -> Rows:
+def table_rows(rows: Rows, width: int, notes: ReadingNotes, *, ends_whole: bool = True) -> Rows:
     """The rows that have ``width`` cells, trailing empty ones aside; the others are reported.
 
     In a row with a cell too few or too many nobody can tell which cell belongs to which tag, so

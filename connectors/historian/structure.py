@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.layout_input import usual_width
 from stemwatch.connectors.historian.numbers import parse_number, parse_numbers
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.rows import Rows
-from stemwatch.connectors.historian.source import usual_width
-from stemwatch.connectors.historian.timegrammar import is_clock_only, is_date_only, is_time
+from stemwatch.connectors.historian.time_formats import is_clock_only, is_date_only, is_time
 from stemwatch.connectors.historian.units import is_unit
-from stemwatch.connectors.historian.words import word_quality
+from stemwatch.connectors.historian.value_texts import text_quality
 from stemwatch.models.recording import Quality
 
 _TIME_NAME = re.compile(
@@ -166,7 +166,7 @@ def _is_data(row: list[str], time: tuple[int, ...]) -> bool:
         )
     filled = [cell for cell in row if cell.strip()]
     numbers = sum(is_number(cell) for cell in filled)
-    words = sum(word_quality(cell) is Quality.MISSING for cell in filled)
+    words = sum(text_quality(cell) is Quality.MISSING for cell in filled)
     return numbers > 0 and numbers + words >= 0.8 * len(filled)
 
 

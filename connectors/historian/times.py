@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.dates import local_ns
-from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.day_month_order import local_ns
 from stemwatch.connectors.historian.numbers import parse_numbers
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.timefields import NO_OFFSET, Ints, Order, take_apart
+from stemwatch.connectors.historian.raw_table import RawTable
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import NO_OFFSET, Ints, Order, take_apart
 from stemwatch.connectors.historian.zones import to_utc
 from stemwatch.models.recording import Bools, Floats
 
@@ -40,7 +40,9 @@ class Instants:
     zone: str  # one sentence
 
 
-def read_instants(table: RawTable, options: ReadOptions, name: str, notes: Notes) -> Instants:
+def read_instants(
+    table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
+) -> Instants:
     """The time of every row of ``table``. Rows without a readable time are reported.
 
     Raises ``UnreadableSource`` where no row has one, or nothing tells the interval.
@@ -64,7 +66,7 @@ def read_instants(table: RawTable, options: ReadOptions, name: str, notes: Notes
     return _without_strays(_with_milliseconds(instants, table), texts, table, notes)
 
 
-def _counted(table: RawTable, options: ReadOptions, name: str, notes: Notes) -> Instants:
+def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
     interval_s = options.interval_s or table.interval_s
     if interval_s is None:
         raise UnreadableSource(
@@ -77,7 +79,7 @@ def _counted(table: RawTable, options: ReadOptions, name: str, notes: Notes) -> 
     return Instants(ns=ns, ok=np.ones(n, dtype=bool), known=False, zone="")
 
 
-def _numeric(texts: Sequence[str], table: RawTable, notes: Notes) -> Instants | None:
+def _numeric(texts: Sequence[str], table: RawTable, notes: ReadingNotes) -> Instants | None:
     """Epoch times, Excel day numbers or seconds since the start; ``None`` where texts are dates."""
     probe = [text for text in texts[:200] if text]
     if not probe or np.isfinite(parse_numbers(probe, ".")).mean() < 0.8:
@@ -114,7 +116,7 @@ def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> 
     return Instants(ns=ns, ok=ok, known=True, zone="The times are Unix times, in UTC.")
 
 
-def _relative(numbers: Floats, ok: Bools, header: str, notes: Notes) -> Instants:
+def _relative(numbers: Floats, ok: Bools, header: str, notes: ReadingNotes) -> Instants:
     if _are_excel_days(numbers[ok], header):
         notes.decide(f"The numbers of column {header!r} are Excel days; their zone is not known.")
         ns = np.round((np.where(ok, numbers, 0.0) - _EXCEL_DAYS[0]) * 86_400e3).astype(np.int64)
@@ -142,7 +144,11 @@ def _are_excel_days(numbers: Floats, header: str) -> bool:
 
 
 def _by_format(
-    texts: Sequence[str], time_format: str, table: RawTable, options: ReadOptions, notes: Notes
+    texts: Sequence[str],
+    time_format: str,
+    table: RawTable,
+    options: ReadOptions,
+    notes: ReadingNotes,
 ) -> Instants:
     import pandas as pd
 
@@ -158,7 +164,7 @@ def _by_format(
 
 
 def _dated(
-    texts: Sequence[str], table: RawTable, options: ReadOptions, name: str, notes: Notes
+    texts: Sequence[str], table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
 ) -> Instants:
     fields = take_apart(texts)
     readable = np.flatnonzero(fields.order != Order.UNREADABLE)
@@ -169,7 +175,12 @@ def _dated(
 
 
 def _placed(
-    ns: Ints, ok: Bools, offset_min: Ints, table: RawTable, options: ReadOptions, notes: Notes
+    ns: Ints,
+    ok: Bools,
+    offset_min: Ints,
+    table: RawTable,
+    options: ReadOptions,
+    notes: ReadingNotes,
 ) -> Instants:
     """Instants from local nanoseconds and the offsets the rows carry, or the zone the user gave."""
     aware = ok & (offset_min != NO_OFFSET)
@@ -192,7 +203,7 @@ def _placed(
     return undated(ns, ok, notes)
 
 
-def undated(ns: Ints, ok: Bools, notes: Notes) -> Instants:
+def undated(ns: Ints, ok: Bools, notes: ReadingNotes) -> Instants:
     """Local times of a zone that nobody gave: instants on a clock of unknown date."""
     zone = "The times have no zone and none was given: durations are right, the date is not known."
     notes.decide(zone)
@@ -207,7 +218,7 @@ def _localised(
     zone: str,
     table: RawTable,
     options: ReadOptions,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> Instants:
     groups = [column.rows for column in table.columns] if table.narrow else [None]
     local_utc, placed = to_utc(
@@ -226,7 +237,7 @@ def _localised(
     )
 
 
-def _offset_sentence(offset_min: Ints, notes: Notes) -> str:
+def _offset_sentence(offset_min: Ints, notes: ReadingNotes) -> str:
     distinct = [f"{m // 60:+03d}:{m % 60:02d}" if m >= 0 else f"-{-m // 60:02d}:{-m % 60:02d}"
                 for m in np.unique(offset_min).tolist()]  # fmt: skip
     sentence = f"Each time carries its offset from UTC ({', '.join(distinct)})."
@@ -234,7 +245,7 @@ def _offset_sentence(offset_min: Ints, notes: Notes) -> str:
     return sentence
 
 
-def _remark_clock_change(ns: Ints, notes: Notes) -> None:
+def _remark_clock_change(ns: Ints, notes: ReadingNotes) -> None:
     steps = np.diff(ns)
     usual = float(np.median(np.abs(steps))) if steps.size else 0.0
     back = steps[(steps < 0) & (np.abs(steps + 3600e9) <= 2 * usual + 1e9)]
@@ -253,7 +264,9 @@ def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:
     return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
 
 
-def _report_unreadable(ok: Bools, texts: Sequence[str], table: RawTable, notes: Notes) -> None:
+def _report_unreadable(
+    ok: Bools, texts: Sequence[str], table: RawTable, notes: ReadingNotes
+) -> None:
     for row in np.flatnonzero(~ok)[:5].tolist():
         notes.problem(
             f"line {table.numbers[row]}: {texts[row][:40]!r} is not a time that could be placed; "
@@ -265,7 +278,7 @@ def _report_unreadable(ok: Bools, texts: Sequence[str], table: RawTable, notes: 
 
 
 def _without_strays(
-    instants: Instants, texts: Sequence[str], table: RawTable, notes: Notes
+    instants: Instants, texts: Sequence[str], table: RawTable, notes: ReadingNotes
 ) -> Instants:
     """Single rows dated years away from all others are damage, not a gap."""
     good = np.flatnonzero(instants.ok)

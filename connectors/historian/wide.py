@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.connectors.historian.notes import Notes
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.numbers import parse_numbers
-from stemwatch.connectors.historian.qualitycodes import looks_like_codes
-from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.quality_codes import looks_like_codes
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.rows import Rows, table_rows
-from stemwatch.connectors.historian.source import Source
 from stemwatch.connectors.historian.structure import Names, Structure, column_names
 from stemwatch.connectors.historian.units import bare_tag, canonical, split_unit
 
@@ -29,7 +29,7 @@ class Body:
 
 
 def wide_table(
-    source: Source, rows: Rows, structure: Structure, separator: str, layout: str
+    source: LayoutInput, rows: Rows, structure: Structure, separator: str, layout: str
 ) -> RawTable:
     """The table of a file whose tags stand side by side."""
     names = column_names(structure)
@@ -48,7 +48,7 @@ def wide_table(
     )
 
 
-def table_body(source: Source, rows: Rows, structure: Structure) -> Body:
+def table_body(source: LayoutInput, rows: Rows, structure: Structure) -> Body:
     """The rows of data, without repeated headers and without rows of another width."""
     notes, document = source.notes, source.document
     rest = Rows(rows.cells[structure.first_row :], rows.numbers[structure.first_row :])
@@ -58,7 +58,7 @@ def table_body(source: Source, rows: Rows, structure: Structure) -> Body:
     return Body(columns or [[] for _ in range(structure.width)], rest.numbers)
 
 
-def _without_headers(rows: Rows, structure: Structure, notes: Notes) -> Rows:
+def _without_headers(rows: Rows, structure: Structure, notes: ReadingNotes) -> Rows:
     """Header rows come back where monthly files were joined."""
     known = {tuple(row) for row in structure.headers}
     starts = {row[0] for row in known}
@@ -75,7 +75,7 @@ def _without_headers(rows: Rows, structure: Structure, notes: Notes) -> Rows:
 
 
 def _times(
-    body: Body, structure: Structure, names: Names, source: Source
+    body: Body, structure: Structure, names: Names, source: LayoutInput
 ) -> tuple[RawTimes, set[int]]:
     if not structure.time:
         return RawTimes(texts=None), set()
@@ -107,7 +107,7 @@ def _interval_column(body: Body, names: Names, used: set[int]) -> tuple[float | 
     return None, set()
 
 
-def _row_numbers(body: Body, names: Names, used: set[int], notes: Notes) -> set[int]:
+def _row_numbers(body: Body, names: Names, used: set[int], notes: ReadingNotes) -> set[int]:
     """The first column where it only counts the rows."""
     if 0 in used or not body.columns or names.tags[0].lower() not in _ROW_NUMBER:
         return set()
@@ -155,7 +155,7 @@ def _status_owner(header: str, cells: Sequence[str], columns: list[RawColumn]) -
     return len(columns) - 1 if not base and columns[-1].quality_codes is None else None
 
 
-def unique_tags(columns: list[RawColumn], notes: Notes) -> list[RawColumn]:
+def unique_tags(columns: list[RawColumn], notes: ReadingNotes) -> list[RawColumn]:
     """Tags that occur twice get a number, so that none hides the other."""
     seen: dict[str, int] = {}
     out: list[RawColumn] = []

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import AmbiguousHour, MissingHour
-from stemwatch.connectors.historian.raw import Index
-from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.raw_table import Index
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import Ints
 from stemwatch.models.recording import Bools
 
 _HOUR_NS = 3_600_000_000_000
@@ -24,7 +24,7 @@ def to_utc(
     ambiguous_hour: AmbiguousHour,
     missing_hour: MissingHour,
     groups: Sequence[Index | None],
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> tuple[Ints, Bools]:
     """UTC nanoseconds of local ones in ``zone``, and which rows could be placed.
 
@@ -94,7 +94,7 @@ def _infer(local: Ints, rows: Index, summer: Bools, told: Bools) -> None:
 
 
 def _report_repeated(
-    repeated: Bools, told: Bools, policy: AmbiguousHour, zone: str, notes: Notes
+    repeated: Bools, told: Bools, policy: AmbiguousHour, zone: str, notes: ReadingNotes
 ) -> None:
     n = int(repeated.sum())
     lost = int((repeated & ~told).sum())
@@ -120,7 +120,7 @@ def _shift(
     placed: Bools,
     zone: str,
     policy: MissingHour,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> tuple[Ints, Bools]:
     n = int(missing.sum())
     if policy == "leave_out":

@@ -6,10 +6,10 @@ live through the protocol that every source of recordings has. pymodbus is known
 alone.
 """
 
-from stemwatch.connectors.modbus.config import DeviceMap as DeviceMap
-from stemwatch.connectors.modbus.config import read_devices as read_devices
 from stemwatch.connectors.modbus.connector import ModbusConnector as ModbusConnector
 from stemwatch.connectors.modbus.device import Device as Device
 from stemwatch.connectors.modbus.poller import DevicePoller as DevicePoller
+from stemwatch.connectors.modbus.read_devices import DeviceMap as DeviceMap
+from stemwatch.connectors.modbus.read_devices import read_devices as read_devices
 from stemwatch.connectors.modbus.register import Register as Register
 from stemwatch.connectors.modbus.samples import SampleBatch as SampleBatch

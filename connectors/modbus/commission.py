@@ -7,13 +7,13 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from stemwatch.connectors.modbus.address import LAST_ADDRESS, Address
 from stemwatch.connectors.modbus.blocks import MAX_WORDS, Block
+from stemwatch.connectors.modbus.connection import Connection
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number, decode
 from stemwatch.connectors.modbus.device import Device, Link
-from stemwatch.connectors.modbus.faults import ReadFault
-from stemwatch.connectors.modbus.line import Line
+from stemwatch.connectors.modbus.read_fault import ReadFault
 from stemwatch.connectors.modbus.register import TINY, Reading, Register
+from stemwatch.connectors.modbus.register_address import LAST_ADDRESS, RegisterAddress
 
 # Beyond these a float is far more often a wrong order of bytes than a measurement.
 _SMALLEST, _LARGEST = 1e-4, 1e7
@@ -61,7 +61,7 @@ def _likely(value: Number, kind: DataType) -> bool:
     return math.isfinite(size) and (size == 0.0 or _SMALLEST <= size <= _LARGEST)
 
 
-async def look(link: Link, unit_id: int, at: Address, count: int) -> list[int]:
+async def look(link: Link, unit_id: int, at: RegisterAddress, count: int) -> list[int]:
     """The ``count`` words from ``at`` on, 1 to 125.
 
     Raises ``ReadFault`` where the device cannot be reached or refuses, ``ValueError`` for a count
@@ -86,7 +86,7 @@ async def try_map(device: Device) -> list[Tried]:
     return [tried[tag] for tag in device.tags]
 
 
-async def _try_block(line: Line, block: Block) -> list[Tried]:
+async def _try_block(line: Connection, block: Block) -> list[Tried]:
     try:
         words = await line.read(block.unit_id, block.table, block.first, block.count)
     except ReadFault as fault:
@@ -120,8 +120,8 @@ def other_orders(one: Tried) -> tuple[Meaning, ...]:
 
 
 @asynccontextmanager
-async def _opened(link: Link) -> AsyncIterator[Line]:
-    line = Line(link)
+async def _opened(link: Link) -> AsyncIterator[Connection]:
+    line = Connection(link)
     await line.open()
     try:
         yield line

@@ -18,11 +18,10 @@ import numpy as np
 
 from stemwatch.connectors.modbus.backoff import Backoff
 from stemwatch.connectors.modbus.blockreader import BlockReader, Columns
-from stemwatch.connectors.modbus.blocks import Block
+from stemwatch.connectors.modbus.blocks import Block, BlockPlan
+from stemwatch.connectors.modbus.connection import Connection
 from stemwatch.connectors.modbus.device import Device
-from stemwatch.connectors.modbus.faults import FaultKind, ReadFault, no_connection
-from stemwatch.connectors.modbus.line import Line
-from stemwatch.connectors.modbus.plan import Plan
+from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault, no_connection
 from stemwatch.connectors.modbus.samples import SampleBatch, one_instant
 from stemwatch.connectors.modbus.schedule import Schedule, Slot
 from stemwatch.connectors.modbus.state import DeviceState
@@ -85,8 +84,8 @@ class DevicePoller:
         self._deliver = deliver
         self._schedule = schedule or Schedule(device.every_s)
         self._rng = rng or random.Random()
-        self._line = Line(device.link)
-        self._plan = Plan(device.blocks())
+        self._line = Connection(device.link)
+        self._block_plan = BlockPlan(device.blocks())
         self._tags = device.tags
         self._place_of = {tag: place for place, tag in enumerate(self._tags)}
         self._readers: WeakKeyDictionary[Block, BlockReader] = WeakKeyDictionary()
@@ -120,7 +119,7 @@ class DevicePoller:
     async def poll(self, at_us: int) -> SampleBatch:
         """One poll, whose samples bear the time ``at_us`` (microseconds since 1970)."""
         poll = _Poll(Columns(len(self._tags)))
-        for block in self._plan.blocks():
+        for block in self._block_plan.blocks():
             await self._read(block, poll)
         if not self._line.connected:
             self._reconnect()
@@ -155,7 +154,7 @@ class DevicePoller:
         if fault := self._not_now(block):
             poll.mark(reader, fault)
             return
-        if fault := self._plan.resting(block):
+        if fault := self._block_plan.resting(block):
             poll.mark(reader, fault, known=True)
             return
         pieces = block.avoiding(self._line.doubtful(block.unit_id, block.table))
@@ -183,11 +182,11 @@ class DevicePoller:
     ) -> None:
         if fault.splits and poll.splits_left > 0 and not piece:
             poll.splits_left -= 1
-            if halves := self._plan.split(block):
+            if halves := self._block_plan.split(block):
                 for half in halves:
                     await self._read(half, poll)
                 return
-            self._plan.rest(block, fault)
+            self._block_plan.rest(block, fault)
             about = {"device": self.device.name}
             log.warning("device %s: %s: %s", self.device.name, block, fault.reason, extra=about)
         elif fault.unit_is_silent:
@@ -265,7 +264,7 @@ class DevicePoller:
         state.polls += 1
         state.good += batch.good
         state.bad += len(batch) - batch.good
-        state.refused = self._plan.refused
+        state.refused = self._block_plan.refused
 
     def _all_bad(self, at_us: int, reason: str, quality: Quality) -> SampleBatch:
         count = len(self._tags)

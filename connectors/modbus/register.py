@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from stemwatch.connectors.modbus.address import Address
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, decode
+from stemwatch.connectors.modbus.register_address import RegisterAddress
 from stemwatch.models.recording import Quality
 
 # A measured value of a plant is zero or far above this; a float read in the wrong order is not.
@@ -40,7 +40,7 @@ class Register:
 
     tag: str
     unit_id: int
-    address: Address
+    address: RegisterAddress
     kind: DataType
     order: ByteOrder = ByteOrder.ABCD
     scale: float = 1.0

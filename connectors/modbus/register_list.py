@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stemwatch.connectors.modbus.faulty import Mistake
+from stemwatch.connectors.modbus.device_tables import TableMistake
 from stemwatch.connectors.spreadsheet import ListFault, decoded, is_blank, records_of, separator_of
 
 COLUMNS = (
@@ -39,7 +39,7 @@ _NUMBERS = (
 _BETWEEN = "|"  # several invalid values in one cell
 
 
-class ListUnusable(Mistake):
+class ListUnusable(TableMistake):
     """The list as a whole cannot be read: no file, a heading that is not understood. ``line`` is
     where, ``None`` where there is no line to name; ``key`` is empty where no column is meant."""
 
@@ -86,7 +86,7 @@ def read_register_list(path: Path) -> RegisterList:
         }
         try:
             rows.append(ListedRow(_table(given, separator), line))
-        except Mistake as mistake:
+        except TableMistake as mistake:
             faulty.append((line, f"{mistake.key}: {mistake.found}", mistake.expected))
     return RegisterList(tuple(rows), tuple(faulty))
 
@@ -136,7 +136,7 @@ def _table(given: dict[str, str], separator: str) -> dict[str, Any]:
         if None in ends:
             there, missing = ("low", "high") if ends[1] is None else ("high", "low")
             found = f"{pair}_{there} without {pair}_{missing}"
-            raise Mistake(f"{pair}_{missing}", found, "both, or neither")
+            raise TableMistake(f"{pair}_{missing}", found, "both, or neither")
         table[pair] = ends
     if "unit_id" in table:
         table["unit_id"] = _whole(given["unit_id"])

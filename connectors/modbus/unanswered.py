@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from stemwatch.connectors.modbus.address import FUNCTION, Table
+from stemwatch.connectors.modbus.register_address import FUNCTION, Table
 
 REFUSAL = 0x80  # added to the function of a request that is refused
 

@@ -3,7 +3,7 @@
 ``OpcUaArchive`` is the connector, ``OpcUaAddress`` how it travels; tags are node ids.
 """
 
-from stemwatch.connectors.opcua.address import OpcUaAddress, Security
-from stemwatch.connectors.opcua.connector import OpcUaArchive
+from stemwatch.connectors.opcua.connector import OpcUaAddress, OpcUaArchive
+from stemwatch.connectors.opcua.session import Security
 
 __all__ = ["OpcUaAddress", "OpcUaArchive", "Security"]

@@ -6,7 +6,7 @@ import asyncio
 import difflib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import WHOLE, TagInfo, UnknownTag, ValveTags, Window
-from stemwatch.connectors.opcua.address import OpcUaAddress
+from stemwatch.connectors.opcua.session import OpcUaServer
 from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
@@ -28,6 +28,21 @@ _ALWAYS = (Role.OP, Role.MV)
 # OPC UA part 4 and part 11: severity in the two top bits; in the low bits, where they describe a
 # value, that the archive made it up.
 _SEVERITY, _DESCRIBES_VALUE, _INTERPOLATED, _CALCULATED = 0xC0000000, 0x400, 0x2, 0x1
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpcUaAddress(OpcUaServer):
+    """A server as it travels to the worker that asks it; an ``ArchiveAddress``.
+
+    ``before_s`` seconds before each window are read too, because servers keep values when they
+    change.
+    """
+
+    before_s: float = 3600.0
+
+    def open(self) -> OpcUaArchive:
+        """The archive; no connection is made yet."""
+        return OpcUaArchive(self)
 
 
 class OpcUaArchive:
@@ -73,7 +88,12 @@ class OpcUaArchive:
         Raises ``UnknownTag`` for a node that is not there, and ``ConnectorError`` for one without
         history, a window without samples of OP, and a server that does not answer.
         """
-        from stemwatch.connectors.archive.loaded import Loaded, bounds_of, need_op, nothing_in
+        from stemwatch.connectors.archive.valve_columns import (
+            ValveColumns,
+            bounds_of,
+            need_op,
+            nothing_in,
+        )
         from stemwatch.connectors.historian.recordings import assemble
 
         where = str(self.address)
@@ -88,7 +108,9 @@ class OpcUaArchive:
         if not columns[op].file_ns.size:
             holds = "the server's history has nothing there. Ask for another window"
             raise nothing_in(where, op, window, holds)
-        loaded = Loaded(where=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,))
+        loaded = ValveColumns(
+            where=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
+        )
         return assemble(loaded, valve, window)
 
     async def _ask(self, valve: ValveTags, window: Window) -> dict[str, History]:
@@ -113,8 +135,8 @@ class OpcUaArchive:
     def _column(
         self, tag: str, role: Role, history: History, bounds: tuple[int | None, int | None]
     ) -> Column:
-        from stemwatch.connectors.archive.loaded import empty_column, inside
-        from stemwatch.connectors.archive.numbers import number_column
+        from stemwatch.connectors.archive.number_column import number_column
+        from stemwatch.connectors.archive.valve_columns import empty_column, inside
         from stemwatch.connectors.historian.epoch import ns_of
 
         if not history.times:

@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
+from stemwatch.connectors.archive.secret import Secret, without_password
 from stemwatch.connectors.connector import ConnectorError, UnknownTag
-from stemwatch.connectors.opcua.address import OpcUaAddress
+
+PAGE = 50_000
 
 MOST_TAGS = 20_000
 _DEPTH = 12  # levels that are browsed: a server may refer in a circle
@@ -19,6 +21,35 @@ _MISSING = (
     "reading OPC UA needs the package asyncua, which is not installed; expected the extra: "
     "pip install 'stemwatch[opcua]'"
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Security:
+    """How a connection is secured: policy and mode by their OPC UA names, certificates as paths.
+
+    Without ``server_certificate`` the server's own word for its certificate is taken.
+    """
+
+    policy: str = "None"
+    mode: str = "SignAndEncrypt"
+    certificate: str = ""
+    private_key: str = ""
+    server_certificate: str = ""
+    user: str = ""
+    password: Secret = field(default_factory=Secret)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpcUaServer:
+    """A server; it is asked for ``page`` samples at a time and answers within ``timeout_s``."""
+
+    url: str
+    security: Security = field(default_factory=Security)
+    timeout_s: float = 30.0
+    page: int = PAGE
+
+    def __str__(self) -> str:
+        return without_password(self.url)
 
 
 @dataclass
@@ -40,18 +71,18 @@ class FoundNode:
 
 
 @asynccontextmanager
-async def connected(address: OpcUaAddress) -> AsyncIterator[Any]:
+async def connected(server: OpcUaServer) -> AsyncIterator[Any]:
     """A session with the server. Raises ``ConnectorError`` where there is none, or it breaks."""
     try:
         from asyncua.client.client import Client
         from asyncua.ua import uaerrors
     except ImportError:
-        raise ConnectorError(f"{address}: {_MISSING}") from None
+        raise ConnectorError(f"{server}: {_MISSING}") from None
     # At DEBUG the library logs what it sends, the password among it.
     logging.getLogger("asyncua.client").setLevel(logging.INFO)
     try:
-        client = Client(address.url, timeout=address.timeout_s)
-        await _secure(client, address)
+        client = Client(server.url, timeout=server.timeout_s)
+        await _secure(client, server)
         async with client:
             yield client
     except ConnectorError:
@@ -59,16 +90,16 @@ async def connected(address: OpcUaAddress) -> AsyncIterator[Any]:
     except (TimeoutError, uaerrors.UaError, OSError, ValueError) as error:
         said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ConnectorError(
-            f"{address}: the server could not be asked ({type(error).__name__}: {said}); check "
+            f"{server}: the server could not be asked ({type(error).__name__}: {said}); check "
             "that it is reached, its security policy, and that it trusts this client's certificate"
         ) from None
 
 
-async def _secure(client: Any, address: OpcUaAddress) -> None:
+async def _secure(client: Any, server: OpcUaServer) -> None:
     from asyncua import ua
     from asyncua.crypto import security_policies
 
-    security = address.security
+    security = server.security
     if security.policy != "None":
         await client.set_security(
             getattr(security_policies, f"SecurityPolicy{security.policy}"),
@@ -83,7 +114,7 @@ async def _secure(client: Any, address: OpcUaAddress) -> None:
 
 
 async def read_history(
-    client: Any, tag: str, start: datetime, stop: datetime, address: OpcUaAddress
+    client: Any, tag: str, start: datetime, stop: datetime, server: OpcUaServer
 ) -> History:
     """All raw values of a node from ``start`` to ``stop``, page by page.
 
@@ -94,39 +125,39 @@ async def read_history(
     from asyncua import ua
 
     history, point, held = History(), None, 0
-    node = _node(client, tag, address)
+    node = _node(client, tag, server)
     begin = start
     while True:
         details = ua.ReadRawModifiedDetails(
             IsReadModified=False,
             StartTime=_moment(begin),
             EndTime=_moment(stop),
-            NumValuesPerNode=address.page,
+            NumValuesPerNode=server.page,
             ReturnBounds=False,
         )
         result = await node.history_read(details, point)
-        _check(result, tag, address)
+        _check(result, tag, server)
         page = list(getattr(result.HistoryData, "DataValues", None) or ())
         before = len(history.times)
         _take(history, page[held:])
         held, previous, point = 0, point, result.ContinuationPoint
         if point:
             if point == previous:
-                raise _stuck(tag, address)
+                raise _stuck(tag, server)
             continue
-        if len(page) < address.page:
-            if not history.times and not await exists(client, tag, address):
-                raise UnknownTag(f"{address}: there is no node {tag!r}")
+        if len(page) < server.page:
+            if not history.times and not await exists(client, tag, server):
+                raise UnknownTag(f"{server}: there is no node {tag!r}")
             return history
         if len(history.times) == before:
-            raise _stuck(tag, address)
+            raise _stuck(tag, server)
         begin = history.times[-1]
-        held = sum(1 for one in history.times[-address.page :] if one == begin)
+        held = sum(1 for one in history.times[-server.page :] if one == begin)
 
 
-def _stuck(tag: str, address: OpcUaAddress) -> ConnectorError:
+def _stuck(tag: str, server: OpcUaServer) -> ConnectorError:
     return ConnectorError(
-        f"{address}: {tag}: the server gives the same page of its history again and again; "
+        f"{server}: {tag}: the server gives the same page of its history again and again; "
         "expected it to go on. Ask for another page size (page), or a shorter window"
     )
 
@@ -153,36 +184,36 @@ def _moment(instant: datetime) -> datetime:
     return utc if ua.get_win_epoch().tzinfo is not None else utc.replace(tzinfo=None)
 
 
-def _node(client: Any, tag: str, address: OpcUaAddress) -> Any:
+def _node(client: Any, tag: str, server: OpcUaServer) -> Any:
     from asyncua.ua import uaerrors
 
     try:
         return client.get_node(tag)
     except (uaerrors.UaError, ValueError) as error:
         raise UnknownTag(
-            f"{address}: {tag!r} is no node id ({error}); expected one such as "
+            f"{server}: {tag!r} is no node id ({error}); expected one such as "
             "ns=2;s=FIC-101.OP or ns=2;i=1042"
         ) from None
 
 
-def _check(result: Any, tag: str, address: OpcUaAddress) -> None:
+def _check(result: Any, tag: str, server: OpcUaServer) -> None:
     status = result.StatusCode
     if status.is_good():
         return
     if status.name in ("BadNodeIdUnknown", "BadNodeIdInvalid"):
-        raise UnknownTag(f"{address}: there is no node {tag!r}")
+        raise UnknownTag(f"{server}: there is no node {tag!r}")
     raise ConnectorError(
-        f"{address}: {tag}: the server gives no history ({status.name}); expected a node that is "
+        f"{server}: {tag}: the server gives no history ({status.name}); expected a node that is "
         "historized and that this user may read the history of"
     )
 
 
-async def exists(client: Any, tag: str, address: OpcUaAddress) -> bool:
+async def exists(client: Any, tag: str, server: OpcUaServer) -> bool:
     """Whether the server has the node."""
     from asyncua import ua
 
     try:
-        await _node(client, tag, address).read_node_class()
+        await _node(client, tag, server).read_node_class()
     except (UnknownTag, ua.uaerrors.BadNodeIdUnknown, ua.uaerrors.BadNodeIdInvalid):
         return False
     return True

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from stemwatch.connectors.archive.loaded import Bounds
+from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.epoch import instant_of
 from stemwatch.connectors.parquet.file import ArchiveFile

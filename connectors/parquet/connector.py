@@ -21,9 +21,9 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.archive.loaded import Loaded
+    from stemwatch.connectors.archive.valve_columns import ValveColumns
     from stemwatch.connectors.historian.columns import Column
-    from stemwatch.connectors.historian.notes import Notes
+    from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
 _DEFAULTS = ReadOptions()
 _ENDINGS = (".parquet", ".parq", ".pq")
@@ -32,7 +32,7 @@ _ALWAYS = (Role.OP, Role.MV)
 
 @dataclass(frozen=True)
 class ParquetAddress:
-    """Where a Parquet archive is and how to read it. Implements ``archive.ArchiveAddress``.
+    """Where a Parquet archive is and how to read it. An ``ArchiveAddress``.
 
     ``before_s`` seconds before each window are read too, for tags that are written when they
     change.
@@ -105,19 +105,19 @@ class ParquetArchive:
         samples of OP or local times without a zone, and ``UnreadableSource`` where the archive, or
         every file that the window touches, cannot be read.
         """
-        from stemwatch.connectors.archive.loaded import need_op
+        from stemwatch.connectors.archive.valve_columns import need_op
         from stemwatch.connectors.historian.recordings import assemble
 
         need_op(self.path, valve)
         return assemble(self._load(valve, window), valve, window)
 
-    def _load(self, valve: ValveTags, window: Window) -> Loaded:
-        from stemwatch.connectors.archive.loaded import Loaded, bounds_of, nothing_in
-        from stemwatch.connectors.historian.notes import Notes
+    def _load(self, valve: ValveTags, window: Window) -> ValveColumns:
+        from stemwatch.connectors.archive.valve_columns import ValveColumns, bounds_of, nothing_in
+        from stemwatch.connectors.historian.reading_notes import ReadingNotes
         from stemwatch.connectors.parquet.layout import WORDS
         from stemwatch.connectors.parquet.reading import column_of, read_pieces
 
-        notes, bounds = Notes(), bounds_of(window, self.before_s)
+        notes, bounds = ReadingNotes(), bounds_of(window, self.before_s)
         files = self._catalog.files()
         tags = list(dict.fromkeys(mapping.tag for mapping in valve.tags.values()))
         pieces = read_pieces(files, tags, bounds, self.options, notes)
@@ -142,7 +142,7 @@ class ParquetArchive:
             holds = ". ".join([self._holds(op), *notes.problems[:1]])
             raise nothing_in(self.path, op, window, holds)
         layouts = {one.layout(self.options).kind for one in files if one.is_open}
-        return Loaded(
+        return ValveColumns(
             where=self.path,
             layout="; ".join(WORDS[kind] for kind in sorted(layouts)),
             columns=columns,
@@ -152,7 +152,7 @@ class ParquetArchive:
             problems=notes.problems,
         )
 
-    def _said(self, notes: Notes) -> list[str]:
+    def _said(self, notes: ReadingNotes) -> list[str]:
         if not self.before_s:
             return []
         return [f"{self.before_s:g} s before the window were read for values that still held."]
@@ -172,7 +172,7 @@ class ParquetArchive:
 
     def _empty(self, tag: str) -> Column:
         """A tag without a row in the window. Raises ``UnknownTag`` where it never had one."""
-        from stemwatch.connectors.archive.loaded import empty_column
+        from stemwatch.connectors.archive.valve_columns import empty_column
 
         if self._has(tag):
             return empty_column(tag)

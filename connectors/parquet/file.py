@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stemwatch.connectors.archive.loaded import Bounds
+from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.parquet.layout import Layout, decide_layout

@@ -9,13 +9,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.connectors.archive.loaded import Bounds
-from stemwatch.connectors.archive.numbers import Codes, number_column
+from stemwatch.connectors.archive.number_column import Codes, number_column
+from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.columns import Column, convert
-from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw import RawColumn
+from stemwatch.connectors.historian.raw_table import RawColumn
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times import Instants
 from stemwatch.connectors.historian.units import canonical
 from stemwatch.connectors.parquet.catalog import may_hold
@@ -74,7 +74,7 @@ def read_pieces(
     tags: Sequence[str],
     bounds: Bounds,
     options: ReadOptions,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> dict[str, Pieces]:
     """What ``files`` hold of ``tags`` between the bounds, in the files' order.
 
@@ -102,7 +102,7 @@ def _read_file(
     tags: Sequence[str],
     bounds: Bounds,
     options: ReadOptions,
-    notes: Notes,
+    notes: ReadingNotes,
     found: dict[str, Pieces],
 ) -> None:
     layout = file.layout(options)
@@ -191,7 +191,7 @@ def column_of(
     pieces: Pieces,
     bounds: Bounds,
     options: ReadOptions,
-    notes: Notes,
+    notes: ReadingNotes,
     where: str,
     *,
     as_mode: bool,
@@ -231,7 +231,7 @@ def column_of(
     return column, instants
 
 
-def _instants(pieces: Pieces, options: ReadOptions, notes: Notes) -> Instants:
+def _instants(pieces: Pieces, options: ReadOptions, notes: ReadingNotes) -> Instants:
     stamps = Stamps(
         ns=_joined([one.ns for one in pieces.stamps]),
         ok=_joined([one.ok for one in pieces.stamps]),

@@ -9,14 +9,13 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from stemwatch.connectors.archive.loaded import Bounds
-from stemwatch.connectors.archive.localtimes import local_instants
+from stemwatch.connectors.archive.valve_columns import Bounds, local_instants
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.epoch import instant_of
-from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw import RawTable, RawTimes
-from stemwatch.connectors.historian.timefields import Ints
+from stemwatch.connectors.historian.raw_table import RawTable, RawTimes
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import Ints
 from stemwatch.connectors.historian.times import Instants, read_instants, undated
 from stemwatch.models.recording import Bools
 
@@ -42,7 +41,9 @@ def is_naive(schema: Any, name: str) -> bool:
     return bool(kinds.is_timestamp(kind) and kind.tz is None and "utc" not in name.lower())
 
 
-def read_stamps(array: Any, name: str, options: ReadOptions, where: str, notes: Notes) -> Stamps:
+def read_stamps(
+    array: Any, name: str, options: ReadOptions, where: str, notes: ReadingNotes
+) -> Stamps:
     """Times of an Arrow array or chunked array. Texts and plain numbers are understood as in a
     text export; rows outside the years 1678 to 2261 have none."""
     import pyarrow as pa
@@ -63,7 +64,9 @@ def read_stamps(array: Any, name: str, options: ReadOptions, where: str, notes: 
     return Stamps(ns=ns, ok=ok, naive=naive)
 
 
-def _written(array: Any, name: str, options: ReadOptions, where: str, notes: Notes) -> Stamps:
+def _written(
+    array: Any, name: str, options: ReadOptions, where: str, notes: ReadingNotes
+) -> Stamps:
     texts = ["" if one is None else str(one) for one in array.to_pylist()]
     table = RawTable(
         layout="",
@@ -76,7 +79,7 @@ def _written(array: Any, name: str, options: ReadOptions, where: str, notes: Not
     return Stamps(ns=found.ns, ok=found.ok, naive=not found.known)
 
 
-def placed(stamps: Stamps, written: bool, options: ReadOptions, notes: Notes) -> Instants:
+def placed(stamps: Stamps, written: bool, options: ReadOptions, notes: ReadingNotes) -> Instants:
     """Instants in UTC, or on a clock of unknown date where local times have no zone.
 
     ``written``: the times were texts or numbers, and have been through the zone already.

@@ -4,7 +4,6 @@
 formatted into the text; the transaction is read only and never committed.
 """
 
-from stemwatch.connectors.sql.address import SqlAddress
-from stemwatch.connectors.sql.connector import SqlArchive
+from stemwatch.connectors.sql.connector import SqlAddress, SqlArchive
 
 __all__ = ["SqlAddress", "SqlArchive"]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
+from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.connector import (
     WHOLE,
     ConnectorError,
@@ -20,19 +22,57 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.sql.address import SqlAddress
+from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.sql.template import fault_of
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from stemwatch.connectors.archive.loaded import Loaded
+    from stemwatch.connectors.archive.valve_columns import ValveColumns
     from stemwatch.connectors.historian.columns import Column
-    from stemwatch.connectors.historian.notes import Notes
+    from stemwatch.connectors.historian.reading_notes import ReadingNotes
     from stemwatch.connectors.historian.times import Instants
     from stemwatch.connectors.sql.database import Database
     from stemwatch.connectors.sql.rows import Samples
+
+CHUNK = 20_000
+_SQLITE = "sqlite:///"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SqlAddress:
+    """Where a SQL historian is and how it is asked. An ``ArchiveAddress``.
+
+    ``query`` selects time, value and perhaps quality for ``:tag`` from ``:start`` (inclusive) to
+    ``:end`` (exclusive). ``tags_query`` selects tag and perhaps unit and samples of all tags.
+    ``bounds_format`` is the strftime format of the bounds, for times that are kept as text.
+    """
+
+    name: str
+    url: Secret
+    query: str
+    tags_query: str = ""
+    options: ReadOptions = field(default_factory=ReadOptions)
+    before_s: float = 0.0
+    bounds_format: str = ""
+    chunk: int = CHUNK
+
+    def open(self) -> SqlArchive:
+        """The archive; no connection is made yet."""
+        return SqlArchive(self)
+
+    def __str__(self) -> str:
+        return f"database {self.name}"
+
+
+def beside(url: str, folder: Path) -> str:
+    """``url`` with a relative SQLite path counted from ``folder``; any other as it is."""
+    name = url.removeprefix(_SQLITE)
+    if name == url or not name or name.startswith(("/", ":memory:", "file:")):
+        return url
+    return f"{_SQLITE}{(folder / name).as_posix()}"
+
 
 LAYOUT = "a query for each tag"
 _FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
@@ -100,7 +140,7 @@ class SqlArchive:
         window without samples of OP, local times without a zone, and a database that does not
         answer.
         """
-        from stemwatch.connectors.archive.loaded import need_op
+        from stemwatch.connectors.archive.valve_columns import need_op
         from stemwatch.connectors.historian.recordings import assemble
 
         need_op(str(self.address), valve)
@@ -108,11 +148,11 @@ class SqlArchive:
             loaded = self._load(connection, valve, window)
         return assemble(loaded, valve, window)
 
-    def _load(self, connection: Connection, valve: ValveTags, window: Window) -> Loaded:
-        from stemwatch.connectors.archive.loaded import Loaded, nothing_in
-        from stemwatch.connectors.historian.notes import Notes
+    def _load(self, connection: Connection, valve: ValveTags, window: Window) -> ValveColumns:
+        from stemwatch.connectors.archive.valve_columns import ValveColumns, nothing_in
+        from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
-        notes, columns = Notes(), {}
+        notes, columns = ReadingNotes(), {}
         known, zone = True, ""
         for role, mapping in valve.tags.items():
             column, instants = self._column(connection, mapping.tag, role, window, notes)
@@ -128,7 +168,7 @@ class SqlArchive:
                 f"{self._database.dialect} knows no read-only transaction; the query is one "
                 "SELECT, but let the account that asks have no right to write."
             )
-        return Loaded(
+        return ValveColumns(
             where=str(self.address),
             layout=LAYOUT,
             columns=columns,
@@ -139,9 +179,9 @@ class SqlArchive:
         )
 
     def _column(
-        self, connection: Connection, tag: str, role: Role, window: Window, notes: Notes
+        self, connection: Connection, tag: str, role: Role, window: Window, notes: ReadingNotes
     ) -> tuple[Column, Instants | None]:
-        from stemwatch.connectors.archive.loaded import bounds_of, empty_column, inside
+        from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
         from stemwatch.connectors.sql.rows import column_of, instants_of
 
         samples = self._samples(connection, tag, window)

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from stemwatch.connectors.archive.localtimes import local_instants
-from stemwatch.connectors.archive.numbers import Codes, number_column
+from stemwatch.connectors.archive.number_column import Codes, number_column
+from stemwatch.connectors.archive.valve_columns import local_instants
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.columns import Column, convert
 from stemwatch.connectors.historian.epoch import ns_of
-from stemwatch.connectors.historian.notes import Notes
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times import Instants, read_instants
 
 _NAMES = ("time", "value", "quality")
@@ -78,7 +78,7 @@ def _text(value: Any) -> str:
     return "" if value is None or value != value else str(value)
 
 
-def instants_of(samples: Samples, options: ReadOptions, name: str, notes: Notes) -> Instants:
+def instants_of(samples: Samples, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
     """The times of all rows. Datetimes with an offset are what they say; those without are local
     times of the zone that was given; texts and numbers are understood as in a text export."""
     times = samples.times

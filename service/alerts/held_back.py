@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from sqlalchemy import JSON, select, type_coerce
 from sqlalchemy.orm import Session
 
+from stemwatch.models.false_discovery import significant
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.mismatch.fleet import stands
-from stemwatch.service.report.false_discoveries import Discoveries
+from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.store.screenings.held_back import KEY as KEY
 from stemwatch.service.store.screenings.tables import ScreeningRow
 from stemwatch.service.store.store import Store
@@ -37,7 +37,7 @@ def hold_back(store: Store, run_id: int) -> list[Tested]:
     """
     with store.access.reading() as session:
         found = _tested(session, run_id)
-    stood = stands([one.p_value for one in found])
+    stood = significant([one.p_value for one in found])
     named = sum(one.named and stand for one, stand in zip(found, stood, strict=True))
     held = [
         one.screening for one, stand in zip(found, stood, strict=True) if one.named and not stand

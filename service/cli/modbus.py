@@ -105,9 +105,9 @@ def _split(host: str) -> tuple[str, int]:
 
 def _show_words(link: Link, unit: int, written: str, count: int) -> None:
     from stemwatch.connectors.connector import ConnectorError
-    from stemwatch.connectors.modbus.address import AddressError, Table, parse_address
     from stemwatch.connectors.modbus.commission import look
-    from stemwatch.connectors.modbus.faults import ReadFault
+    from stemwatch.connectors.modbus.read_fault import ReadFault
+    from stemwatch.connectors.modbus.register_address import AddressError, Table, parse_address
     from stemwatch.service.cli import modbus_views, views
 
     table, colon, number = written.partition(":")
@@ -131,7 +131,7 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
 def _try_maps(file: Path, wanted: str) -> None:
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.connectors.modbus.commission import try_map
-    from stemwatch.connectors.modbus.faults import ReadFault
+    from stemwatch.connectors.modbus.read_fault import ReadFault
     from stemwatch.service.cli import modbus_views, views
 
     failed = []
@@ -150,7 +150,7 @@ def _try_maps(file: Path, wanted: str) -> None:
 
 def _devices(file: Path, wanted: str) -> list[Device]:
     """The devices of a plant file; what is wrong with the others is said on standard error."""
-    from stemwatch.connectors.modbus.config import read_devices
+    from stemwatch.connectors.modbus.read_devices import read_devices
     from stemwatch.service.cli import options, views
     from stemwatch.service.config.toml import read_toml
 

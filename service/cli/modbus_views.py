@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table as Grid
 
-from stemwatch.connectors.modbus.address import Address
 from stemwatch.connectors.modbus.commission import Meaning, Tried, meanings, other_orders
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number
 from stemwatch.connectors.modbus.device import Device
-from stemwatch.connectors.modbus.faults import FaultKind, ReadFault
+from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
+from stemwatch.connectors.modbus.register_address import RegisterAddress
 from stemwatch.service.cli.views import escape
 
 _ADVICE = {
@@ -32,19 +32,19 @@ def advice(fault: ReadFault) -> str:
     return _ADVICE_FOR_CODE.get(fault.code or 0, _ADVICE.get(fault.kind, ""))
 
 
-def words_table(where: str, at: Address, words: Sequence[int]) -> Grid:
+def words_table(where: str, at: RegisterAddress, words: Sequence[int]) -> Grid:
     """Each word with its addresses, as hexadecimal, unsigned and signed number."""
     grid = Grid(title=escape(where), title_justify="left")
     for name in ("address", "Modicon", "word", "UINT16", "INT16"):
         grid.add_column(name, justify="right")
     for place, word in enumerate(words):
-        one = Address(at.table, at.offset + place)
+        one = RegisterAddress(at.table, at.offset + place)
         signed = word - 65_536 if word >= 32_768 else word
         grid.add_row(str(one), one.modicon, f"0x{word:04X}", str(word), str(signed))
     return grid
 
 
-def meanings_table(at: Address, words: Sequence[int]) -> Grid:
+def meanings_table(at: RegisterAddress, words: Sequence[int]) -> Grid:
     """Types down, byte orders across, for the value that begins at ``at``; unlikely ones dim."""
     title = f"the value that begins at {at} ({at.modicon}), in every type and order"
     grid = Grid(title=title, title_justify="left")

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from stemwatch.connectors.archive.address import ArchiveAddress
 from stemwatch.connectors.archive.secret import Secret
+from stemwatch.connectors.connector import ArchiveAddress
 from stemwatch.service.config.problems import contradiction
 from stemwatch.service.config.schema import Name, Positive, Table, Text, Zone
 
@@ -122,7 +122,7 @@ class SqlSource(ArchiveSource):
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
         """Of the database; a path in a SQLite URL counts from ``folder``."""
         from stemwatch.connectors.sql import SqlAddress
-        from stemwatch.connectors.sql.address import beside
+        from stemwatch.connectors.sql.connector import beside
 
         url = (
             Secret(text=beside(self.url, folder))

@@ -284,7 +284,7 @@ def read_device_tables(
     if not listed:
         return
     # Late: pymodbus is loaded where a plant has devices, and nowhere else.
-    from stemwatch.connectors.modbus.config import read_devices
+    from stemwatch.connectors.modbus.read_devices import read_devices
 
     good = []
     for position, table in listed:

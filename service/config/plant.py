@@ -10,8 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stemwatch.connectors.archive.address import ArchiveAddress
-from stemwatch.connectors.connector import TagMapping, ValveTags
+from stemwatch.connectors.connector import ArchiveAddress, TagMapping, ValveTags
 from stemwatch.models.limits import Limits
 from stemwatch.service.config.archives import ArchiveSource
 from stemwatch.service.config.problems import Problem

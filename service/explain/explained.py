@@ -53,14 +53,19 @@ def explain_one(job: Job) -> Explained:
         return _without(asked, str(error))
     except (OSError, ValueError, MemoryError) as error:
         return _without(asked, f"{asked.source}: {type(error).__name__}: {error}")
+    return explain_recording(recording, asked.source, narx=job.narx, limits=job.limits)
+
+
+def explain_recording(
+    recording: Recording, source: str, *, narx: bool = True, limits: Limits | None = None
+) -> Explained:
+    """The explanation of a recording that was read; never raises for what it holds."""
     try:
-        mismatch = _mismatch(recording, job)
+        mismatch = _mismatch(recording, narx, limits or Limits())
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
-        return replace(_without(asked, reason), recording=recording)
-    return Explained(
-        source=asked.source, valve=recording.valve, mismatch=mismatch, recording=recording
-    )
+        mismatch = not_testable(reason)
+    return Explained(source=source, valve=recording.valve, mismatch=mismatch, recording=recording)
 
 
 def not_testable(reason: str) -> Mismatch:
@@ -79,17 +84,17 @@ def _read(task: Task) -> Recording:
     return open_file(task.path, task.read_options).read(task.tags, task.window)
 
 
-def _mismatch(recording: Recording, job: Job) -> Mismatch:
+def _mismatch(recording: Recording, narx: bool, limits: Limits) -> Mismatch:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.quality import assess
     from stemwatch.models.stickslip.fit import fit_stickslip
 
-    if job.narx:
+    if narx:
         import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
     began = time.perf_counter()
-    assessment = assess(recording, job.limits)
+    assessment = assess(recording, limits)
     fit = None if assessment.obstacles else fit_stickslip(assessment.recording)
-    ceiling = _ceiling(assessment.recording, fit) if fit is not None and job.narx else None
+    ceiling = _ceiling(assessment.recording, fit) if fit is not None and narx else None
     found = explain(recording, ceiling=ceiling)  # as it was read: record effects come first
     return replace(found, seconds=time.perf_counter() - began)
 

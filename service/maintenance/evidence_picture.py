@@ -19,9 +19,9 @@ from stemwatch.service.maintenance.drawing import (
     Panel,
     span,
 )
+from stemwatch.service.presenter.wording import finite, instant, printable
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
-from stemwatch.service.report.wording import finite, instant, printable
 
 WIDTH, HEIGHT = 515.0, 172.0
 TOP, FOOT, LEFT = 24.0, 24.0, 26.0
@@ -52,8 +52,8 @@ def picture_of(
         return None, NO_SAMPLES
     if not np.isfinite(recording.op.values).sum() > 1:
         return None, NOTHING_TO_DRAW
-    simulated = _simulated(screening, recording)
-    part, why = _part(recording, simulated)
+    simulated = simulated_run(screening, recording)
+    part, why = part_drawn(recording, simulated)
     why += _from(recording, part, zone)
     beside = recording.mv is not None
     width = WIDTH - LEFT - (LOOP_WIDTH + 44.0 if beside else 0.0) - 6.0
@@ -64,7 +64,7 @@ def picture_of(
     return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says), why
 
 
-def _simulated(screening: Screening, recording: Recording) -> Floats | None:
+def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
     """The model's free run where it was kept, with what was left out where that was named."""
     found = screening.mismatch
     run = screening.traces.stiction
@@ -73,7 +73,7 @@ def _simulated(screening: Screening, recording: Recording) -> Floats | None:
     return run if run is not None and run.shape == recording.op.values.shape else None
 
 
-def _part(recording: Recording, simulated: Floats | None) -> tuple[slice, str]:
+def part_drawn(recording: Recording, simulated: Floats | None) -> tuple[slice, str]:
     """The samples that are drawn, and which ones these are, in words."""
     stretch = typical_stretch_of(recording, simulated, None)
     if stretch is not None:
@@ -159,7 +159,7 @@ def _legend(traces: Sequence[DrawnTrace], top: float) -> list[Mark]:
 def _against_op(screening: Screening, recording: Recording, part: slice) -> list[Mark]:
     assert recording.mv is not None
     op, mv = recording.op.values[part], recording.mv.values[part]
-    band = _band(screening, op, mv) if recording.mv.unit == recording.op.unit else None
+    band = stick_band(screening, op, mv) if recording.mv.unit == recording.op.unit else None
     xs = [op] if band is None else [op, band[:, 0]]
     ys = [mv] if band is None else [mv, band[:, 1]]
     (x0, x1), (y0, y1) = span(*xs), span(*ys)
@@ -193,7 +193,7 @@ def _band_legend(panel: Panel) -> list[Mark]:
     ]
 
 
-def _band(screening: Screening, op: Floats, mv: Floats) -> Floats | None:
+def stick_band(screening: Screening, op: Floats, mv: Floats) -> Floats | None:
     """(6, 2) corners of the loop that S and J alone describe between the turns of OP, percent.
 
     The stem slides at ``op - (S - J) / 2`` upwards and ``op + (S - J) / 2`` downwards; after a turn

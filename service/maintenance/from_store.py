@@ -15,7 +15,7 @@ from stemwatch.service.maintenance.stored import (
     screenings_of_run,
 )
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
-from stemwatch.service.report.false_discoveries import tested
+from stemwatch.service.presenter.false_discoveries import tested
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.restored import Restored

@@ -11,9 +11,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stemwatch.connectors.archive.address import Archive, ArchiveAddress
 from stemwatch.connectors.connector import (
     WHOLE,
+    ArchiveAddress,
+    ArchiveConnector,
     Connector,
     ConnectorError,
     ValveTags,
@@ -118,7 +119,7 @@ def _open_store(address: Address) -> Store:
 
 
 @lru_cache(maxsize=4)
-def open_archive(address: ArchiveAddress) -> Archive:
+def open_archive(address: ArchiveAddress) -> ArchiveConnector:
     """The archive, opened once in each process: its footers are read once."""
     return address.open()
 
@@ -191,7 +192,7 @@ def screen_tasks(tasks: Sequence[Task], limits: Limits) -> list[Screening]:
     results: list[Screening | None] = []
     cases: list[Case] = []
     for task in tasks:
-        case = _read(task)
+        case = case_of(task)
         results.append(case if isinstance(case, Screening) else None)
         if not isinstance(case, Screening):
             cases.append(case)
@@ -211,7 +212,9 @@ def given_up(task: Task, reason: str) -> Screening:
     return failed(task.tags.valve, said, advice, Provenance(source=task.path))
 
 
-def _read(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+    """The recording of a task with its valve's baseline; a screening with the reason where it
+    cannot be read."""
     from stemwatch.models.screening import Case
 
     if task.reason:

@@ -15,7 +15,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
-from stemwatch.models.narx.example import NarxExample
+from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Recording
@@ -124,7 +124,9 @@ def run_drift(
 def follow_batch(batch: DriftBatch) -> list[Followed]:
     """Simulate the baseline windows, train on them, simulate the later windows and score them."""
     first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
-    fits = train([_example(recording) for recording in first])
+    # On the CPU, so that the counts are the same on every machine.
+    settings = NarxSettings(device="cpu")
+    fits = train([_example(recording) for recording in first], settings)
     return [
         _follow(batch.seed, at, loop, way, fit.network, fit.reason or "")
         for (at, loop), fit in zip(batch.loops, fits, strict=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.narx.example import NarxSettings
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import (
@@ -48,7 +49,8 @@ def mark_batch(batch: TrialBatch) -> list[Marked]:
     """Simulate, screen (which sees recordings only), and set the truth beside the verdict."""
     loops = [simulate_loop(loop, seed) for loop, seed in batch.loops]
     cases = [Case(recording=loop.recording) for loop in loops]
-    found = screen(cases, Options(narx=batch.narx))
+    # On the CPU, so that the counts are the same on every machine.
+    found = screen(cases, Options(narx=batch.narx, narx_settings=NarxSettings(device="cpu")))
     return [_marked(loop.truth, one) for loop, one in zip(loops, found, strict=True)]
 
 

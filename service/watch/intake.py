@@ -11,7 +11,7 @@ import numpy as np
 from stemwatch.connectors.connector import ConnectorError, UnknownTag
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.connectors.historian.columns import Column
-from stemwatch.connectors.historian.opened import OpenedFile, open_file
+from stemwatch.connectors.historian.opened_file import OpenedFile, open_file
 from stemwatch.connectors.historian.recordings import find_tag
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Quality, Role

@@ -23,7 +23,7 @@ import duckdb
 import numpy as np
 import pandas as pd
 
-from stemwatch.connectors.historian.file import HistorianFile, propose_valves
+from stemwatch.connectors.historian.connector import HistorianFile, propose_valves
 
 ROLES = ("OP", "ZT", "PV")
 

@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from stemwatch.connectors.modbus import Device, Register, SampleBatch
-from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.datatypes import DataType
 from stemwatch.connectors.modbus.device import Link, LinkKind
+from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
 from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.modbus_plant.layout import STRIDE, words
@@ -110,7 +110,7 @@ def device_of(place: int, port: int, valves: int) -> Device:
         Register(
             tag=f"V{place:02}-{valve:03}.{name}",
             unit_id=1,
-            address=Address(Table.HOLDING, STRIDE * valve + first),
+            address=RegisterAddress(Table.HOLDING, STRIDE * valve + first),
             kind=DataType.FLOAT32,
         )
         for valve in range(valves)

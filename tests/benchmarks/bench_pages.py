@@ -29,7 +29,7 @@ from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.screenings.tables import IndicatorRow, ScreeningRow
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.app import create_app
-from stemwatch.service.web.session_cookie import NAME
+from stemwatch.service.web.auth.session_cookie import NAME
 from stemwatch.service.web.site import Site
 
 NOW = datetime(2026, 3, 30, 12, 0, tzinfo=UTC)

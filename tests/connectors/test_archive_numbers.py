@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.archive.numbers import Codes, number_column
+from stemwatch.connectors.archive.number_column import Codes, number_column
 from stemwatch.connectors.archive.secret import Secret, without_password
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
 from stemwatch.models.recording import Quality

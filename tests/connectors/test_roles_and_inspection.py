@@ -10,7 +10,7 @@ import pytest
 
 from stemwatch.connectors.historian import HistorianFile, propose_valves
 from stemwatch.connectors.historian.roles import propose_roles
-from stemwatch.connectors.historian.tagnames import parse_tag
+from stemwatch.connectors.historian.tag_names import parse_tag
 from stemwatch.models.recording import Role
 
 

@@ -18,11 +18,11 @@ import pytest
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.models.studies.simulator import demo_plant
-from stemwatch.service.access.setup import make_user
+from stemwatch.service.access.first_user import make_user
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml
 from stemwatch.service.modbus_plant.serve import PlantServer
-from stemwatch.service.serve.pages import CannotListen, listen
+from stemwatch.service.serve.page_server import CannotListen, listen
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store

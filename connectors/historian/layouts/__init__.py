@@ -7,8 +7,8 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Protocol
 
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.layout_input import LayoutInput
+from stemwatch.connectors.historian.raw_table import RawTable
 
 
 class Layout(Protocol):
@@ -24,7 +24,7 @@ class Layout(Protocol):
 
     def matches(self, head: list[str]) -> bool: ...
 
-    def parse(self, source: Source) -> RawTable: ...
+    def parse(self, source: LayoutInput) -> RawTable: ...
 
 
 @cache
@@ -35,7 +35,7 @@ def layouts() -> tuple[Layout, ...]:
     return tuple(sorted(found, key=lambda layout: (layout.order, layout.name)))
 
 
-def parse_source(source: Source) -> RawTable:
+def parse_source(source: LayoutInput) -> RawTable:
     """The table of ``source`` by the first layout that knows it; the generic one knows all."""
     chosen = next(layout for layout in layouts() if layout.matches(source.head))
     return chosen.parse(source)

@@ -6,10 +6,10 @@ good here; ``QualityDetail`` and ``OPCQuality`` are OPC codes, 192 good, and pre
 
 from __future__ import annotations
 
-from stemwatch.connectors.historian.headed import needed, read_headed
+from stemwatch.connectors.historian.header_table import read_header_table, required_column
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.narrow import NarrowColumns, narrow_table, pick
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.raw_table import RawTable
 
 
 class AvevaHistory:
@@ -24,9 +24,9 @@ class AvevaHistory:
         own = names & {"vvalue", "qualitydetail", "opcquality", "wwretrievalmode"}
         return {"datetime", "tagname", "value"} <= names and bool(own) and "operation" not in names
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         separator = source.separator()
-        table = read_headed(source, source.rows(separator))
+        table = read_header_table(source, source.rows(separator))
         detail = pick(table.header, ("QualityDetail", "OPCQuality"))
         quality = pick(table.header, ("Quality",)) if detail is None else detail
         return narrow_table(
@@ -35,9 +35,9 @@ class AvevaHistory:
             table.numbers,
             table.header,
             NarrowColumns(
-                tag=needed(table.header, ("TagName",), source, 1),
-                time=(needed(table.header, ("DateTime",), source, 1),),
-                value=needed(table.header, ("Value",), source, 1),
+                tag=required_column(table.header, ("TagName",), source, 1),
+                time=(required_column(table.header, ("DateTime",), source, 1),),
+                value=required_column(table.header, ("Value",), source, 1),
                 quality=quality,
                 second_value=pick(table.header, ("vValue",)),
             ),

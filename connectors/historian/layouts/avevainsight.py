@@ -5,10 +5,10 @@ UTF-8, ISO 8601 with ``Z`` or offset, decimal point, no thousands marks.
 
 from __future__ import annotations
 
-from stemwatch.connectors.historian.headed import needed, read_headed
+from stemwatch.connectors.historian.header_table import read_header_table, required_column
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.narrow import NarrowColumns, narrow_table, pick
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.raw_table import RawTable
 
 _OPTIONAL = {"operation", "format", "opcquality"}
 
@@ -24,17 +24,17 @@ class AvevaInsight:
         needed = {"tagname", "datetime", "value"}
         return needed <= names <= needed | _OPTIONAL and bool(names & _OPTIONAL)
 
-    def parse(self, source: Source) -> RawTable:
-        table = read_headed(source, source.rows(","))
+    def parse(self, source: LayoutInput) -> RawTable:
+        table = read_header_table(source, source.rows(","))
         return narrow_table(
             source,
             table.columns,
             table.numbers,
             table.header,
             NarrowColumns(
-                tag=needed(table.header, ("TagName",), source, 1),
-                time=(needed(table.header, ("DateTime",), source, 1),),
-                value=needed(table.header, ("Value",), source, 1),
+                tag=required_column(table.header, ("TagName",), source, 1),
+                time=(required_column(table.header, ("DateTime",), source, 1),),
+                value=required_column(table.header, ("Value",), source, 1),
                 quality=pick(table.header, ("OpcQuality",)),
             ),
             separator=",",

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts.generic import parse_table
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.raw_table import RawTable
 
 _SIGNS = re.compile(
     r"오전|오후|\[-110\d\d\]|No Good Data For Calculation|Resize to show all values|"
@@ -27,7 +27,7 @@ class DataLink:
     def matches(self, head: list[str]) -> bool:
         return any(_SIGNS.search(line) for line in head)
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         return parse_table(source, "PI DataLink sheet")
 
 

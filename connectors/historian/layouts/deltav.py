@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import re
 
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts.generic import parse_table
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.raw_table import RawTable
 
 _TAG = re.compile(r"[^,;\t\"/]{1,80}/[^,;\t\"/]{1,80}/[A-Z_0-9]{1,40}\.(?:CV|ACTUAL|ST)\b")
 
@@ -24,7 +24,7 @@ class DeltaV:
     def matches(self, head: list[str]) -> bool:
         return any(len(_TAG.findall(line)) >= 2 for line in head[:5])
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         return parse_table(source, "DeltaV-like wide export (unit in the header)")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.narrow import (
     DESCRIPTION_NAMES,
     QUALITY_NAMES,
@@ -16,18 +17,17 @@ from stemwatch.connectors.historian.narrow import (
     narrow_table,
     pick,
 )
-from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.rows import Rows
-from stemwatch.connectors.historian.source import Source
 from stemwatch.connectors.historian.structure import (
     Structure,
     column_names,
     find_structure,
     is_number,
 )
-from stemwatch.connectors.historian.timegrammar import is_time
+from stemwatch.connectors.historian.time_formats import is_time
+from stemwatch.connectors.historian.value_texts import text_quality
 from stemwatch.connectors.historian.wide import table_body, wide_table
-from stemwatch.connectors.historian.words import word_quality
 from stemwatch.models.recording import Quality
 
 
@@ -40,11 +40,11 @@ class Generic:
     def matches(self, head: list[str]) -> bool:
         return True
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         return parse_table(source)
 
 
-def parse_table(source: Source, layout: str = "", first: int = 0) -> RawTable:
+def parse_table(source: LayoutInput, layout: str = "", first: int = 0) -> RawTable:
     """The table from line ``first + 1`` on. ``layout`` names a known product in the provenance."""
     separator = source.separator(first)
     rows = source.rows(separator, first)
@@ -69,7 +69,7 @@ def parse_table(source: Source, layout: str = "", first: int = 0) -> RawTable:
 
 
 def _narrow_columns(
-    source: Source, rows: Rows, structure: Structure, header: Sequence[str]
+    source: LayoutInput, rows: Rows, structure: Structure, header: Sequence[str]
 ) -> NarrowColumns | None:
     """Which columns hold tag, value and quality; ``None`` for a wide table."""
     options = source.options
@@ -111,7 +111,7 @@ def _by_content(rows: Rows, structure: Structure) -> tuple[int | None, int | Non
     return None, None
 
 
-def _refuse_text(source: Source, rows: Rows, structure: Structure) -> None:
+def _refuse_text(source: LayoutInput, rows: Rows, structure: Structure) -> None:
     """A table of words, such as a list of labels or a readme, is no recording."""
     sample = [r for r in rows.cells[structure.first_row :][:500] if len(r) == structure.width]
     cells = [cell for row in sample for cell in row if cell.strip()]
@@ -124,7 +124,7 @@ def _refuse_text(source: Source, rows: Rows, structure: Structure) -> None:
             "column of numbers; expected at least one tag with values"
         )
     words = sum(
-        not is_number(cell) and not is_time(cell) and word_quality(cell) is Quality.BAD
+        not is_number(cell) and not is_time(cell) and text_quality(cell) is Quality.BAD
         for cell in cells
     )
     if len(sample) < 2:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts.generic import parse_table
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.raw_table import RawTable
 
 _HEADER = re.compile(r'^"?(?:Zeitstempel|Zeit|Datum|Uhrzeit)\b[^;]*"?;', re.I)
 
@@ -20,7 +20,7 @@ class GermanExcel:
     def matches(self, head: list[str]) -> bool:
         return any(_HEADER.match(line.strip()) for line in head[:20])
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         return parse_table(source, "German Excel (semicolon, decimal comma, day first)")
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts.generic import parse_table
-from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.rows import Rows, split_rows, table_rows
-from stemwatch.connectors.historian.source import Source
 from stemwatch.connectors.historian.wide import unique_tags
 
 
@@ -20,7 +20,7 @@ class Ignition:
         first = next((line.strip().strip('"') for line in head if line.strip()), "")
         return first.startswith("#NAMES") or first.lower().startswith(("t_stamp,", 't_stamp",'))
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         if not source.head[0].strip().strip('"').startswith("#NAMES"):
             return parse_table(source, "Ignition, plain CSV")
         lines = source.document.lines
@@ -32,7 +32,7 @@ class Ignition:
             )
         return self._rows(source, header[0], marks[0])
 
-    def _rows(self, source: Source, names: list[str], mark: int) -> RawTable:
+    def _rows(self, source: LayoutInput, names: list[str], mark: int) -> RawTable:
         rows = self._body(source, names, mark)
         cells = [list(column) for column in zip(*rows.cells, strict=True)] or [[] for _ in names]
         time = next((i for i, n in enumerate(names) if n.strip().lower() == "t_stamp"), 0)
@@ -53,7 +53,7 @@ class Ignition:
             separator=",",
         )
 
-    def _body(self, source: Source, names: list[str], mark: int) -> Rows:
+    def _body(self, source: LayoutInput, names: list[str], mark: int) -> Rows:
         return table_rows(
             source.rows(",", mark + 1),
             len(names),

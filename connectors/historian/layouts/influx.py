@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.narrow import NarrowColumns, narrow_table
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.raw_table import RawTable
 
 _OWN = frozenset(
     ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
@@ -27,7 +27,7 @@ class Influx:
     def matches(self, head: list[str]) -> bool:
         return any(line.startswith(("#group,", "#datatype,", "#default,")) for line in head[:4])
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         tags: list[str] = []
         times: list[str] = []
         values: list[str] = []
@@ -60,7 +60,7 @@ class Influx:
             decimal=".",
         )
 
-    def _header(self, source: Source, row: list[str], number: int) -> list[str]:
+    def _header(self, source: LayoutInput, row: list[str], number: int) -> list[str]:
         header = [cell.strip() for cell in row]
         if not {"_time", "_value"} <= set(header):
             raise UnreadableSource(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts.generic import parse_table
-from stemwatch.connectors.historian.raw import RawTable
-from stemwatch.connectors.historian.source import Source
+from stemwatch.connectors.historian.raw_table import RawTable
 
 
 class Ip21:
@@ -16,7 +16,7 @@ class Ip21:
     def matches(self, head: list[str]) -> bool:
         return any("IP_TREND_TIME" in line.upper() for line in head[:10])
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         return parse_table(source, "AspenTech IP.21 history")
 
 

@@ -8,9 +8,9 @@ Line 5: settings of the plant's own method, of no use here and with a broken tab
 from __future__ import annotations
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.raw import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.layout_input import LayoutInput
+from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.rows import Rows, table_rows
-from stemwatch.connectors.historian.source import Source
 
 _FIRST = 5
 # Flag column of each role's suffix: the archive repeated the value before.
@@ -26,7 +26,7 @@ class ProcessData:
     def matches(self, head: list[str]) -> bool:
         return bool(head) and head[0].startswith("PROCESSDATA\t")
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         lines = source.document.lines
         if len(lines) <= _FIRST or not lines[2].startswith("tagname\t"):
             raise UnreadableSource(
@@ -54,7 +54,7 @@ class ProcessData:
             mv_is_output=True,
         )
 
-    def _rows(self, source: Source, width: int) -> Rows:
+    def _rows(self, source: LayoutInput, width: int) -> Rows:
         return table_rows(
             source.rows("\t", _FIRST), width, source.notes, ends_whole=source.document.ends_whole
         )
@@ -66,7 +66,7 @@ class ProcessData:
         held = cells.get(tags.index(flag)) if flag in tags else None
         return RawColumn(tag=tags[i], description=descriptions[i], cells=cells[i], held=held)
 
-    def _check_line_two(self, source: Source, line: str, rows: int) -> None:
+    def _check_line_two(self, source: LayoutInput, line: str, rows: int) -> None:
         parts = line.split("\t")
         if len(parts) > 3 and parts[3].strip().isdigit() and int(parts[3]) != rows:
             source.notes.problem(

@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.headed import needed, read_headed
+from stemwatch.connectors.historian.header_table import read_header_table, required_column
+from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.narrow import (
     QUALITY_NAMES,
     TAG_NAMES,
@@ -18,9 +19,8 @@ from stemwatch.connectors.historian.narrow import (
     narrow_table,
     pick,
 )
-from stemwatch.connectors.historian.raw import RawTable
+from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.rows import Rows, split_rows, table_rows
-from stemwatch.connectors.historian.source import Source
 
 _SECTION = re.compile(r"^\[(Tags|Data|Messages|Alarms)\]\s*$", re.I)
 _EXTRACT = re.compile(r"^\d{9,10}:\d{1,9},[^,]+,[^,]*,\w+,(?:GOOD|BAD)\s*$", re.I)
@@ -40,7 +40,7 @@ class ProficyCsv:
             _SECTION.match(first.strip()) is not None or _EXTRACT.match(first.strip()) is not None
         )
 
-    def parse(self, source: Source) -> RawTable:
+    def parse(self, source: LayoutInput) -> RawTable:
         lines = source.document.lines
         sections = [i for i, line in enumerate(lines) if _SECTION.match(line.strip())]
         if not sections:
@@ -53,7 +53,7 @@ class ProficyCsv:
             )
         return self._sections(source, data, sections)
 
-    def _sections(self, source: Source, data: list[int], sections: list[int]) -> RawTable:
+    def _sections(self, source: LayoutInput, data: list[int], sections: list[int]) -> RawTable:
         """All ``[Data]`` sections, whose header lines must be the same."""
         lines = source.document.lines
         cells: list[list[str]] = []
@@ -67,7 +67,7 @@ class ProficyCsv:
             header = header or [cell.strip() for cell in part.cells[0]]
             cells += part.cells[1:]
             numbers += part.numbers[1:]
-        table = read_headed(source, Rows([header, *cells], [data[0] + 2, *numbers]))
+        table = read_header_table(source, Rows([header, *cells], [data[0] + 2, *numbers]))
         return narrow_table(
             source,
             table.columns,
@@ -79,19 +79,19 @@ class ProficyCsv:
             day_first=False,
         )
 
-    def _part(self, source: Source, begin: int, end: int) -> Rows:
+    def _part(self, source: LayoutInput, begin: int, end: int) -> Rows:
         lines = ["" if ln.startswith("*") else ln for ln in source.document.lines[begin:end]]
         return split_rows(lines, ",", begin + 1, source.notes)
 
-    def _where(self, source: Source, header: list[str], line: int) -> NarrowColumns:
+    def _where(self, source: LayoutInput, header: list[str], line: int) -> NarrowColumns:
         return NarrowColumns(
-            tag=needed(header, TAG_NAMES, source, line),
-            time=(needed(header, _TIMES, source, line),),
-            value=needed(header, VALUE_NAMES, source, line),
+            tag=required_column(header, TAG_NAMES, source, line),
+            time=(required_column(header, _TIMES, source, line),),
+            value=required_column(header, VALUE_NAMES, source, line),
             quality=pick(header, QUALITY_NAMES),
         )
 
-    def _extract(self, source: Source) -> RawTable:
+    def _extract(self, source: LayoutInput) -> RawTable:
         rows = table_rows(source.rows(","), 5, source.notes, ends_whole=source.document.ends_whole)
         columns = [list(column) for column in zip(*rows.cells, strict=True)] or [[]] * 5
         columns[0] = [_epoch(text) for text in columns[0]]

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -30,15 +31,31 @@ class LowSpeedRestick(ReadingTerm):
     order = 30
     words = Words(
         plain="on a slow command the stem does not slide, it moves in small steps",
-        check=(
-            "Check the packing (material, gland torque, lubrication): graphite packing steps where "
-            "PTFE slides. Then the stem's finish, the guide bushings, piston seals that grip, and "
-            "whether the actuator is small for the friction."
-        ),
         decide=(
             "Ramp OP at 0.02 %/s and at 0.5 %/s in manual: steps on the slow ramp and a smooth "
             "slide on the fast one are re-sticking; steps of one size on both are coarse "
             "commands or recording."
+        ),
+        advice=FieldAdvice(
+            title="steps on a slow command",
+            steps=check_steps(
+                (
+                    "manual: Ramp OP at 0.02 %/s and at 0.5 %/s: steps on the slow ramp and a "
+                    "smooth slide on the fast one confirm it."
+                ),
+                "manual: Check gland torque and lubrication. Graphite steps where PTFE slides.",
+                "air: Check the actuator's size against the friction; look at piston seals.",
+                "line: Renew the packing; look at the stem's finish and the guide bushing.",
+            ),
+            parts=(
+                "packing set of another material",
+                "lubricant that suits the packing",
+                "guide bushing",
+                "piston seals",
+            ),
+            damage="FTR",
+            cause="1.6",
+            part="packing",
         ),
     )
 

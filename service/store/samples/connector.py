@@ -8,7 +8,7 @@ from datetime import timedelta
 
 import numpy as np
 
-from stemwatch.connectors.archive.loaded import bounds_of
+from stemwatch.connectors.archive.valve_columns import bounds_of
 from stemwatch.connectors.connector import (
     WHOLE,
     ConnectorError,

@@ -14,7 +14,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.wording import WORST_FIRST
+from stemwatch.service.presenter.wording import WORST_FIRST
 from stemwatch.service.store.screenings.held_back import remark_column
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id

@@ -13,11 +13,11 @@ from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.datatypes import ByteOrder
 from stemwatch.connectors.modbus.datatypes import DataType as Kind
 from stemwatch.connectors.modbus.device import Device, Link, LinkKind
 from stemwatch.connectors.modbus.register import Register
+from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
 
 
 @dataclass
@@ -155,7 +155,12 @@ def register(
     """A register of a map."""
     order = more.pop("order", ByteOrder.ABCD)
     return Register(
-        tag=tag, unit_id=unit_id, address=Address(table, first), kind=kind, order=order, **more
+        tag=tag,
+        unit_id=unit_id,
+        address=RegisterAddress(table, first),
+        kind=kind,
+        order=order,
+        **more,
     )
 
 

@@ -6,7 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.modbus.address import Address, AddressError, Table, parse_address
+from stemwatch.connectors.modbus.register_address import (
+    AddressError,
+    RegisterAddress,
+    Table,
+    parse_address,
+)
 
 HOLDING, INPUT = Table.HOLDING, Table.INPUT
 
@@ -14,20 +19,20 @@ HOLDING, INPUT = Table.HOLDING, Table.INPUT
 @pytest.mark.parametrize(
     ("written", "table", "expected"),
     [
-        (0, HOLDING, Address(HOLDING, 0)),
-        (11, INPUT, Address(INPUT, 11)),
-        ("0x000B", HOLDING, Address(HOLDING, 11)),
-        ("40001", None, Address(HOLDING, 0)),
-        ("400001", None, Address(HOLDING, 0)),
-        ("30013", None, Address(INPUT, 12)),
-        ("465536", None, Address(HOLDING, 65535)),
-        ("HR1", None, Address(HOLDING, 0)),
-        ("hrf3", None, Address(HOLDING, 2)),
-        ("IR10", None, Address(INPUT, 9)),
-        ("40001", HOLDING, Address(HOLDING, 0)),
-        (8289, HOLDING, Address(HOLDING, 8289)),
-        (50_000, HOLDING, Address(HOLDING, 50_000)),
-        (40_001, INPUT, Address(INPUT, 40_001)),  # 4xxxx are never input registers
+        (0, HOLDING, RegisterAddress(HOLDING, 0)),
+        (11, INPUT, RegisterAddress(INPUT, 11)),
+        ("0x000B", HOLDING, RegisterAddress(HOLDING, 11)),
+        ("40001", None, RegisterAddress(HOLDING, 0)),
+        ("400001", None, RegisterAddress(HOLDING, 0)),
+        ("30013", None, RegisterAddress(INPUT, 12)),
+        ("465536", None, RegisterAddress(HOLDING, 65535)),
+        ("HR1", None, RegisterAddress(HOLDING, 0)),
+        ("hrf3", None, RegisterAddress(HOLDING, 2)),
+        ("IR10", None, RegisterAddress(INPUT, 9)),
+        ("40001", HOLDING, RegisterAddress(HOLDING, 0)),
+        (8289, HOLDING, RegisterAddress(HOLDING, 8289)),
+        (50_000, HOLDING, RegisterAddress(HOLDING, 50_000)),
+        (40_001, INPUT, RegisterAddress(INPUT, 40_001)),  # 4xxxx are never input registers
     ],
 )
 def test_an_address_is_understood(written, table, expected) -> None:
@@ -85,5 +90,5 @@ def test_what_cannot_be_understood_is_refused_with_a_reason(written, table, said
 @given(st.integers(0, 65_535), st.sampled_from(Table))
 def test_the_modicon_form_means_the_same_register(offset: int, table: Table) -> None:
     """What is shown beside each address can be written into a map."""
-    address = Address(table, offset)
+    address = RegisterAddress(table, offset)
     assert parse_address(address.modicon) == address

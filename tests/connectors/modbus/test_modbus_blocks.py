@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.modbus.address import Table
 from stemwatch.connectors.modbus.blockreader import BlockReader, Columns
 from stemwatch.connectors.modbus.blocks import Block, plan_blocks
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
+from stemwatch.connectors.modbus.register_address import Table
 from tests.connectors.modbus.served import register
 
 MAPS = st.lists(

@@ -7,10 +7,10 @@ import asyncio
 import pytest
 from pymodbus.constants import ExcCodes
 
-from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.commission import Tried, look, meanings, other_orders, try_map
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
-from stemwatch.connectors.modbus.faults import ReadFault
+from stemwatch.connectors.modbus.read_fault import ReadFault
+from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
 from tests.connectors.modbus.served import Behaviour, device, register, serving, sim_device, tcp
 
 
@@ -35,7 +35,7 @@ def test_raw_words_are_read_once() -> None:
 
     async def run() -> list[int]:
         async with serving(sim_device(1, Behaviour(inputs={7: 0xABCD}))) as served:
-            return await look(tcp(served.port), 1, Address(Table.INPUT, 6), 3)
+            return await look(tcp(served.port), 1, RegisterAddress(Table.INPUT, 6), 3)
 
     assert asyncio.run(run()) == [0, 0xABCD, 0]
 
@@ -44,7 +44,7 @@ def test_raw_words_are_read_once() -> None:
 def test_a_count_that_no_request_can_have_is_refused(first: int, count: int) -> None:
     """Before anything is sent."""
     with pytest.raises(ValueError, match="1 to 125"):
-        asyncio.run(look(tcp(1), 1, Address(Table.HOLDING, first), count))
+        asyncio.run(look(tcp(1), 1, RegisterAddress(Table.HOLDING, first), count))
 
 
 def test_a_map_is_tried_register_by_register_where_the_device_refuses() -> None:

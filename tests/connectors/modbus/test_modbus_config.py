@@ -9,12 +9,10 @@ from typing import Any
 import pytest
 
 from stemwatch.connectors.modbus import DeviceMap, read_devices
-from stemwatch.connectors.modbus.address import Address, Table
-from stemwatch.connectors.modbus.budget import poll_time_s
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
-from stemwatch.connectors.modbus.device import Link, LinkKind
-from stemwatch.connectors.modbus.link import keys_of, link_of
-from stemwatch.connectors.modbus.tables import DeviceTable
+from stemwatch.connectors.modbus.device import Link, LinkKind, poll_time_s
+from stemwatch.connectors.modbus.device_tables import DeviceTable, keys_of, link_of
+from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
 from stemwatch.service.config.toml import TomlLines
 
 PLANT = """
@@ -78,12 +76,12 @@ def test_a_map_is_understood() -> None:
     assert (plc.every_s, plc.link.target, plc.link.port) == (0.5, "192.168.1.20", 502)
     op, position = plc.registers
     assert (op.address, op.kind, op.order) == (
-        Address(Table.HOLDING, 0),
+        RegisterAddress(Table.HOLDING, 0),
         DataType.FLOAT32,
         ByteOrder.CDAB,
     )
     assert (op.unit_id, op.unit, op.lowest, op.highest) == (1, "%", -5.0, 105.0)
-    assert position.address == Address(Table.INPUT, 3)
+    assert position.address == RegisterAddress(Table.INPUT, 3)
     assert (position.unit_id, position.written) == (7, "30004")
     assert position.read([2500]).value == pytest.approx(25.0)
     assert [bool(position.read([raw]).reason) for raw in (65535, 0x7FFF, 1)] == [True, True, False]

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, encode
-from stemwatch.connectors.modbus.tables import DeviceTable, RegisterTable
+from stemwatch.connectors.modbus.device_tables import DeviceTable, RegisterTable
 
 PAGE = (Path(__file__).parents[3] / "docs" / "modbus.md").read_text("utf-8")
 

@@ -19,11 +19,11 @@ from typing import Any, cast
 import pytest
 from pymodbus.framer import FramerRTU
 
-from stemwatch.connectors.modbus.address import Table
+from stemwatch.connectors.modbus.connection import Connection
 from stemwatch.connectors.modbus.device import Device, Link, LinkKind
-from stemwatch.connectors.modbus.faults import FaultKind, ReadFault
-from stemwatch.connectors.modbus.line import Line
 from stemwatch.connectors.modbus.poller import DevicePoller
+from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
+from stemwatch.connectors.modbus.register_address import Table
 from stemwatch.connectors.modbus.samples import SampleBatch
 from tests.connectors.modbus.served import answering, device, register, tcp
 
@@ -191,7 +191,7 @@ def test_when_every_answer_is_late_no_read_gives_words(line: Any) -> None:
         words: list[int] = []
         reasons: list[str] = []
         async with line(units) as link:
-            asked = Line(replace(link, timeout_s=0.1))
+            asked = Connection(replace(link, timeout_s=0.1))
             await asked.open()
             for turn in range(12):
                 try:
@@ -222,7 +222,7 @@ class Script:
 
 async def reads(link: Link, *asked: tuple[int, int], unit_id: int = 1, wait_s: float = 0.0) -> list:
     """Read ``(first, count)`` one after the other: the words, or the kind of the fault."""
-    line = Line(link)
+    line = Connection(link)
     await line.open()
     found: list[Any] = []
     for first, count in asked:
@@ -281,7 +281,7 @@ def test_rtu_over_tcp_is_called_again_after_each_silence_and_serial_lines_are_no
     async def run() -> tuple[list[bool], int]:
         units = Units(Script(None, None))
         async with behind_tcp(units) as link:
-            line = Line(replace(link, timeout_s=0.1))
+            line = Connection(replace(link, timeout_s=0.1))
             await line.open()
             states = []
             for first, count in ((0, 4), (100, 3), (200, 2)):
@@ -365,7 +365,7 @@ def test_noise_on_a_serial_line_is_nonsense_and_the_line_goes_on() -> None:
 
     async def run() -> tuple[FaultKind, bool]:
         async with behind_pty(Noisy(lambda: 0.0)) as link:
-            line = Line(replace(link, timeout_s=0.2))
+            line = Connection(replace(link, timeout_s=0.2))
             await line.open()
             with pytest.raises(ReadFault) as caught:
                 await line.read(1, Table.HOLDING, 0, 2)

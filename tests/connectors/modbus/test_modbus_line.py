@@ -9,14 +9,14 @@ import pytest
 from pymodbus import FramerType
 from pymodbus.constants import ExcCodes
 
-from stemwatch.connectors.modbus.address import Table
+from stemwatch.connectors.modbus.connection import Connection
 from stemwatch.connectors.modbus.device import Link, LinkKind
-from stemwatch.connectors.modbus.faults import FaultKind, ReadFault
-from stemwatch.connectors.modbus.line import Line
+from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
+from stemwatch.connectors.modbus.register_address import Table
 from tests.connectors.modbus.served import Behaviour, answering, serving, sim_device, tcp
 
 
-async def fault_of(line: Line, unit_id: int = 1, count: int = 2) -> ReadFault:
+async def fault_of(line: Connection, unit_id: int = 1, count: int = 2) -> ReadFault:
     """The fault of one read."""
     with pytest.raises(ReadFault) as caught:
         await line.read(unit_id, Table.HOLDING, 0, count)
@@ -28,7 +28,7 @@ def one_fault(reply, **link) -> tuple[ReadFault, bool]:
 
     async def run() -> tuple[ReadFault, bool]:
         async with answering(reply) as port:
-            line = Line(tcp(port, **link))
+            line = Connection(tcp(port, **link))
             await line.open()
             fault = await fault_of(line)
             connected = line.connected
@@ -56,7 +56,7 @@ def test_words_arrive_from_both_tables(framer: FramerType, kind: LinkKind) -> No
 
     async def run() -> list[list[int]]:
         async with serving(sim_device(1, first), sim_device(9, second), framer=framer) as served:
-            line = Line(tcp(served.port, kind=kind))
+            line = Connection(tcp(served.port, kind=kind))
             await line.open()
             asked = [(1, Table.HOLDING, 2), (1, Table.INPUT, 2), (9, Table.HOLDING, 1)]
             found = [await line.read(unit, table, 5, count) for unit, table, count in asked]
@@ -80,7 +80,7 @@ def test_an_exception_reply_has_its_number_and_meaning(code: ExcCodes, said: str
 
     async def run() -> tuple[ReadFault, bool]:
         async with serving(sim_device(1, Behaviour(exception=code))) as served:
-            line = Line(tcp(served.port))
+            line = Connection(tcp(served.port))
             await line.open()
             fault = await fault_of(line)
             connected = line.connected
@@ -148,7 +148,7 @@ def test_a_request_is_repeated_as_often_as_the_map_says() -> None:
             return b"" if count < 3 else tcp_reply(request, b"\x03\x02\x00\x07")
 
         async with answering(reply) as port:
-            line = Line(tcp(port, timeout_s=0.1, retries=retries))
+            line = Connection(tcp(port, timeout_s=0.1, retries=retries))
             await line.open()
             try:
                 return await line.read(1, Table.HOLDING, 0, 1)
@@ -176,7 +176,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
             return waiting[0] + answer
 
         async with answering(reply) as port:
-            line = Line(tcp(port, timeout_s=0.2))
+            line = Connection(tcp(port, timeout_s=0.2))
             await line.open()
             first = await fault_of(line, count=1)
             second = await line.read(1, Table.HOLDING, 5, 1)
@@ -191,7 +191,7 @@ def test_a_peer_that_no_longer_hears_is_called_again() -> None:
 
     async def run() -> list[bool]:
         async with answering(lambda request: b"") as port:
-            line = Line(tcp(port, timeout_s=0.05))
+            line = Connection(tcp(port, timeout_s=0.05))
             await line.open()
             found = []
             for _ in range(3):
@@ -215,7 +215,7 @@ def test_why_there_is_no_connection_is_said(link: Link, said: str) -> None:
 
     async def run() -> ReadFault:
         with pytest.raises(ReadFault) as caught:
-            await Line(link).open()
+            await Connection(link).open()
         return caught.value
 
     fault = asyncio.run(run())

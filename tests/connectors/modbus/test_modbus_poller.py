@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from pymodbus.constants import ExcCodes
 
+from stemwatch.connectors.modbus.blocks import FORGET_S, REST_S, BlockPlan
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.device import Device
-from stemwatch.connectors.modbus.plan import FORGET_S, REST_S, Plan
 from stemwatch.connectors.modbus.poller import NOT_POLLED, DevicePoller
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Quality
@@ -146,7 +146,7 @@ def test_a_refused_register_costs_itself_only_and_is_remembered() -> None:
 
 def test_a_device_that_allows_few_registers_at_once_is_split() -> None:
     """Exception 3 for anything above 10 words, as some devices answer."""
-    plan = Plan(device(tcp(1), *[register(f"T{i}", i) for i in range(40)]).blocks())
+    plan = BlockPlan(device(tcp(1), *[register(f"T{i}", i) for i in range(40)]).blocks())
     while any(block.count > 10 for block in plan.blocks()):
         block = next(block for block in plan.blocks() if block.count > 10)
         assert len(plan.split(block)) == 2
@@ -155,10 +155,12 @@ def test_a_device_that_allows_few_registers_at_once_is_split() -> None:
 
 def test_what_was_split_or_refused_is_tried_again_later() -> None:
     """A controller that is being programmed refuses everything for a while."""
-    from stemwatch.connectors.modbus.faults import refused
+    from stemwatch.connectors.modbus.read_fault import refused
 
     now_s = 0.0
-    plan = Plan(device(tcp(1), *[register(f"T{i}", i) for i in range(4)]).blocks(), lambda: now_s)
+    plan = BlockPlan(
+        device(tcp(1), *[register(f"T{i}", i) for i in range(4)]).blocks(), lambda: now_s
+    )
     (whole,) = plan.blocks()
     left, _ = plan.split(whole)
     plan.rest(left, refused(2))
@@ -347,7 +349,7 @@ def test_a_cancellation_in_the_moment_of_an_answer_is_not_forgotten(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Before Python 3.12 waiting for an answer can swallow it; the poller ends all the same."""
-    from stemwatch.connectors.modbus.line import Line
+    from stemwatch.connectors.modbus.connection import Connection
 
     asked = asyncio.Event()
 
@@ -361,7 +363,7 @@ def test_a_cancellation_in_the_moment_of_an_answer_is_not_forgotten(
 
     async def run() -> bool:
         async with serving(sim_device(1, Behaviour())) as served:
-            monkeypatch.setattr(Line, "read", swallow)
+            monkeypatch.setattr(Connection, "read", swallow)
             plc = device(tcp(served.port), register("T", 0), every_s=EVERY_S)
             task = asyncio.create_task(DevicePoller(plc, lambda batch: None).run())
             await asked.wait()

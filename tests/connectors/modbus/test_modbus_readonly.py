@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from pymodbus import FramerType
 from pymodbus.client.mixin import ModbusClientMixin
 
-from stemwatch.connectors.modbus.address import Table
 from stemwatch.connectors.modbus.commission import try_map
+from stemwatch.connectors.modbus.connection import Connection, OnlyReading, gate
 from stemwatch.connectors.modbus.device import LinkKind
-from stemwatch.connectors.modbus.faults import ReadFault
-from stemwatch.connectors.modbus.line import Line, OnlyReading, gate
 from stemwatch.connectors.modbus.poller import DevicePoller
+from stemwatch.connectors.modbus.read_fault import ReadFault
+from stemwatch.connectors.modbus.register_address import Table
 from tests.connectors.modbus.served import Behaviour, device, register, serving, sim_device, tcp
 
-PACKAGE = Path(inspect.getfile(Line)).parent
+PACKAGE = Path(inspect.getfile(Connection)).parent
 REPOSITORY = Path(__file__).parents[3]
 ALLOWED = {"read_holding_registers", "read_input_registers"}
 # Every request that pymodbus's clients can make; among them all that write.
@@ -55,7 +55,7 @@ def test_no_code_names_a_request_that_is_not_a_read(folder: str) -> None:
 
 
 def test_only_one_file_of_the_connector_knows_the_library() -> None:
-    """What could send anything stands in line.py, where the gate is."""
+    """What could send anything stands in connection.py, where the gate is."""
     knowing = {
         path.name
         for path in PACKAGE.rglob("*.py")
@@ -69,7 +69,7 @@ def test_only_one_file_of_the_connector_knows_the_library() -> None:
         )
         if name.split(".")[0] in ("pymodbus", "serial")
     }
-    assert knowing == {"line.py"}
+    assert knowing == {"connection.py"}
 
 
 @given(st.integers(0, 255), st.booleans())
@@ -101,7 +101,7 @@ def test_a_write_forced_on_the_client_never_leaves(framer: FramerType) -> None:
     async def run() -> list[int]:
         kind = LinkKind.TCP if framer is FramerType.SOCKET else LinkKind.RTU_OVER_TCP
         async with serving(sim_device(1, Behaviour()), framer=framer) as served:
-            line = Line(tcp(served.port, kind=kind))
+            line = Connection(tcp(served.port, kind=kind))
             await line.open()
             for name, arguments in requests.items():
                 with pytest.raises(OnlyReading):
@@ -142,4 +142,4 @@ def test_a_server_that_records_sees_functions_3_and_4_only() -> None:
 def test_a_closed_line_reads_nothing() -> None:
     """Asking before opening is a fault like any other."""
     with pytest.raises(ReadFault, match="no connection"):
-        asyncio.run(Line(tcp(1)).read(1, Table.HOLDING, 0, 1))
+        asyncio.run(Connection(tcp(1)).read(1, Table.HOLDING, 0, 1))

@@ -7,11 +7,11 @@ import asyncio
 from pymodbus import FramerType
 from pymodbus.server import ModbusSerialServer
 
-from stemwatch.connectors.modbus.address import Table
+from stemwatch.connectors.modbus.connection import Connection
 from stemwatch.connectors.modbus.device import Link, LinkKind
-from stemwatch.connectors.modbus.faults import FaultKind, ReadFault
-from stemwatch.connectors.modbus.line import Line
 from stemwatch.connectors.modbus.poller import DevicePoller
+from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
+from stemwatch.connectors.modbus.register_address import Table
 from stemwatch.connectors.modbus.samples import SampleBatch
 from tests.connectors.modbus.served import Behaviour, device, register, sim_device
 
@@ -54,7 +54,7 @@ def test_a_line_without_a_device_is_silent_not_broken(serial_pair) -> None:
     here, _ = serial_pair
 
     async def run() -> tuple[ReadFault, bool]:
-        line = Line(serial(here))
+        line = Connection(serial(here))
         await line.open()
         try:
             await line.read(1, Table.HOLDING, 0, 2)

@@ -10,8 +10,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stemwatch.connectors.modbus import DeviceMap, read_devices
-from stemwatch.connectors.modbus.address import Address, Table
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
+from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
 from stemwatch.connectors.modbus.register_list import COLUMNS, ListUnusable, read_register_list
 from stemwatch.service.config.toml import TomlLines
 
@@ -49,13 +49,13 @@ def test_rows_are_registers(tmp_path: Path) -> None:
     assert found.problems == ()
     op, zt, pv = found.devices[0].registers
     assert (op.tag, op.kind, op.order) == ("FIC-101.OP", DataType.FLOAT32, ByteOrder.CDAB)
-    assert op.address == Address(Table.HOLDING, 0)
+    assert op.address == RegisterAddress(Table.HOLDING, 0)
     assert (op.lowest, op.highest, op.unit, op.description) == (-5.0, 105.0, "%", "Feed")
-    assert zt.address == Address(Table.INPUT, 3)
+    assert zt.address == RegisterAddress(Table.INPUT, 3)
     assert (zt.unit_id, zt.scale, zt.invalid) == (7, 0.01, frozenset({65535}))
     assert zt.invalid_words == frozenset({(0x7FFF,)})
     assert zt.description == "Position, valve"
-    assert pv.address == Address(Table.INPUT, 11)
+    assert pv.address == RegisterAddress(Table.INPUT, 11)
 
 
 def test_a_list_is_what_the_tables_are(tmp_path: Path) -> None:

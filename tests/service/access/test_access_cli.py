@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from stemwatch.service.access.first_user import make_user
 from stemwatch.service.access.links import use_link
-from stemwatch.service.access.setup import make_user
 from stemwatch.service.store.accounts.audit import Wanted
 from stemwatch.service.store.accounts.records import Role
 from stemwatch.service.store.store import open_store

@@ -8,6 +8,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
+from stemwatch.service.access.first_user import first_link, make_user
 from stemwatch.service.access.links import (
     BadName,
     LinkIsOver,
@@ -17,8 +18,7 @@ from stemwatch.service.access.links import (
 )
 from stemwatch.service.access.login import check
 from stemwatch.service.access.passwords import WeakPassword
-from stemwatch.service.access.sessions import begin_session, visitor_of_cookie
-from stemwatch.service.access.setup import first_link, make_user
+from stemwatch.service.access.sessions import begin_session, user_of_cookie
 from stemwatch.service.store.accounts.records import LinkKind, Role, User
 from stemwatch.service.store.accounts.users import LastAdmin, NameTaken
 from stemwatch.service.store.store import Store
@@ -132,7 +132,7 @@ def test_a_link_for_a_password_changes_that_and_nothing_else(store: Store, ann: 
     assert (user.name, user.role) == ("Ann Berg", Role.ENGINEER)
     assert check(store, "Ann Berg", PASSWORD, NOW) is None
     assert check(store, "Ann Berg", "quite another phrase", NOW) is not None
-    assert visitor_of_cookie(store, cookie, NOW) is None
+    assert user_of_cookie(store, cookie, NOW) is None
 
 
 @pytest.mark.parametrize("secret", ["", "x", "x" * 43, "\ud800", "\x00", "' OR 1=1 --"])

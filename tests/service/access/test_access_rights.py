@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.service.access.rights import RIGHTS, Operation, Visitor, scopes_of
+from stemwatch.service.access.permissions import PERMISSIONS, CurrentUser, Operation, scopes_of
 from stemwatch.service.store.accounts import audit
 from stemwatch.service.store.accounts.audit import AuditLog, Wanted
 from stemwatch.service.store.accounts.records import Entry, Outcome, Role, Scope
@@ -31,18 +31,18 @@ MAY = {
 
 def test_every_operation_has_its_right() -> None:
     """And the table is the one that was agreed on."""
-    assert set(RIGHTS) == set(Operation)
+    assert set(PERMISSIONS) == set(Operation)
     for role, operations in MAY.items():
-        assert {one for one in Operation if RIGHTS[one].least is role} == operations
-    assert [one for one in Operation if RIGHTS[one].least is None] == [Operation.OPEN]
+        assert {one for one in Operation if PERMISSIONS[one].least is role} == operations
+    assert [one for one in Operation if PERMISSIONS[one].least is None] == [Operation.OPEN]
 
 
 @given(ROLES, ROLES, OPERATIONS)
 def test_a_higher_role_may_all_that_a_lower_may(one: Role, other: Role, what: Operation) -> None:
     """Signed in by a password."""
     lower, higher = sorted((one, other), key=lambda role: role.rank)
-    if Visitor(name="", role=lower, how="").may(what):
-        assert Visitor(name="", role=higher, how="").may(what)
+    if CurrentUser(name="", role=lower, how="").may(what):
+        assert CurrentUser(name="", role=higher, how="").may(what)
 
 
 @given(ROLES, st.frozensets(st.sampled_from(Scope)), OPERATIONS)
@@ -50,9 +50,9 @@ def test_a_token_may_nothing_that_its_user_may_not(
     role: Role, scopes: frozenset[Scope], what: Operation
 ) -> None:
     """Whatever its scopes; and without a scope nothing but what is open to all."""
-    token = Visitor(name="", role=role, how="", scopes=scopes)
+    token = CurrentUser(name="", role=role, how="", scopes=scopes)
     if token.may(what):
-        assert Visitor(name="", role=role, how="").may(what)
+        assert CurrentUser(name="", role=role, how="").may(what)
         assert scopes or what is Operation.OPEN
 
 
@@ -68,7 +68,7 @@ def test_the_scopes_of_a_role_are_those_it_can_use(role: Role) -> None:
 )
 def test_what_is_signed_always_names_who_is_signed_in(said: str, signed: str) -> None:
     """For whomever a program says that it acts."""
-    assert Visitor(name="Ann", role=Role.ENGINEER, how="").signs(said) == signed
+    assert CurrentUser(name="Ann", role=Role.ENGINEER, how="").signature(said) == signed
 
 
 def test_the_audit_log_is_added_to_and_read_and_nothing_else() -> None:

@@ -19,7 +19,7 @@ from stemwatch.models.screening_result import DataQuality, Indicator, Residual, 
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.serve.http_server import http_server
-from stemwatch.service.serve.pages import address_of, listen
+from stemwatch.service.serve.page_server import address_of, listen
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import StoredValve

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from stemwatch.service.access.rights import scopes_of
+from stemwatch.service.access.permissions import scopes_of
 from stemwatch.service.access.sessions import begin_session
 from stemwatch.service.access.tokens import make_token
 from stemwatch.service.store.accounts.records import Role, Scope, User
-from stemwatch.service.web.session_cookie import NAME
+from stemwatch.service.web.auth.session_cookie import NAME
 from stemwatch.service.web.site import Site
 
 PASSWORD = "a long phrase of the tests"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from stemwatch.service.access.setup import first_link, make_user
+from stemwatch.service.access.first_user import first_link, make_user
 from stemwatch.service.store.accounts.records import Entry, Outcome, Role, Scope
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, serving

@@ -11,13 +11,13 @@ import pytest
 from fastapi import FastAPI
 from starlette.routing import BaseRoute
 
-from stemwatch.service.access.rights import RIGHTS, Operation, Visitor
-from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.access.permissions import PERMISSIONS, CurrentUser, Operation
+from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.access.tokens import BEGINS
 from stemwatch.service.store.accounts.audit import Wanted
 from stemwatch.service.store.accounts.records import Role, Scope
 from stemwatch.service.web.app import create_app
-from stemwatch.service.web.permits import PERMITS
+from stemwatch.service.web.auth.route_permissions import ROUTE_OPERATIONS
 from tests.service.web.made_plant import STICKY
 from tests.service.web.signed_in import NAMES, bearer_of, cookie_of, user_of
 
@@ -65,16 +65,16 @@ def app(live) -> FastAPI:
 def test_every_route_declares_its_right(app):
     """A route without a line in the table fails here; so does a line without a route."""
     found = {f"{method} {path}" for method, path in routes_of(app.routes)}
-    assert sorted(found) == sorted(PERMITS)
-    assert {*PERMITS.values()} == {*Operation} - {Operation.UNDECLARED}
+    assert sorted(found) == sorted(ROUTE_OPERATIONS)
+    assert {*ROUTE_OPERATIONS.values()} == {*Operation} - {Operation.UNDECLARED}
 
 
 def test_a_route_that_was_forgotten_is_shut(live, monkeypatch):
     """Without a declared right even an admin's token gets nothing, and a viewer less."""
-    from stemwatch.service.web import permits
+    from stemwatch.service.web.auth import route_permissions as permits
 
-    forgotten = {name: what for name, what in PERMITS.items() if name != "GET /alerts"}
-    monkeypatch.setattr(permits, "PERMITS", forgotten)
+    forgotten = {name: what for name, what in ROUTE_OPERATIONS.items() if name != "GET /alerts"}
+    monkeypatch.setattr(permits, "ROUTE_OPERATIONS", forgotten)
     app = create_app(live)
     assert ask(app, "GET", "/alerts", headers=bearer_of(live)).status_code == 403
     answer = ask(app, "GET", "/alerts", cookies=cookie_of(live, Role.ENGINEER))
@@ -93,48 +93,48 @@ def request_for(name: str) -> tuple[str, str, dict[str, Any]]:
     return method, path, {"data": FORM}
 
 
-def let_in(live, role: Role, way: str) -> tuple[Visitor | None, dict[str, Any]]:
+def let_in(live, role: Role, way: str) -> tuple[CurrentUser | None, dict[str, Any]]:
     """Who asks in this way, and what the request carries for it."""
     if way == "session":
         cookies = cookie_of(live, role)
-        mark = mark_of(*cookies.values())
-        return Visitor(name="", role=role, how=""), {"cookies": cookies, "mark": mark}
+        mark = form_token_of(*cookies.values())
+        return CurrentUser(name="", role=role, how=""), {"cookies": cookies, "mark": mark}
     if way == "token":
-        visitor = Visitor(name="", role=role, how="", scopes=frozenset(Scope))
-        return visitor, {"headers": bearer_of(live, role), "mark": ""}
+        current_user = CurrentUser(name="", role=role, how="", scopes=frozenset(Scope))
+        return current_user, {"headers": bearer_of(live, role), "mark": ""}
     return None, {"mark": ""}
 
 
-def expected(name: str, visitor: Visitor | None, *, is_form: bool) -> set[int]:
+def expected(name: str, current_user: CurrentUser | None, *, is_form: bool) -> set[int]:
     """The statuses of refusal that are due: none where the right is there."""
-    operation = PERMITS[name]
-    if RIGHTS[operation].least is None:
+    operation = ROUTE_OPERATIONS[name]
+    if PERMISSIONS[operation].least is None:
         return set()
-    if visitor is None:
+    if current_user is None:
         return {401}
-    by_token = visitor.scopes is not None
-    return set() if visitor.may(operation) and not (by_token and is_form) else {403}
+    by_token = current_user.scopes is not None
+    return set() if current_user.may(operation) and not (by_token and is_form) else {403}
 
 
 @pytest.mark.parametrize("way", ["session", "token", "nobody"])
 @pytest.mark.parametrize("role", Role)
 def test_nobody_gets_what_the_table_does_not_allow(live, app, role, way):
     """Every route: let in where the right is there, else refused with nothing in the answer."""
-    visitor, carried = let_in(live, role, way)
-    for name, operation in PERMITS.items():
+    current_user, carried = let_in(live, role, way)
+    for name, operation in ROUTE_OPERATIONS.items():
         if way == "session":  # some routes end the session they were asked in
-            visitor, carried = let_in(live, role, way)
+            current_user, carried = let_in(live, role, way)
         what = {key: value for key, value in carried.items() if key != "mark"}
         method, path, sent = request_for(name)
-        if "data" in sent and RIGHTS[operation].least is not None:
+        if "data" in sent and PERMISSIONS[operation].least is not None:
             sent["data"] = {**sent["data"], "mark": carried["mark"]}
         answer = ask(app, method, path, **what, **sent)
-        due = expected(name, visitor, is_form="data" in sent)
+        due = expected(name, current_user, is_form="data" in sent)
         if due:
             assert answer.status_code in due, name
             others = {one for mine, one in NAMES.items() if mine is not role}
             assert not [data for data in (STICKY, *others) if data in answer.text], name
-        elif RIGHTS[operation].least is not None:
+        elif PERMISSIONS[operation].least is not None:
             assert answer.status_code not in (401, 403), name
         assert answer.status_code != 500, name
 

@@ -6,10 +6,10 @@ from datetime import timedelta
 
 import pytest
 
-from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.store.accounts.records import Role
 from stemwatch.service.store.screenings.records import RunState
-from stemwatch.service.web.forms import COOKIE
+from stemwatch.service.web.auth.forms import COOKIE
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
 
@@ -158,7 +158,7 @@ def test_a_form_without_its_mark_changes_nothing(live, client, path):
     assert client.post(path, data=fields).status_code == 403
     assert client.post(path, data={"mark": "0" * 64, **fields}).status_code == 403
     client.cookies.set(COOKIE, "made-up")
-    made_up = mark_of("made-up")
+    made_up = form_token_of("made-up")
     assert client.post(path, data={"mark": made_up, **fields}).status_code == 403
     assert len(live.store.notes(STICKY)) == 1
     assert live.store.queue.going() == []

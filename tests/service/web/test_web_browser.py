@@ -75,7 +75,7 @@ def opened(browser, live) -> Iterator[Opened]:
 
 def valve_path(valve: str) -> str:
     """Where a valve's page is."""
-    from stemwatch.service.web.frame import valve_link
+    from stemwatch.service.web.page_renderer import valve_link
 
     return valve_link(valve)
 

@@ -10,7 +10,7 @@ from importlib.resources import files
 import pytest
 
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.web.settings_page import shown
+from stemwatch.service.web.pages.settings_page import shown
 from stemwatch.service.web.site import Check, Site
 from tests.service.web.made_plant import HOSTILE, STICKY
 
@@ -48,7 +48,7 @@ def test_an_unforeseen_failure_is_a_page_with_the_headers_too(live, client, monk
     def fail(*_):
         raise RuntimeError("geheim")
 
-    monkeypatch.setattr("stemwatch.service.web.ranking_page.read_ranking", fail)
+    monkeypatch.setattr("stemwatch.service.web.pages.ranking_page.read_ranking", fail)
     with caplog.at_level(logging.ERROR):
         answer = client.get("/")
     assert answer.status_code == 500

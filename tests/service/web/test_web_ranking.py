@@ -12,8 +12,8 @@ from starlette.datastructures import QueryParams
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
+from stemwatch.service.web.pages.ranking_page import bar_top, link, wanted_of
 from stemwatch.service.web.queries.ranking import SORTS, Wanted, read_ranking
-from stemwatch.service.web.ranking_page import bar_top, link, wanted_of
 from tests.service.web.made_plant import (
     BLIND,
     HEALTHY,

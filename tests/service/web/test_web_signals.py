@@ -13,12 +13,12 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.screening import Case, screen
 from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.screenings.records import TrendPoint
 from stemwatch.service.store.store import open_store
-from stemwatch.service.web.fitted import fitted_run
-from stemwatch.service.web.indicator_words import MEANINGS
-from stemwatch.service.web.phase import loop_of
+from stemwatch.service.web.api.loop import fitted_run, loop_of
+from stemwatch.service.web.api.signals import SignalWindow, signals_of
+from stemwatch.service.web.pages.valve_page import indicator_of
 from stemwatch.service.web.queries.samples import read_bad, read_drawn, tag_number, with_holes
-from stemwatch.service.web.signals import Asked, signals_of
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import J_MADE, NOW, S_MADE, SOURCE, STICKY, reader_of
 
@@ -132,7 +132,7 @@ def test_jitter_is_no_hole():
 
 def signals(site, hours=1.0):
     """The sticky valve's signals up to ``NOW``."""
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=hours), stop=NOW)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=hours), stop=NOW)
     with site.store.access.reading() as session:
         return signals_of(site, session, asked)
 
@@ -149,7 +149,9 @@ def test_the_position_is_shown_in_percent(live):
 
 def test_an_empty_window_says_so(live):
     """A year ago there was nothing, and a sentence says it."""
-    asked = Asked(valve=STICKY, start=START - timedelta(days=400), stop=START - timedelta(days=399))
+    asked = SignalWindow(
+        valve=STICKY, start=START - timedelta(days=400), stop=START - timedelta(days=399)
+    )
     with live.store.access.reading() as session:
         assert "no samples" in signals_of(live, session, asked).says
 
@@ -166,7 +168,7 @@ def test_a_source_that_cannot_be_read_says_why(live):
         raise ConnectorError("exports/a.csv: not there; export the tags again")
 
     site = Site(store=live.store, plant=live.plant, read=read)
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
     assert loop_of(site, asked, {}).says == "exports/a.csv: not there; export the tags again"
 
 
@@ -179,21 +181,21 @@ def missed(loop) -> float:
 def test_the_fitted_loop_lies_on_the_recorded_one(live):
     """With the S and J that made the samples, the model's run is the recording, jumps and all."""
     numbers = {"S_percent": S_MADE, "J_percent": J_MADE}
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
     assert missed(loop_of(live, asked, numbers)) < 0.1
     assert missed(loop_of(live, asked, numbers | {"S_percent": 8.0})) > 0.5
 
 
 def test_without_S_there_is_no_fitted_loop(live):
     """A model that was not fitted is not drawn."""
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
     assert [trace.role for trace in loop_of(live, asked, {}).traces] == ["recorded"]
 
 
 def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
     """A real fit, reduced to what the store keeps, follows MV as well as the fit itself did."""
     read = reader_of(live.store)
-    window = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
+    window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
     recording = read(STICKY, window)
     (found,) = screen([Case(recording=recording)])
     numbers = {name: one.value for name, one in found.indicators.items()}
@@ -203,12 +205,18 @@ def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
 
 
 def test_every_indicator_of_a_screening_has_its_words(live):
-    """The words here are those of the models: meaning and worse direction agree."""
+    """A number that comes back from the store means what it meant when it was found."""
     read = reader_of(live.store)
-    window = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
+    window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
     (screened,) = screen([Case(recording=read(STICKY, window))])
     found = screened.indicators
     assert len(found) > 12
+    restored = {
+        name: indicator_of(
+            name, TrendPoint(at=NOW, value=one.value, low=one.low, high=one.high, unit=one.unit)
+        )
+        for name, one in found.items()
+    }
     assert {name: (one.meaning, one.worse) for name, one in found.items()} == {
-        name: MEANINGS[name] for name in found
+        name: (again.meaning, again.worse) for name, again in restored.items()
     }

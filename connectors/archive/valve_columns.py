@@ -1,0 +1,143 @@
+"""``ValveColumns``: the tags of one valve as read from an archive, ready to be laid on a clock."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from stemwatch.connectors.connector import ConnectorError, MappingNeeded, ValveTags, Window
+from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.epoch import ns_of
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.time_fields import Ints
+from stemwatch.connectors.historian.timeline import Timeline
+from stemwatch.connectors.historian.times import Instants, undated
+from stemwatch.connectors.historian.zones import to_utc
+from stemwatch.models.recording import Bools, Role
+
+Bounds = tuple[int | None, int | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValveColumns:
+    """Columns by tag, and what is known of their times. A ``SampleSource``."""
+
+    where: str
+    layout: str
+    columns: Mapping[str, Column]
+    known: bool = True
+    zone: str = ""
+    decisions: Sequence[str] = ()
+    problems: Sequence[str] = ()
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The tags that were read."""
+        return list(self.columns)
+
+    @cached_property
+    def digest(self) -> str:
+        """sha256 of the samples that were read: an archive as a whole has none."""
+        total = hashlib.sha256()
+        before = np.zeros(0, dtype=np.int64)
+        for tag in sorted(self.columns):
+            column = self.columns[tag]
+            total.update(tag.encode())
+            if not np.array_equal(column.ns, before):  # most tags share one clock
+                total.update(np.ascontiguousarray(column.ns).data)
+            total.update(np.ascontiguousarray(column.values).data)  # NaN where quality is not good
+            before = column.ns
+        return total.hexdigest()
+
+    def column(self, tag: str, *, as_mode: bool = False) -> Column:
+        """The tag's samples; a mode was read as a mode."""
+        return self.columns[tag]
+
+
+def bounds_of(window: Window, before_s: float = 0.0) -> Bounds:
+    """First (inclusive) and last (exclusive) nanosecond to read for a window.
+
+    ``before_s`` seconds more are read before it, so that a tag which is reported when it changes
+    has a value to begin with.
+    """
+    start = ns_of(window.start)
+    return None if start is None else start - round(before_s * 1e9), ns_of(window.stop)
+
+
+def need_op(where: str, valve: ValveTags) -> None:
+    """Raise ``MappingNeeded`` where no tag is given for OP."""
+    if Role.OP not in valve.tags:
+        raise MappingNeeded(
+            f"{where}: {valve.valve}: no tag is given for OP, the controller output; a recording "
+            "needs one"
+        )
+
+
+def nothing_in(where: str, tag: str, window: Window, holds: str) -> ConnectorError:
+    """The error for a controller output that has no sample in the window."""
+    span = (
+        "no samples at all"
+        if window.start is None and window.stop is None
+        else f"no samples between {window.start} and {window.stop}"
+    )
+    return ConnectorError(f"{where}: {tag}: {span}; {holds}")
+
+
+def empty_column(tag: str) -> Column:
+    """A tag without a sample in the window: every instant of it is MISSING."""
+    none = np.zeros(0, dtype=np.int64)
+    return Column(
+        tag=tag,
+        unit="",
+        description="",
+        times=Timeline(none),
+        values=np.zeros(0),
+        quality=np.zeros(0, dtype=np.uint8),
+        file_ns=none,
+    )
+
+
+def inside(column: Column, bounds: Bounds) -> Column:
+    """Only what lies between the bounds: a source may give more than it was asked for."""
+    start, stop = bounds
+
+    def within(ns: Ints) -> Bools:
+        keep = np.ones(ns.size, dtype=bool)
+        if start is not None:
+            keep &= ns >= start
+        return keep if stop is None else keep & (ns < stop)
+
+    keep = within(column.ns)
+    return replace(
+        column,
+        times=Timeline(column.ns[keep]),
+        values=column.values[keep],
+        quality=column.quality[keep],
+        file_ns=column.file_ns[within(column.file_ns)],
+    )
+
+
+def local_instants(ns: Ints, ok: Bools, options: ReadOptions, notes: ReadingNotes) -> Instants:
+    """Instants of local times, (n,) nanoseconds, of one tag in the order of the archive.
+
+    Without a zone in ``options`` they are on a clock of unknown date.
+    """
+    if options.zone is None:
+        return undated(ns, ok, notes)
+    ns, ok = to_utc(
+        ns,
+        ok,
+        options.zone,
+        ambiguous_hour=options.ambiguous_hour,
+        missing_hour=options.missing_hour,
+        groups=[None],
+        notes=notes,
+    )
+    sentence = f"Times without offset are local times of {options.zone}."
+    notes.decide(sentence)
+    return Instants(ns=ns, ok=ok, known=True, zone=sentence)

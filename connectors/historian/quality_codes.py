@@ -1,0 +1,155 @@
+"""Quality columns: which of a file's codes mean good.
+
+OPC counts 192 and above as good and 0 as bad; the AVEVA history table counts 0 as good. A bare
+column ``Quality`` of small numbers is therefore never guessed: the values beside it must settle
+it, or the user.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.models.recording import Bools, Quality
+
+Family = Literal["opc", "aveva", "words", "unknown"]
+_GOOD_WORDS = frozenset(
+    ("good", "ok", "g", "gut", "bon", "buena", "bueno", "valid", "true", "good/modified",
+     "original", "normal", "良好", "好")
+)  # fmt: skip
+_BAD_WORDS = frozenset(
+    ("bad", "b", "uncertain", "questionable", "doubtful", "suspect", "invalid", "false",
+     "schlecht", "mauvais", "mala", "substituted", "failed", "error", "timeout", "offline")
+)  # fmt: skip
+_OPC_NAMES = frozenset(("qualitydetail", "opcquality", "opc_quality", "qualitycode"))
+_OPC_GOOD = 0xC0
+_TEXT = re.compile(r"[A-Za-z\u00c0-\u024f\u4e00-\u9fff]")
+
+
+def is_good_opc(code: int) -> bool:
+    """The two top bits of the OPC DA quality byte say good."""
+    return code & _OPC_GOOD == _OPC_GOOD
+
+
+def quality_of(
+    codes: Sequence[str],
+    has_value: Bools,
+    *,
+    column: str,
+    good: Sequence[str] = (),
+    family: Family = "unknown",
+    name: str,
+    notes: ReadingNotes,
+) -> NDArray[np.uint8]:
+    """(n,) GOOD or BAD for each code, and MISSING where the cell is empty beside no value.
+
+    Raises ``UnreadableSource`` where codes of unknown meaning differ and nothing settles which of
+    them is good.
+    """
+    distinct = list(dict.fromkeys(code.strip() for code in codes))
+    verdicts = _verdicts(distinct, codes, has_value, column, good, family, name, notes)
+    known = {code: Quality.GOOD if ok else Quality.BAD for code, ok in verdicts.items()}
+    out = (known[code.strip()] for code in codes)
+    return np.fromiter(out, dtype=np.uint8, count=len(codes))
+
+
+def _verdicts(
+    distinct: list[str],
+    codes: Sequence[str],
+    has_value: Bools,
+    column: str,
+    good: Sequence[str],
+    family: Family,
+    name: str,
+    notes: ReadingNotes,
+) -> Mapping[str, bool]:
+    if good:
+        accepted = {code.strip().lower() for code in good}
+        return {code: code.lower() in accepted for code in distinct}
+    numeric = {code: int(float(code)) for code in distinct if _is_number(code)}
+    words = {code: _good_word(code) for code in distinct if code not in numeric}
+    if not numeric:
+        return words
+    return words | _numeric_verdicts(numeric, codes, has_value, column, family, name, notes)
+
+
+def _numeric_verdicts(
+    numeric: dict[str, int],
+    codes: Sequence[str],
+    has_value: Bools,
+    column: str,
+    family: Family,
+    name: str,
+    notes: ReadingNotes,
+) -> dict[str, bool]:
+    plain = column.replace(" ", "").lower()
+    if family == "aveva":
+        notes.decide(f"Quality column {column!r}: 0 is good (AVEVA history table).")
+        return {code: value == 0 for code, value in numeric.items()}
+    top = max(numeric.values())
+    if family == "opc" or plain in _OPC_NAMES or _OPC_GOOD <= top <= 255:
+        notes.decide(f"Quality column {column!r}: OPC codes, good from 192.")
+        return {code: is_good_opc(value) for code, value in numeric.items()}
+    if len(numeric) == 1:
+        only = next(iter(numeric))
+        notes.decide(
+            f"Quality column {column!r} holds {only} throughout; taken as good, because it tells "
+            "no row from another."
+        )
+        return {only: True}
+    return _settled_by_values(numeric, codes, has_value, column, name, notes)
+
+
+def _settled_by_values(
+    numeric: dict[str, int],
+    codes: Sequence[str],
+    has_value: Bools,
+    column: str,
+    name: str,
+    notes: ReadingNotes,
+) -> dict[str, bool]:
+    """Codes whose rows never have a value are bad; settled where one other code is left."""
+    stripped = np.array([code.strip() for code in codes], dtype=object)
+    with_value = {code: bool(has_value[stripped == code].any()) for code in numeric}
+    if sum(with_value.values()) == 1:
+        good = next(code for code, seen in with_value.items() if seen)
+        notes.decide(f"Quality column {column!r}: only rows with {good} have values; it is good.")
+        return {code: code == good for code in numeric}
+    shown = ", ".join(sorted(numeric, key=numeric.__getitem__)[:8])
+    raise UnreadableSource(
+        f"{name}: the quality column {column!r} holds the codes {shown}; 0 means good in one "
+        "system and bad in another. Say which are good, for example good_quality=('0',)"
+    )
+
+
+def _is_number(code: str) -> bool:
+    try:
+        return abs(float(code)) < 2**31
+    except ValueError:
+        return False
+
+
+def _good_word(code: str) -> bool:
+    # An empty status cell says nothing against its value.
+    word = code.lower().strip("'\"")
+    if not word:
+        return True
+    if word in _BAD_WORDS or not _TEXT.search(word):
+        return False
+    return word in _GOOD_WORDS or word.split()[0].rstrip(",;:") in _GOOD_WORDS
+
+
+def looks_like_codes(codes: Sequence[str]) -> bool:
+    """Whether a column's cells are quality words or codes rather than measurements."""
+    distinct = {code.strip().lower() for code in codes[:2000]} - {""}
+    if not distinct or len(distinct) > 12:
+        return False
+    words = sum(code in _GOOD_WORDS or code in _BAD_WORDS for code in distinct)
+    numbers = sum(code.isdigit() and int(code) <= 255 for code in distinct)
+    return words > 0 or numbers == len(distinct)

@@ -1,0 +1,33 @@
+"""What the reader decided and what it had to leave out, as sentences for the user."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+_LISTED = 20  # more problems of one file than this are counted, not listed
+
+
+@dataclass
+class ReadingNotes:
+    """Collects sentences while one file is read."""
+
+    decisions: list[str] = field(default_factory=list)
+    _problems: list[str] = field(default_factory=list)
+    _unlisted: int = 0
+
+    def decide(self, sentence: str) -> None:
+        if sentence not in self.decisions:
+            self.decisions.append(sentence)
+
+    def problem(self, sentence: str) -> None:
+        if len(self._problems) < _LISTED:
+            self._problems.append(sentence)
+        else:
+            self._unlisted += 1
+
+    @property
+    def problems(self) -> list[str]:
+        """The first problems in file order, and how many more there are."""
+        if not self._unlisted:
+            return list(self._problems)
+        return [*self._problems, f"and {self._unlisted} more of the same kind"]

@@ -1,0 +1,315 @@
+"""``Connection``: one connection to a device. The only file that knows pymodbus.
+
+It can ask for holding and input registers and nothing else: what leaves passes a gate that lets
+functions 3 and 4 through, whatever is called above it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+from typing import TYPE_CHECKING, Any
+
+from stemwatch.connectors.modbus.device import Link, LinkKind
+from stemwatch.connectors.modbus.read_fault import (
+    FaultKind,
+    ReadFault,
+    no_connection,
+    nonsense,
+    not_asked,
+    refused,
+    silent,
+)
+from stemwatch.connectors.modbus.register_address import FUNCTION, Table
+from stemwatch.connectors.modbus.unanswered import REFUSAL, Request, Unanswered
+
+if TYPE_CHECKING:
+    from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
+    from pymodbus.pdu import ModbusPDU
+
+    Client = AsyncModbusTcpClient | AsyncModbusSerialClient
+
+READING = frozenset(FUNCTION.values())
+_REFUSAL_BYTES = 5  # unit, function, code, checksum: an RTU answer without data
+# A peer that lost our connection without saying so would otherwise be asked in vain for ever.
+_SILENCES_BEFORE_CLOSING = 3
+_LOST = "the connection was closed by the other side"
+
+
+class OnlyReading(Exception):
+    """Something tried to send a function other than 3 and 4; nothing was sent."""
+
+
+def gate(frame: bytes, *, rtu: bool) -> bytes:
+    """``frame`` as it is, if its function is 3 or 4. Raises ``OnlyReading`` for any other.
+
+    The function stands behind the unit id: in byte 1 of an RTU frame, in byte 7 of a TCP frame.
+    """
+    function = frame[1] if rtu else frame[7]
+    if function not in READING:
+        raise OnlyReading(
+            f"function {function} was not sent: stemwatch reads registers (functions 3 and 4) and "
+            "never writes to a plant"
+        )
+    return frame
+
+
+class Connection:
+    """A connection that is opened, asked, and opened again after it was lost.
+
+    Not for two askers at a time: Modbus knows one open request for each line.
+
+    RTU frames bear no number that ties an answer to its request. Nothing is asked for whose answer
+    could be one that is still to come, on a connection made anew no less than on the old one: there
+    are serial servers that hand what arrives late to whoever is connected then.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        self._client: Client | None = None
+        self._why = ""  # the last opening failed
+        self._heard = 0  # bytes since the last request
+        self._silences = 0
+        self._request: Request | None = None  # the open one
+        self._unanswered = Unanswered(link.answers_until_s)
+        self._closed_in_doubt = False
+
+    @property
+    def connected(self) -> bool:
+        """Whether there is a connection, as far as anyone can know without asking."""
+        return self._client is not None and self._client.connected
+
+    async def open(self) -> None:
+        """Connect. Raises ``ReadFault`` with what stood in the way."""
+        if self._client is None:
+            self._client = _new_client(self.link, self)
+            _listen_in(self._client, self)
+        self._why = f"no answer within {self.link.timeout_s:g} s"
+        self._silences = 0
+        self._closed_in_doubt = False
+        if self.link.kind is LinkKind.TCP:
+            self._unanswered.forget()
+        if not await self._client.connect():
+            raise no_connection(self._why)
+
+    async def reopen(self) -> bool:
+        """Connect at once where the connection was given up because an answer may come late, so
+        that the other units are asked on. Whether there is a connection now."""
+        if self._closed_in_doubt and not self.connected:
+            with contextlib.suppress(ReadFault):
+                await self.open()
+        return self.connected
+
+    def close(self) -> None:
+        """Hang up; ``open`` connects again."""
+        if self._client is not None:
+            self._client.close()
+
+    def doubtful(self, unit_id: int, table: Table) -> frozenset[int]:
+        """How many words must not be asked for of this unit and table now: answers of that length
+        may still come, and could not be told apart."""
+        return self._unanswered.counts(unit_id, table) if self.link.is_rtu else frozenset()
+
+    async def read(self, unit_id: int, table: Table, first: int, count: int) -> list[int]:
+        """``count`` words of ``table`` from protocol address ``first`` on.
+
+        Repeats the request ``link.retries`` times where nothing or nonsense was heard. Raises
+        ``ReadFault`` with the reason where no words came.
+        """
+        request = Request(unit_id, table, first, count)
+        # Answers to this same request are not meant: one that was asked for again is as good.
+        alike = any(request.looks_alike(other) for other in self._unanswered)
+        if alike and self.link.is_rtu:
+            raise not_asked(self.link.timeout_s)
+        for attempt in range(self.link.retries + 1):
+            try:
+                words = await self._ask(request, alike)
+            except ReadFault as fault:
+                if fault.answer_may_come and self.link.kind is LinkKind.RTU_OVER_TCP:
+                    self._hang_up(fault)
+                    self._closed_in_doubt = True
+                last = attempt == self.link.retries or not fault.answer_may_come
+                if last or not await self.reopen():
+                    self._hang_up_after(fault)
+                    raise
+            else:
+                return words
+        raise AssertionError  # the loop above returns or raises
+
+    async def _ask(self, request: Request, alike: bool) -> list[int]:
+        from pymodbus.exceptions import ConnectionException, ModbusException
+
+        client = self._client
+        if client is None or not client.connected:
+            raise no_connection(self._why)
+        holding = request.table is Table.HOLDING
+        ask = client.read_holding_registers if holding else client.read_input_registers
+        self._unanswered.sent(request)
+        self._heard, self._request = 0, request
+        try:
+            reply = await ask(request.first, count=request.count, device_id=request.unit_id)
+        except ConnectionException as error:
+            raise no_connection(_LOST) from error
+        except ModbusException as error:
+            raise self._no_answer() from error
+        finally:
+            self._request = None
+        if self.link.pause_s:
+            await asyncio.sleep(self.link.pause_s)
+        return self._words(reply, request, alike)
+
+    def _words(self, reply: ModbusPDU, request: Request, alike: bool) -> list[int]:
+        """The words of ``reply``; ``alike``: an earlier answer that looks so may still come."""
+        self._silences = 0
+        numbered = self.link.kind is LinkKind.TCP and reply.transaction_id != 0
+        if reply.isError():
+            open_ones = self._unanswered.counts(request.unit_id, request.table)
+            if not numbered and len(open_ones) > 1:
+                raise nonsense("a refusal that may be the answer to an earlier request")
+            self._unanswered.answered(request)
+            raise refused(reply.exception_code)
+        if reply.function_code != FUNCTION[request.table]:
+            raise nonsense("an answer to another function")
+        if len(reply.registers) != request.count:
+            raise nonsense("an answer of another length than asked for")
+        if alike and not numbered:
+            raise nonsense("an answer without a number that may be to an earlier request")
+        self._unanswered.answered(request)
+        return list(reply.registers)
+
+    def _no_answer(self) -> ReadFault:
+        if self._heard:
+            return nonsense("bytes that are no answer (another framing, speed or parity?)")
+        self._silences += 1
+        return silent(self.link.timeout_s)
+
+    def _hang_up_after(self, fault: ReadFault) -> None:
+        """Begin anew where nothing more can be hoped for on this connection.
+
+        A TCP stream in which something was misread has lost its beat. A serial line finds it again
+        at the next silence, and other units answer on it.
+        """
+        out_of_step = fault.kind is FaultKind.NONSENSE and self.link.kind is LinkKind.TCP
+        deaf = self._silences >= _SILENCES_BEFORE_CLOSING and self.link.kind is LinkKind.TCP
+        if out_of_step or deaf:
+            self._hang_up(fault)
+
+    def _hang_up(self, fault: ReadFault) -> None:
+        self._why = fault.reason
+        self.close()
+
+    def take_late_answers(self, data: bytes) -> int:
+        """How many bytes at the start of ``data`` are answers to earlier requests. They are noted:
+        what they were mistaken for until now may be asked for again."""
+        taken = 0
+        while frame := self._first_frame(data[taken:]):
+            answered = self._unanswered.answered_by(frame)
+            if answered is None or (self._request and answered.looks_alike(self._request)):
+                break
+            self._unanswered.answered(answered)
+            taken += len(frame)
+        return taken
+
+    def _first_frame(self, data: bytes) -> bytes:
+        """The RTU answer that ``data`` begins with; empty where it begins with no sound one."""
+        if len(data) < _REFUSAL_BYTES or data[1] & ~REFUSAL not in READING:
+            return b""
+        size = _REFUSAL_BYTES + (0 if data[1] & REFUSAL else data[2])
+        frame = data[:size]
+        sound = len(frame) == size and _checksum(frame[:-2]) == frame[-2:]
+        return frame if sound else b""
+
+    def pass_through(self, sending: bool, frame: bytes) -> bytes:
+        """Every frame on its way out and every byte on its way in comes through here."""
+        if sending:
+            return gate(frame, rtu=self.link.is_rtu)
+        self._heard += len(frame)
+        return frame
+
+    def note_opening(self, error: OSError) -> None:
+        """The opening failed with ``error``."""
+        plain = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+        self._why = plain or type(error).__name__
+
+    def fail(self, error: Exception) -> None:
+        """End the open request at once, rather than at its timeout."""
+        if self._client is None or self._request is None:
+            return
+        if not self._client.ctx.response_future.done():
+            self._client.ctx.response_future.set_exception(error)
+
+
+def _checksum(frame: bytes) -> bytes:
+    from pymodbus.framer import FramerRTU
+
+    return FramerRTU.compute_CRC(frame).to_bytes(2, "big")
+
+
+def _new_client(link: Link, line: Connection) -> Client:
+    from pymodbus import FramerType
+    from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
+    from pymodbus.exceptions import ConnectionException
+
+    # On every error pymodbus writes the last frames to standard error; here faults are data.
+    for name in ("pymodbus", "pymodbus_internal"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+    def changed(connected: bool) -> None:
+        if not connected:
+            line.fail(ConnectionException(_LOST))
+
+    # We repeat and reconnect ourselves: with chance in the waits, and with a reason for each.
+    shared: dict[str, Any] = {
+        "timeout": link.timeout_s,
+        "retries": 0,
+        "reconnect_delay": 0,
+        "trace_packet": line.pass_through,
+        "trace_connect": changed,
+    }
+    client: Client
+    if link.kind is LinkKind.SERIAL:
+        client = AsyncModbusSerialClient(
+            link.target,
+            framer=FramerType.RTU,
+            baudrate=link.baudrate,
+            bytesize=link.bytesize,
+            parity=link.parity,
+            stopbits=link.stopbits,
+            **shared,
+        )
+    else:
+        framer = FramerType.RTU if link.is_rtu else FramerType.SOCKET
+        client = AsyncModbusTcpClient(link.target, port=link.port, framer=framer, **shared)
+    client.set_max_no_responses(2**31)  # when to hang up is decided above
+    return client
+
+
+def _listen_in(client: Client, line: Connection) -> None:
+    """Learn why an opening failed, which answers came late, and that bytes made no sense, which
+    pymodbus keeps to itself."""
+    from pymodbus.exceptions import ModbusException
+
+    create, receive = client.ctx.call_create, client.ctx.callback_data
+
+    async def opening() -> Any:
+        try:
+            return await create()
+        except OSError as error:
+            line.note_opening(error)
+            raise
+
+    def receiving(data: bytes, addr: tuple[Any, ...] | None = None) -> int:
+        late = line.take_late_answers(data) if line.link.is_rtu else 0
+        if late == len(data):
+            return late
+        try:
+            return late + receive(data[late:], addr)
+        except ModbusException as error:
+            # Raised into the event loop it would be logged there and help nobody.
+            line.fail(error)
+            return len(data)
+
+    client.ctx.call_create = opening
+    vars(client.ctx)["callback_data"] = receiving

@@ -1,0 +1,268 @@
+"""``read_devices``: the ``[[devices]]`` of a plant file, with every mistake named.
+
+A register that is wrong is left out and the others of its device are polled; a device that is wrong
+is left out and the others run.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from stemwatch.connectors.modbus.device import Device, LinkKind, poll_time_s
+from stemwatch.connectors.modbus.device_tables import (
+    DeviceTable,
+    RegisterTable,
+    TableMistake,
+    link_of,
+    register_of,
+)
+from stemwatch.connectors.modbus.register import Register
+from stemwatch.connectors.modbus.register_address import AddressError
+from stemwatch.connectors.modbus.register_list import ListUnusable, read_register_list
+
+KeyPath = tuple[str | int, ...]
+LineOf = Callable[[KeyPath], int | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapProblem:
+    """One mistake in the tables of a device: where it stands, what was found and expected."""
+
+    file: str
+    line: int | None
+    key: str
+    found: str
+    expected: str
+
+    def __str__(self) -> str:
+        line = "" if self.line is None else f", line {self.line}"
+        return f"{self.file}{line}: {self.key}: found {self.found}; expected {self.expected}"
+
+
+@dataclass(frozen=True)
+class DeviceMap:
+    """The devices that can be polled, and one problem for each mistake in what was left out."""
+
+    devices: tuple[Device, ...]
+    problems: tuple[MapProblem, ...]
+
+
+@dataclass
+class _Reader:
+    file: str
+    line_of: LineOf
+    folder: Path = Path()  # that names of files are relative to
+    problems: list[MapProblem] = field(default_factory=list)
+
+    def at(self, file: str, line: int | None) -> _Reader:
+        """A reader that notes its mistakes with this one's, all of them at ``line`` of ``file``."""
+        return _Reader(file, lambda path: line, self.folder, self.problems)
+
+    def say(self, path: KeyPath, shown: str, found: str, expected: str) -> None:
+        """Note a mistake at ``path``, which readers see as ``shown``."""
+        line = self.line_of(path)
+        problem = MapProblem(file=self.file, line=line, key=shown, found=found, expected=expected)
+        self.problems.append(problem)
+
+    def table(
+        self, model: type[BaseModel], table: Mapping[str, Any], path: KeyPath, shown: str
+    ) -> Any:
+        """``table`` as ``model``, or ``None`` and its problems."""
+        try:
+            return model.model_validate(table)
+        except ValidationError as error:
+            said: set[KeyPath] = set()
+            for details in error.errors(include_url=False):
+                # A union reports each of its branches; the field's description covers them all.
+                place = tuple(details["loc"])[:1]
+                if place not in said:
+                    said.add(place)
+                    self._explain(details, model, path, shown)
+            return None
+
+    def _explain(
+        self, details: ErrorDetails, model: type[BaseModel], path: KeyPath, shown: str
+    ) -> None:
+        key = str(details["loc"][0]) if details["loc"] else ""
+        where, name = (*path, key), f"{shown}.{key}"
+        fields = {field.alias or name: field for name, field in model.model_fields.items()}
+        if details["type"] == "extra_forbidden":
+            known = sorted(fields)
+            close = difflib.get_close_matches(key.lower(), known, n=1, cutoff=0.6)
+            hint = f" (did you mean {close[0]!r}?)" if close else ""
+            self.say(where, name, "an unknown key", "one of " + ", ".join(known) + hint)
+            return
+        found = "nothing" if details["type"] == "missing" else _described(details["input"])
+        expected = fields[key].description if key in fields else None
+        self.say(where, name, found, expected or details["msg"])
+
+
+def read_devices(
+    tables: Sequence[Mapping[str, Any]],
+    line_of: LineOf = lambda path: None,
+    file: str = "plant.toml",
+    at: KeyPath = ("devices",),
+    folder: Path | None = None,
+) -> DeviceMap:
+    """The devices that ``tables`` (the value of ``[[devices]]``) describe.
+
+    ``line_of`` gives the line of a key path such as ``("devices", 0, "registers", 3, "address")``;
+    ``at`` is where ``tables`` stand in it; ``folder`` is where lists of registers are looked for
+    (``registers = "registers.csv"``), the current one if left out. Nothing is raised for what is
+    wrong in them: it is left out, and stands in ``problems`` with its file and line, what was found
+    and what was expected.
+    """
+    reader = _Reader(file, line_of, folder or Path())
+    devices: dict[str, Device] = {}
+    for place, table in enumerate(tables):
+        path = (*at, place)
+        name = table.get("name")
+        shown = f"{at[-1]}[{name if isinstance(name, str) and name.strip() else place + 1}]"
+        device = _device(reader, table, path, shown)
+        if device is None:
+            continue
+        if device.name in devices:
+            found = f"{device.name!r}, which an earlier device has already"
+            reader.say((*path, "name"), f"{shown}.name", found, "a name of its own")
+            continue
+        devices[device.name] = device
+    return DeviceMap(tuple(devices.values()), tuple(reader.problems))
+
+
+def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str) -> Device | None:
+    rows = _rows(reader, table, path, shown)
+    if rows is None:
+        return None
+    if isinstance(table.get("registers"), str):
+        table = {**table, "registers": [dict(row.table) for row in rows]}
+    read: DeviceTable | None = reader.table(DeviceTable, table, path, shown)
+    if read is None:
+        return None
+    try:
+        link = link_of(read)
+    except TableMistake as mistake:
+        reader.say((*path, mistake.key), f"{shown}.{mistake.key}", mistake.found, mistake.expected)
+        return None
+    registers = _registers(rows, read)
+    if not registers:
+        reader.say(path, shown, "no register that can be read", "at least one")
+        return None
+    device = Device(
+        name=read.name,
+        link=link,
+        registers=registers,
+        every_s=read.every_s,
+        max_words=read.max_words,
+        max_gap=read.max_gap,
+    )
+    return device if _can_keep_pace(reader, device, path, shown) else None
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A table of a register, who notes its mistakes, where it stands and how readers see it."""
+
+    table: Mapping[str, Any]
+    reader: _Reader
+    path: KeyPath
+    label: str
+
+
+def _rows(
+    reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str
+) -> list[_Row] | None:
+    """The registers of a device, from its tables or its list; ``None`` where the list is of no
+    use, which is said."""
+    listed = table.get("registers")
+    if isinstance(listed, str) and listed.strip():
+        return _listed(reader, listed.strip(), path, shown)
+    tables = listed if isinstance(listed, list) else []
+    return [
+        _Row(one, reader, (*path, "registers", place), f"{shown}.registers[{_name(one, place)}]")
+        for place, one in enumerate(tables)
+        if isinstance(one, Mapping)
+    ]
+
+
+def _listed(reader: _Reader, name: str, path: KeyPath, shown: str) -> list[_Row] | None:
+    try:
+        found = read_register_list(reader.folder / name)
+    except ListUnusable as mistake:
+        if mistake.line is None:
+            key = f"{shown}.registers"
+            reader.say((*path, "registers"), key, f"{name!r}: {mistake.found}", mistake.expected)
+        else:
+            key = f"column {mistake.key}" if mistake.key else "row"
+            reader.at(name, mistake.line).say((), key, mistake.found, mistake.expected)
+        return None
+    for line, what, expected in found.faulty:
+        reader.at(name, line).say((), "row", what, expected)
+    if not found.rows:
+        reader.say((*path, "registers"), f"{shown}.registers", f"no row in {name!r}", "one or more")
+        return None
+    return [
+        _Row(row.table, reader.at(name, row.line), (), f"registers[{_name(row.table, place)}]")
+        for place, row in enumerate(found.rows)
+    ]
+
+
+def _name(table: Mapping[str, Any], place: int) -> str | int:
+    tag = table.get("tag")
+    return tag if isinstance(tag, str) and tag.strip() else place + 1
+
+
+def _registers(rows: Sequence[_Row], device: DeviceTable) -> tuple[Register, ...]:
+    registers: dict[str, Register] = {}
+    for register, row in _each(rows, device):
+        if register.tag in registers:
+            found = f"{register.tag!r}, which an earlier register of this device has already"
+            row.reader.say((*row.path, "tag"), f"{row.label}.tag", found, "a tag of its own")
+        else:
+            registers[register.tag] = register
+    return tuple(registers.values())
+
+
+def _each(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register, _Row]]:
+    """Each register that is right, with its row."""
+    for row in rows:
+        say, inner, label = row.reader.say, row.path, row.label
+        read: RegisterTable | None = row.reader.table(RegisterTable, row.table, inner, label)
+        if read is None:
+            continue
+        try:
+            yield register_of(read, device), row
+        except TableMistake as mistake:
+            key = (*inner, mistake.key)
+            say(key, f"{label}.{mistake.key}", mistake.found, mistake.expected)
+        except AddressError as error:
+            say((*inner, "address"), f"{label}.address", error.found, error.expected)
+
+
+def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, shown: str) -> bool:
+    """Whether a serial line carries the map in time; the wire decides it, so it is arithmetic."""
+    if device.link.kind is not LinkKind.SERIAL:
+        return True
+    needed_s = poll_time_s(device.blocks(), device.link)
+    if needed_s < device.every_s:
+        return True
+    found = f"{device.every_s:g} s, while one poll occupies the line for at least {needed_s:.2f} s"
+    expected = f"more than {needed_s:.2f} s, a higher baudrate, or fewer registers"
+    reader.say((*path, "every_s"), f"{shown}.every_s", found, expected)
+    return False
+
+
+def _described(value: Any) -> str:
+    if isinstance(value, str):
+        return f"the text {value[:80]!r}" if value else "an empty text"
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
+    return str(value).lower() if isinstance(value, bool) else str(value)

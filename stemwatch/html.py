@@ -1,0 +1,63 @@
+"""Results as a notebook shows them: HTML without scripts, from the report's own parts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from markupsafe import Markup
+
+from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.maintenance.drawing import svg_of
+from stemwatch.service.maintenance.evidence_picture import picture_of
+from stemwatch.service.report import ReportContext
+from stemwatch.service.report.html_page import environment, template
+from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
+
+
+def screened_card(found: Screening, remark: str) -> str:
+    """The sentence, S and J with intervals, the picture of the loop, and the mismatch.
+
+    ``remark`` says why its named effects are held back; empty where they stand.
+    """
+    drawing, why = picture_of(found, found.recording, UTC)
+    if found.recording is not None and found.recording.start is not None:
+        why += " Times in UTC."
+    return _rendered(
+        "card.html",
+        screening=found,
+        picture=None if drawing is None else svg_of(drawing),
+        why=why,
+        view=_view(found.mismatch, found.valve, remark),
+    )
+
+
+def explained_card(valve: str, found: Mismatch, remark: str) -> str:
+    """What S and J leave out, with both fits and the maps of the residual."""
+    return _rendered("explained.html", valve=valve, view=_view(found, valve, remark))
+
+
+def screened_table(valves: Sequence[tuple[Screening, bool | None]], discovered: str) -> str:
+    """A row for each screening, with whether its effects stand; ``discovered`` sums them up."""
+    return _rendered("screened_valves.html", valves=valves, discovered=discovered)
+
+
+def _view(found: Mismatch | None, valve: str, remark: str) -> MismatchView | None:
+    return None if found is None else mismatch_view(found, None, "valve", valve, remark)
+
+
+def _rendered(name: str, **shown: Any) -> str:
+    context = ReportContext(started=datetime.now(UTC))
+    styles = Markup(_load("card.css"))
+    return environment(context, _load).get_template(name).render(styles=styles, **shown)
+
+
+@cache
+def _load(name: str) -> str:
+    """A file of the front door, or one of the report's."""
+    own = files("stemwatch").joinpath(name)
+    return own.read_text("utf-8") if own.is_file() else template(name)

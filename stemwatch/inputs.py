@@ -1,0 +1,410 @@
+"""What a caller hands over - frame, arrays, file, recording - to recordings of one kind."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, TypedDict
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from stemwatch.connectors.connector import (
+    ConnectorError,
+    MappingNeeded,
+    TagMapping,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.historian import ReadOptions, propose_valves
+from stemwatch.connectors.historian.tag_names import parse_tag
+from stemwatch.dataframe import DataFrameSource
+from stemwatch.models.recording import PERCENT, Provenance, Recording, Role
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.config.problems import nearest
+from stemwatch.service.run.plan import Request, make_plan
+from stemwatch.service.run.task import Task, case_of
+
+if TYPE_CHECKING:
+    from stemwatch.models.screening import Case
+
+SignalInput = str | npt.ArrayLike
+FilePath = str | os.PathLike[str]
+OneValve = pd.DataFrame | Recording
+EXPECTED = (
+    "expected a pandas DataFrame, a Recording, the path of a file or folder, arrays as op= and mv= "
+    "with interval_s=, or a list or dict of several"
+)
+_FRACTION = 1.0 + 1e-9
+
+
+class FileOptions(TypedDict, total=False):
+    """How a file is read where the reader should not decide it: see ``ReadOptions``."""
+
+    ambiguous_hour: str
+    missing_hour: str
+    encoding: str
+    separator: str
+    decimal: str
+    day_first: bool
+    time_format: str
+    time_column: str
+    tag_column: str
+    value_column: str
+    quality_column: str
+    good_quality: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputOptions:
+    """What was said beside the data itself: signals, ranges, window, clock, reading options."""
+
+    signals: Mapping[Role, SignalInput] = field(default_factory=dict)
+    valve: str = ""
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    interval_s: float | None = None
+    zone: str | None = None
+    start: datetime | None = None
+    stop: datetime | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def named(self) -> dict[Role, str]:
+        """The columns or tags that were named, by role."""
+        return {role: one for role, one in self.signals.items() if isinstance(one, str)}
+
+    @property
+    def arrays(self) -> dict[Role, npt.ArrayLike]:
+        """The signals that were handed over themselves, by role."""
+        return {role: one for role, one in self.signals.items() if not isinstance(one, str)}
+
+    @property
+    def window(self) -> Window:
+        """The window; a time without a zone is a local time of ``zone``."""
+        return Window(start=self._aware("start", self.start), stop=self._aware("stop", self.stop))
+
+    def mapping(self, role: Role, tag: str, unit: str = "") -> TagMapping:
+        """Where ``role`` is, with the range that turns it into percent."""
+        low, high = self.ranges.get(role.value, (None, None))
+        return TagMapping(tag=tag, unit=unit, low=low, high=high)
+
+    def _aware(self, name: str, when: datetime | None) -> datetime | None:
+        if when is None or when.tzinfo is not None:
+            return when
+        if self.zone is None:
+            raise ValueError(
+                f"{name}={when} has no zone; hand over an aware time, such as "
+                "datetime(2026, 3, 2, 6, tzinfo=UTC), or say zone='Europe/Berlin'"
+            )
+        return when.replace(tzinfo=ZoneInfo(self.zone))
+
+
+def asked(
+    signals: Mapping[str, SignalInput | None],
+    *,
+    valve: str,
+    ranges: Mapping[str, tuple[float, float]] | None,
+    interval_s: float | None,
+    zone: str | None,
+    start: datetime | None,
+    stop: datetime | None,
+    options: Mapping[str, Any],
+) -> InputOptions:
+    """What was said, checked. Raises ``ValueError`` for what cannot be meant."""
+    given = {Role(name): one for name, one in signals.items() if one is not None}
+    if given and Role.OP not in given:
+        raise ValueError(
+            f"{', '.join(one.value for one in given)} given without op; say op=, the column or the "
+            "samples of the controller output"
+        )
+    for name, pair in (ranges or {}).items():
+        if name not in signals:
+            raise ValueError(f"ranges: {name!r} is no signal; expected some of {list(signals)}")
+        if len(tuple(pair)) != 2:
+            raise ValueError(
+                f"ranges[{name!r}] is {pair!r}; expected the values at 0 % and at 100 %, such as "
+                "(4, 20) for mA or (0, 1) for a fraction"
+            )
+    return InputOptions(
+        signals=given,
+        valve=valve,
+        ranges=dict(ranges or {}),
+        interval_s=interval_s,
+        zone=zone,
+        start=start,
+        stop=stop,
+        options=options,
+    )
+
+
+def one_recording(data: object, said: InputOptions) -> Recording:
+    """The one recording that ``data`` and what was ``said`` give.
+
+    Raises ``ConnectorError`` for what cannot be read, ``MappingNeeded`` (one of them) where it
+    holds several valves and none was chosen, ``TypeError`` for what is no data at all.
+    """
+    if isinstance(data, str | os.PathLike):
+        return _one_of_file(os.fspath(data), said)
+    if isinstance(data, Recording):
+        if said != InputOptions():
+            raise ValueError(
+                "a Recording has its signals and its clock; op=, interval_s= and the like go with "
+                "frames, arrays and files. recording.part(first, last) cuts it"
+            )
+        return data
+    if data is None:
+        return _of_arrays(said)
+    if not isinstance(data, pd.DataFrame):
+        raise TypeError(f"received {_described(data)}; {EXPECTED}")
+    if said.arrays:
+        raise ValueError(
+            f"{', '.join(one.value for one in said.arrays)}: beside a DataFrame expected the name "
+            "of a column; leave the frame out to hand over arrays"
+        )
+    return _of_frame(data, said)
+
+
+def several(data: object, said: InputOptions) -> list[Recording | Screening]:
+    """Every recording of a path, a list or a dict, in order; one that cannot be read is a
+    screening with the reason."""
+    if isinstance(data, str | os.PathLike):
+        return _of_path(os.fspath(data), said)
+    named = data.items() if isinstance(data, Mapping) else [("", one) for one in _listed(data)]
+    found: list[Recording | Screening] = []
+    for place, (name, one) in enumerate(named):
+        if isinstance(one, str | os.PathLike):
+            found += [_renamed(each, name) for each in _of_path(os.fspath(one), said)]
+        else:
+            found.append(_one_or_reason(one, str(name), said, place))
+    return found
+
+
+def is_several(data: object) -> bool:
+    """Whether ``data`` may hold more than one valve: a path, a list, a dict."""
+    return isinstance(data, str | os.PathLike | list | tuple | Mapping)
+
+
+def _listed(data: object) -> Sequence[object]:
+    if isinstance(data, list | tuple):
+        return data
+    raise TypeError(f"received {_described(data)}; {EXPECTED}")
+
+
+def _one_or_reason(one: object, name: str, said: InputOptions, place: int) -> Recording | Screening:
+    """A recording of a list or dict; what cannot be read costs the others nothing."""
+    from stemwatch.models.screening import failed
+
+    if isinstance(one, Recording):
+        return _renamed(one, name)
+    if not isinstance(one, pd.DataFrame):
+        where = repr(name) if name else f"entry {place}"
+        raise TypeError(f"{where} is {_described(one)}; {EXPECTED}")
+    try:
+        return one_recording(one, replace(said, valve=name) if name else said)
+    except ConnectorError as error:
+        advice = "Mend the frame or the names of its columns; the other valves are not affected."
+        return failed(name or f"entry {place}", str(error), advice, Provenance(source="DataFrame"))
+
+
+def _renamed(found: Recording | Screening, name: object) -> Recording | Screening:
+    return replace(found, valve=str(name)) if name else found
+
+
+def _of_path(path: str, said: InputOptions) -> list[Recording | Screening]:
+    found: list[Recording | Screening] = []
+    for task in _tasks(path, said):
+        case: Case | Screening = case_of(task)
+        found.append(case if isinstance(case, Screening) else _checked(case.recording, said))
+    return found
+
+
+def _tasks(path: str, said: InputOptions) -> list[Task]:
+    if said.arrays:
+        raise ValueError(
+            f"{', '.join(one.value for one in said.arrays)}: beside a path expected the name of a "
+            "tag; leave the path out to hand over arrays"
+        )
+    tags = said.named
+    request = Request(
+        sources=(path,),
+        tags=tags,
+        valve=said.valve if tags else "",
+        window=said.window,
+        read_options=read_options(said),
+    )
+    planned = make_plan(request)
+    tasks = []
+    for task in planned.tasks:
+        mapped = {
+            role: said.mapping(role, one.tag, one.unit) if role.value in said.ranges else one
+            for role, one in task.tags.tags.items()
+        }
+        tasks.append(replace(task, tags=replace(task.tags, tags=mapped)))
+    return tasks
+
+
+def _one_of_file(path: str, said: InputOptions) -> Recording:
+    tasks = _tasks(path, said)
+    if said.valve and not said.named:
+        chosen = [task for task in tasks if task.tags.valve == said.valve]
+    else:
+        chosen = tasks
+    if len(chosen) == 1:
+        found: Case | Screening = case_of(chosen[0])
+        if isinstance(found, Screening):
+            raise ConnectorError(" ".join((found.quality.reasons[0], *found.still_seen)))
+        return _checked(found.recording, said)
+    names = [task.tags.valve for task in tasks]
+    if said.valve:
+        near = nearest(said.valve, names)
+        raise MappingNeeded(
+            f"{path}: there is no valve {said.valve!r} among {len(names)}{near}; expected one of "
+            f"{_some(names)}"
+        )
+    raise MappingNeeded(
+        f"{path}: holds {len(names)} valves ({_some(names)}); say which with "
+        f"valve={(names or ['FIC-101'])[0]!r}, or screen them all: stemwatch.screen({path!r})"
+    )
+
+
+def read_options(said: InputOptions) -> ReadOptions:
+    """The reading options. Raises ``ValueError`` for one that does not exist."""
+    known = set(FileOptions.__annotations__)
+    for name in said.options:
+        if name not in known:
+            near = nearest(name, known)
+            raise TypeError(f"{name!r} is no option of reading{near}; expected {sorted(known)}")
+    return ReadOptions(zone=said.zone, interval_s=said.interval_s, **said.options)
+
+
+def _of_frame(frame: pd.DataFrame, said: InputOptions) -> Recording:
+    if said.options:
+        raise ValueError(f"{', '.join(said.options)}: how a file is read; a DataFrame is no file")
+    table = DataFrameSource(frame, zone=said.zone, interval_s=said.interval_s)
+    return _checked(table.read(_valve_tags(table, said), said.window), said)
+
+
+def _valve_tags(table: DataFrameSource, said: InputOptions) -> ValveTags:
+    """The columns that were named; else those called op, mv, ..., else what the names tell."""
+    columns = {info.tag: info for info in table.tags()}
+    named = said.named or {role: role.value for role in Role if role.value in columns}
+    if Role.OP in named:
+        units = {tag: info.unit for tag, info in columns.items()}
+        tags = {role: said.mapping(role, tag, units.get(tag, "")) for role, tag in named.items()}
+        return ValveTags(valve=said.valve or parse_tag(named[Role.OP]).loop or "valve", tags=tags)
+    proposed = propose_valves(table)
+    if said.valve:
+        proposed = [one for one in proposed if one.valve == said.valve] or proposed
+    if len(proposed) == 1:
+        (only,) = proposed
+        tags = {role: said.mapping(role, one.tag, one.unit) for role, one in only.tags.items()}
+        return ValveTags(valve=said.valve or only.valve, tags=tags)
+    if proposed:
+        names = [one.valve for one in proposed]
+        raise MappingNeeded(
+            f"{table.where}: holds {len(names)} valves ({_some(names)}); say which with "
+            f"valve={names[0]!r}, or name the columns with op= and mv="
+        )
+    raise MappingNeeded(
+        f"{table.where}: which column is the controller output? Say op= and, where the position "
+        f"is measured, mv=; the columns are {_some(list(columns))}"
+    )
+
+
+def _of_arrays(said: InputOptions) -> Recording:
+    """Arrays as a frame: the index of a Series counts, arrays need ``interval_s``."""
+    if not said.signals:
+        raise TypeError(f"received nothing; {EXPECTED}")
+    if said.named:
+        raise ValueError(
+            f"{', '.join(f'{r.value}={n!r}' for r, n in said.named.items())} names a column or a "
+            "tag, but no frame and no file was given; hand it over as the first argument"
+        )
+    signals = {role: _vector(role, one) for role, one in said.arrays.items()}
+    series = [one for one in signals.values() if isinstance(one, pd.Series)]
+    lengths = {role.value: len(one) for role, one in signals.items()}
+    if len(series) < len(signals) and len(set(lengths.values())) > 1:
+        raise ValueError(f"arrays of one length expected, received {lengths}")
+    timed = [one.index for one in series if not isinstance(one.index, pd.RangeIndex)]
+    if not timed and said.interval_s is None:
+        raise ValueError(
+            "arrays bear no times; say interval_s=, the seconds between samples, or hand over "
+            "pandas Series with a time index"
+        )
+    frame = _side_by_side(signals, timed[0] if timed else None)
+    table = DataFrameSource(frame, where="arrays", zone=said.zone, interval_s=said.interval_s)
+    tags = {role: said.mapping(role, role.value) for role in signals}
+    valve = ValveTags(valve=said.valve or "valve", tags=tags)
+    return _checked(table.read(valve, said.window), said)
+
+
+def _side_by_side(
+    signals: Mapping[Role, pd.Series | npt.NDArray[np.float64]], index: pd.Index | None
+) -> pd.DataFrame:
+    """A column for each signal; Series by their times, arrays by their place."""
+    columns = {
+        role.value: one if isinstance(one, pd.Series) else pd.Series(one, index=index)
+        for role, one in signals.items()
+    }
+    first = next(iter(columns.values())).index
+    for name, one in columns.items():
+        if not one.index.is_unique and any(not one.index.equals(x.index) for x in columns.values()):
+            raise ValueError(
+                f"{name}: its times repeat, so that it cannot be laid beside the others; drop them "
+                "with series[~series.index.duplicated()], or hand over one DataFrame"
+            )
+    if all(one.index.equals(first) for one in columns.values()):
+        return pd.DataFrame(columns, index=first)
+    return pd.concat(columns, axis="columns", sort=False)
+
+
+def _vector(role: Role, given: npt.ArrayLike) -> pd.Series | npt.NDArray[np.float64]:
+    if isinstance(given, pd.Series):
+        return given
+    try:
+        values = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"{role.value} is {_described(given)}; expected numbers, one for each sample"
+        ) from error
+    if values.ndim != 1:
+        raise ValueError(
+            f"{role.value}: expected one number for each sample, shape (n,); received shape "
+            f"{values.shape}"
+        )
+    return values
+
+
+def _checked(recording: Recording, said: InputOptions) -> Recording:
+    """Warn where OP or MV looks like a fraction: nothing is converted unless it was said."""
+    for role in (Role.OP, Role.MV):
+        signal = recording.get(role)
+        if signal is None or signal.unit != PERCENT or role.value in said.ranges:
+            continue
+        values = signal.values[np.isfinite(signal.values)]
+        if values.size and 0.0 <= values.min() and values.max() <= _FRACTION and np.ptp(values):
+            warnings.warn(
+                f"{recording.valve}: {signal.tag} runs from {values.min():.3g} to "
+                f"{values.max():.3g} and was taken as percent of span; if it is a fraction, say "
+                f"ranges={{{role.value!r}: (0, 1)}}, if it is percent, (0, 100)",
+                UserWarning,
+                stacklevel=5,
+            )
+    return recording
+
+
+def _some(names: Sequence[str], most: int = 12) -> str:
+    shown = ", ".join(repr(name) for name in names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown or "none"
+
+
+def _described(given: object) -> str:
+    kind = type(given)
+    name = kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
+    shape = getattr(given, "shape", None)
+    return f"a {name} of shape {shape}" if isinstance(shape, tuple) else f"a {name}"

@@ -1,0 +1,105 @@
+"""Figures of a result with matplotlib, which comes with the extra ``notebook``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.maintenance.evidence_picture import part_drawn, simulated_run, stick_band
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NO_MATPLOTLIB = (
+    "a plot needs matplotlib, which is not installed; it comes with the extra notebook: "
+    "pip install 'stemwatch[notebook]'"
+)
+_SIZE = (11.0, 3.6)
+_OP, _MV, _MODEL, _NAIVE = "#5b6675", "#17202c", "#2a6fb0", "#c2500a"
+
+
+def screening_figure(screening: Screening) -> Figure:
+    """OP, MV and the model over time; beside it MV against OP with the stick band of S and J.
+
+    Raises ``ModuleNotFoundError`` without matplotlib, ``ValueError`` without samples.
+    """
+    figure = _figure()
+    recording = _drawable(screening.recording, screening.valve)
+    simulated = simulated_run(screening, recording)
+    part, why = part_drawn(recording, simulated)
+    mv = recording.mv
+    ratios = [1.0] if mv is None else [2.4, 1.0]
+    places = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
+    time = figure.add_subplot(places[0, 0])
+    _over_time(time, recording, part, simulated)
+    time.set_title(
+        f"{screening.valve}: {screening.verdict.value} ({why[0].lower()}{why[1:]})", loc="left"
+    )
+    if mv is not None:
+        _against_op(figure.add_subplot(places[0, 1]), screening, recording, part)
+    return figure
+
+
+def mismatch_figure(recording: Recording | None, found: Mismatch) -> Figure:
+    """MV beside the free runs of S and J alone and with what was left out, over time.
+
+    Raises ``ModuleNotFoundError`` without matplotlib, ``ValueError`` without samples.
+    """
+    figure = _figure()
+    shown = _drawable(recording, "this valve")
+    naive = found.runs.naive if found.runs is not None else None
+    extended = found.runs.extended if found.runs is not None and found.effects else None
+    part, _ = part_drawn(shown, naive)
+    axes = figure.add_subplot()
+    _over_time(axes, shown, part, extended)
+    if naive is not None:
+        at = shown.time_s[part] - shown.time_s[part.start]
+        axes.plot(at, naive[part], color=_NAIVE, linewidth=1.0, label="S and J alone")
+        axes.legend(loc="best", fontsize="small")
+    axes.set_title(f"{shown.valve}: {found.finding.value.replace('_', ' ')}", loc="left")
+    return figure
+
+
+def _figure() -> Figure:
+    try:
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(NO_MATPLOTLIB, name="matplotlib") from error
+    return Figure(figsize=_SIZE, layout="constrained")
+
+
+def _drawable(recording: Recording | None, valve: str) -> Recording:
+    if recording is None or np.isfinite(recording.op.values).sum() < 2:
+        raise ValueError(f"{valve}: no samples of the controller output are there to be drawn")
+    return recording
+
+
+def _over_time(axes: Any, recording: Recording, part: slice, simulated: Floats | None) -> None:
+    at = recording.time_s[part] - recording.time_s[part.start]
+    axes.plot(at, recording.op.values[part], color=_OP, linewidth=0.9, linestyle="--", label="OP")
+    if recording.mv is not None:
+        axes.plot(at, recording.mv.values[part], color=_MV, linewidth=1.4, label="MV")
+    if simulated is not None:
+        axes.plot(at, simulated[part], color=_MODEL, linewidth=1.0, label="model")
+    axes.set_xlabel("time, s")
+    axes.set_ylabel(f"{recording.op.unit or 'unit not known'}")
+    axes.legend(loc="best", fontsize="small")
+
+
+def _against_op(axes: Any, screening: Screening, recording: Recording, part: slice) -> None:
+    assert recording.mv is not None
+    op, mv = recording.op.values[part], recording.mv.values[part]
+    band = stick_band(screening, op, mv) if recording.mv.unit == recording.op.unit else None
+    if band is not None:
+        axes.fill(band[:, 0], band[:, 1], color=_MODEL, alpha=0.15, label="stick band of S and J")
+        axes.legend(loc="best", fontsize="small")
+    axes.plot(op, mv, color=_MV, linewidth=0.8)
+    axes.set_xlabel("OP, %")
+    axes.set_ylabel("MV, %")
+
+
+__all__ = ["mismatch_figure", "screening_figure"]

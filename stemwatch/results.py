@@ -1,0 +1,367 @@
+"""What ``screen`` and ``explain`` give back: the nouns of the product, as a notebook shows them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.service.config.problems import nearest
+from stemwatch.service.explain.explain_json import to_object
+from stemwatch.service.explain.explained import Explained
+from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
+from stemwatch.service.presenter.physics_words import FINDING_TITLE
+from stemwatch.service.presenter.wording import VERDICT_SYMBOL, finite, printable, share
+from stemwatch.service.report.json_contract import to_contract
+from stemwatch.service.report.ranking import count_verdicts, rank_valves
+from stemwatch.service.report.report_context import ReportContext
+from stemwatch.service.report.spreadsheet_columns import header_and_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+_WIDTH = 96
+_MOST_LISTED = 20
+
+
+@dataclass(frozen=True, repr=False)
+class ScreenedValve:
+    """One valve, screened: what ``stemwatch.screen`` gives for one recording.
+
+    A notebook shows it with its picture; ``print`` gives a few lines. ``screening`` holds all that
+    was found, with its arrays.
+    """
+
+    screening: Screening
+    stands: bool | None = None
+    """Whether its named effects stand among all valves of the call; ``None`` where none was
+    named."""
+    remark: str = ""
+    """Why they do not, in a sentence."""
+
+    @property
+    def valve(self) -> str:
+        """The valve's name."""
+        return self.screening.valve
+
+    @property
+    def verdict(self) -> Verdict:
+        """``sticky``, ``watch``, ``healthy`` or ``undetermined``; equal to its text."""
+        return self.screening.verdict
+
+    @property
+    def reason(self) -> str:
+        """What was found, one sentence."""
+        return self.screening.reason
+
+    @property
+    def advice(self) -> str:
+        """What to do next, one sentence."""
+        return self.screening.advice
+
+    @property
+    def S(self) -> Estimate:
+        """Dead band plus stick band, percent of OP span, with its 95 % interval or a reason."""
+        return self.screening.S
+
+    @property
+    def J(self) -> Estimate:
+        """Slip jump, percent of OP span, with its 95 % interval or a reason."""
+        return self.screening.J
+
+    @property
+    def shape(self) -> Shape | None:
+        """The form of the OP-MV loop; ``None`` where S and J are not known."""
+        return self.screening.shape
+
+    @property
+    def severity(self) -> float:
+        """0 to 100, for ranking."""
+        return self.screening.severity
+
+    @property
+    def confidence(self) -> float | None:
+        """0 to 1; ``None`` without a verdict."""
+        return self.screening.confidence
+
+    @property
+    def mismatch(self) -> Mismatch | None:
+        """What S and J leave out; ``None`` where nothing was fitted."""
+        return self.screening.mismatch
+
+    @property
+    def recording(self) -> Recording | None:
+        """The samples; ``None`` where none could be read."""
+        return self.screening.recording
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON contract, version 1: one object of ``valves.json`` (docs/json.md)."""
+        return to_contract(self.screening, stands=self.stands)
+
+    def plot(self) -> Figure:
+        """OP, MV and the model over time, and MV against OP with the stick band of S and J.
+
+        Returns a matplotlib ``Figure``. Raises ``ModuleNotFoundError`` without matplotlib (extra
+        ``notebook``) and ``ValueError`` where there are no samples to draw.
+        """
+        from stemwatch.plots import screening_figure
+
+        return screening_figure(self.screening)
+
+    def __repr__(self) -> str:
+        found, sure = self.screening, finite(self.screening.confidence)
+        numbers = f"severity {found.severity:.0f} of 100"
+        if sure is not None:
+            numbers += f", confidence {share(sure)}"
+        lines = [f"{printable(found.valve)}: {VERDICT_SYMBOL[found.verdict]} {found.verdict.value}"]
+        lines[0] += f" ({numbers})"
+        lines += _wrapped(found.reason) + _wrapped(found.advice)
+        if found.S.value is not None:
+            lines.append(f"  S {found.S}, J {found.J} of OP span")
+        return "\n".join(lines + _mismatch_lines(found.mismatch, self.remark))
+
+    def _repr_html_(self) -> str:
+        from stemwatch.html import screened_card
+
+        return screened_card(self.screening, self.remark)
+
+
+@dataclass(frozen=True, repr=False)
+class ExplainedValve:
+    """One valve, explained: what S and J leave out of its recording, from ``stemwatch.explain``.
+
+    ``mismatch`` holds all that was found; ``naive`` and ``restated`` there have S and J alone and
+    with what was left out.
+    """
+
+    explained: Explained
+    stands: bool | None = None
+    remark: str = ""
+
+    @property
+    def valve(self) -> str:
+        """The valve's name."""
+        return self.explained.valve
+
+    @property
+    def mismatch(self) -> Mismatch:
+        """What was found where simulation and recording differ."""
+        return self.explained.mismatch
+
+    @property
+    def finding(self) -> Finding:
+        """``named``, ``candidates``, ``unknown``, ``none`` or ``not_testable``."""
+        return self.explained.mismatch.finding
+
+    @property
+    def sentence(self) -> str:
+        """What was found, for a maintenance engineer."""
+        return self.explained.mismatch.sentence
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The names of the effects that were left out, strongest first."""
+        return tuple(one.slug for one in self.explained.mismatch.effects)
+
+    @property
+    def S(self) -> Estimate:
+        """Dead band plus stick band with what was left out, percent of OP span."""
+        return self.explained.mismatch.restated.S
+
+    @property
+    def J(self) -> Estimate:
+        """Slip jump with what was left out, percent of OP span."""
+        return self.explained.mismatch.restated.J
+
+    @property
+    def recording(self) -> Recording | None:
+        """The samples; ``None`` where none could be read."""
+        return self.explained.recording
+
+    def to_dict(self) -> dict[str, Any]:
+        """One object of ``explain.json``, version 1 (docs/json.md)."""
+        return to_object(self.explained, stands=self.stands)
+
+    def plot(self) -> Figure:
+        """MV beside the run of S and J alone and the run with what was left out, over time.
+
+        Returns a matplotlib ``Figure``. Raises ``ModuleNotFoundError`` without matplotlib (extra
+        ``notebook``) and ``ValueError`` where there are no samples to draw.
+        """
+        from stemwatch.plots import mismatch_figure
+
+        return mismatch_figure(self.recording, self.mismatch)
+
+    def __repr__(self) -> str:
+        lines = [printable(self.valve), *_mismatch_lines(self.mismatch, self.remark)]
+        if self.S.value is not None:
+            alone = self.mismatch.naive
+            lines.append(f"  S {self.S}, J {self.J} of OP span")
+            if self.mismatch.effects:
+                lines.append(f"  with S and J alone: S {alone.S}, J {alone.J}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        from stemwatch.html import explained_card
+
+        return explained_card(self.valve, self.mismatch, self.remark)
+
+
+Valve = TypeVar("Valve", bound=ScreenedValve | ExplainedValve)
+
+
+class _Valves(Sequence[Valve], Generic[Valve]):
+    """Several results in the order in which they were asked for; by place or by valve's name."""
+
+    def __init__(self, valves: Sequence[Valve], found: Discoveries) -> None:
+        self._valves = tuple(valves)
+        self.discoveries = found
+
+    def __len__(self) -> int:
+        return len(self._valves)
+
+    def __iter__(self) -> Iterator[Valve]:
+        return iter(self._valves)
+
+    @overload
+    def __getitem__(self, at: int | str) -> Valve: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> list[Valve]: ...
+
+    def __getitem__(self, at: int | str | slice) -> Valve | list[Valve]:
+        if isinstance(at, slice):
+            return list(self._valves[at])
+        if isinstance(at, int):
+            return self._valves[at]
+        for one in self._valves:
+            if one.valve == at:
+                return one
+        names = [one.valve for one in self._valves]
+        raise KeyError(f"no valve {at!r} among {len(names)}{nearest(at, names)}")
+
+
+class ScreenedValves(_Valves[ScreenedValve]):
+    """Several valves, screened together: what ``stemwatch.screen`` gives for a file or a list.
+
+    ``work[0]`` and ``work["FIC-101"]`` give one valve, iteration all in the order in which they
+    were given; ``to_frame()``, ``print`` and a notebook show the worst first.
+    """
+
+    def __init__(
+        self, valves: Sequence[ScreenedValve], found: Discoveries, zone: str | None = None
+    ) -> None:
+        super().__init__(valves, found)
+        self._context = ReportContext(started=datetime.now(UTC), zone=zone or "UTC")
+
+    def ranked(self) -> list[ScreenedValve]:
+        """The worst first: by verdict, then severity, then name."""
+        by_id = {id(one.screening): one for one in self}
+        return [by_id[id(one.screening)] for one in self._ranking()]
+
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each valve, the worst first, with the columns of ``valves.csv``.
+
+        Percent of span, seconds; times are aware, in the zone that the call named (UTC without).
+        """
+        import pandas as pd
+
+        shown, rows = header_and_rows(self._ranking(), self._context)
+        return pd.DataFrame(list(rows), columns=[column.header for column in shown])
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """The objects of ``valves.json``, the worst first (docs/json.md)."""
+        return [one.to_dict() for one in self.ranked()]
+
+    def _ranking(self) -> Any:
+        return rank_valves([one.screening for one in self], self._context)
+
+    def __repr__(self) -> str:
+        counted = count_verdicts(one.screening for one in self)
+        said = ", ".join(f"{n} {verdict.value}" for verdict, n in counted.items() if n)
+        many = "1 valve" if len(self) == 1 else f"{len(self)} valves"
+        lines = [f"{many}: {said}" if said else many]
+        listed = self.ranked()[:_MOST_LISTED]
+        width = max((len(one.valve) for one in listed), default=0)
+        for rank, one in enumerate(listed, start=1):
+            numbers = "" if one.S.value is None else f"S {one.S}, J {one.J}"
+            symbol = VERDICT_SYMBOL[one.verdict]
+            name = printable(one.valve).ljust(width)
+            lines.append(f"{rank:3} {name}  {symbol} {one.verdict.value:12}  {numbers}".rstrip())
+        if len(self) > len(listed):
+            lines.append(f"    and {len(self) - len(listed)} more: .to_frame() has them all")
+        return "\n".join(lines + _wrapped(self.discoveries.sentence))
+
+    def _repr_html_(self) -> str:
+        from stemwatch.html import screened_table
+
+        ranked = [(one.screening, one.stands) for one in self.ranked()]
+        return screened_table(ranked, self.discoveries.sentence)
+
+
+class ExplainedValves(_Valves[ExplainedValve]):
+    """Several valves, explained together: what ``stemwatch.explain`` gives for a file or a list."""
+
+    def to_dict(self) -> list[dict[str, Any]]:
+        """The objects of ``explain.json``, in the order in which they were asked for."""
+        return [one.to_dict() for one in self]
+
+    def __repr__(self) -> str:
+        lines = [repr(one) for one in self[:_MOST_LISTED]]
+        if len(self) > _MOST_LISTED:
+            lines.append(f"and {len(self) - _MOST_LISTED} more")
+        return "\n".join(lines + _wrapped(self.discoveries.sentence))
+
+    def _repr_html_(self) -> str:
+        return "\n".join(one._repr_html_() for one in self[:_MOST_LISTED])
+
+
+def screened(screenings: Sequence[Screening]) -> tuple[list[ScreenedValve], Discoveries]:
+    """Each screening with what stands of its effects among all of them."""
+    found = discoveries([one.mismatch for one in screenings])
+    valves = [
+        ScreenedValve(one, stands, found.remark if stands is False else "")
+        for one, stands in zip(screenings, found.standing, strict=True)
+    ]
+    return valves, found
+
+
+def explained(found: Sequence[Explained]) -> tuple[list[ExplainedValve], Discoveries]:
+    """Each explanation with what stands of its effects among all of them."""
+    said = discoveries([one.mismatch for one in found])
+    valves = [
+        ExplainedValve(one, stands, said.remark if stands is False else "")
+        for one, stands in zip(found, said.standing, strict=True)
+    ]
+    return valves, said
+
+
+def _mismatch_lines(found: Mismatch | None, remark: str) -> list[str]:
+    if found is None:
+        return []
+    lines = _wrapped(f"{FINDING_TITLE[found.finding].capitalize()}: {found.sentence}")
+    return lines + _wrapped(remark)
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(
+        printable(text), _WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False
+    )
+
+
+__all__ = [
+    "ExplainedValve",
+    "ExplainedValves",
+    "ScreenedValve",
+    "ScreenedValves",
+    "explained",
+    "screened",
+]
