@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 from stemwatch.service.access.passwords import check_password, hash_password
 from stemwatch.service.access.secret import digest_of, new_secret
 from stemwatch.service.store.accounts.records import Link, LinkKind, Role, User
-from stemwatch.service.store.database.columns import clean_text
+from stemwatch.service.store.storable import clean_text
 from stemwatch.service.store.store import Store
 
 PATH = "/welcome"

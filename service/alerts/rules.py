@@ -13,11 +13,10 @@ from datetime import datetime
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
 RATIO = "baseline_ratio"
 
@@ -28,26 +27,6 @@ class AlertDecision(Enum):
     RAISE = "raise"
     CLEAR = "clear"
     LEAVE = "leave"
-
-
-@dataclass(frozen=True, kw_only=True)
-class JudgedScreening:
-    """What the rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
-
-    ``named``: an effect beside S and J has a name and stands among all valves of the run;
-    ``mismatch`` holds its words, of the newest screening alone.
-    """
-
-    id: int
-    run_id: int
-    window: tuple[datetime | None, datetime | None]
-    verdict: Verdict
-    advice: str
-    severity: float
-    S: Estimate
-    J: float | None
-    named: bool = False
-    mismatch: Mismatch | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

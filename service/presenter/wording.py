@@ -26,7 +26,6 @@ VERDICT_MEANING = {
     Verdict.HEALTHY: "the stem follows the controller",
 }
 # Undetermined stands before healthy: nobody knows yet that such a valve is well.
-WORST_FIRST = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 

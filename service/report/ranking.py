@@ -11,10 +11,10 @@ from typing import overload
 
 from stemwatch.models.mismatch.findings import ResidualMap
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
-from stemwatch.service.presenter.wording import WORST_FIRST, finite, printable
+from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.presenter.work_decision import (
     WorkCounts,
     WorkDecision,

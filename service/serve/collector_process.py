@@ -19,7 +19,7 @@ from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.process_lifecycle import quiet_start, take_signals
 from stemwatch.service.serve.plant_secrets import hide_secrets, set_up_logs
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.samples.samples import EPOCH
+from stemwatch.service.store.samples.instants import EPOCH
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store, open_store
 

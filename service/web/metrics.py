@@ -18,12 +18,12 @@ from prometheus_client.registry import CollectorRegistry
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.collector.backlog import backlog
+from stemwatch.service.store.administration.figures import NOT_SCREENED, StoreFigures, figures_of
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.queries.figures import NOT_SCREENED, Figures, read_figures
 
 PREFIX = "stemwatch_"
 DELIVERY_STATES = ("waiting", "failing", "sent", "given_up")
@@ -74,8 +74,7 @@ def told(deps: Dependencies) -> Iterator[Metric]:
     yield _gauge("info", "The version that runs", [({"version": __version__}, 1.0)])
     try:
         states = deps.store.sources.states()
-        with deps.reading() as session:
-            figures = read_figures(session)
+        figures = figures_of(deps.store)
     except StoreError:
         yield _one("database_up", "1 where the database answers", 0.0)
     else:
@@ -127,7 +126,7 @@ def _of_devices(devices: list[SourceState], now: datetime) -> Iterator[Metric]:
     yield _counter("samples_refused", "Samples that the store refused for good", refused)
 
 
-def _of_runs(figures: Figures) -> Iterator[Metric]:
+def _of_runs(figures: StoreFigures) -> Iterator[Metric]:
     runs = _counter("runs", "Runs that are over, by outcome")
     for state in _OVER:
         _add(runs, {"outcome": state.value}, figures.runs.get(state.value, 0))
@@ -148,7 +147,7 @@ def _of_runs(figures: Figures) -> Iterator[Metric]:
     yield _gauge("last_run_valve_seconds", "Work on one valve in that run", valve_s)
 
 
-def _of_alerts(deps: Dependencies, figures: Figures) -> Iterator[Metric]:
+def _of_alerts(deps: Dependencies, figures: StoreFigures) -> Iterator[Metric]:
     counts = [
         (
             {"kind": kind.value, "severity": severity.value},

@@ -25,7 +25,7 @@ from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.runs.queue import Wanted
 from stemwatch.service.store.runs.tables import RunValveRow
-from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.tables import IndicatorRow, NetworkRow, ScreeningRow
 from stemwatch.service.store.store import Store, open_store

@@ -11,10 +11,10 @@ from sqlalchemy.orm import Session
 from stemwatch.service.store.accounts.one_time_links import revoke, use_up
 from stemwatch.service.store.accounts.records import LinkKind, Role, User
 from stemwatch.service.store.accounts.tables import LinkRow, SessionRow, UserRow
-from stemwatch.service.store.database.columns import clean_text
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.sessions import Access
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.storable import clean_text
 
 
 class NameTaken(StoreError):

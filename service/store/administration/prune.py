@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session, aliased
 
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.partitions import DAY_US
-from stemwatch.service.store.samples.samples import microseconds
 from stemwatch.service.store.samples.tables import SampleRow
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow

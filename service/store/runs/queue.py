@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 from sqlalchemy import ColumnElement, and_, or_, select, update
 from sqlalchemy.orm import Session
@@ -41,6 +42,13 @@ class Wanted:
     window: tuple[datetime | None, datetime | None] = (None, None)
     who: str = ""
     reason: str = ""
+
+
+class SetAside(NamedTuple):
+    """A valve that a run could not screen, and why."""
+
+    valve: str
+    reason: str
 
 
 class RunQueue:
@@ -173,13 +181,20 @@ class RunQueue:
             )
             return list(session.scalars(rows.order_by(RunValveRow.valve)))
 
-    def set_aside(self, run_id: int) -> list[tuple[str, str]]:
-        """(valve, reason) of each valve that was set aside."""
+    def set_aside(self, run_id: int, limit: int | None = None) -> list[SetAside]:
+        """The valves of a run that were set aside, by id; at most ``limit``."""
         with self._access.reading() as session:
             rows = select(RunValveRow.valve, RunValveRow.reason).where(
                 RunValveRow.run_id == run_id, RunValveRow.state == ValveState.SET_ASIDE.value
             )
-            return [(valve, reason) for valve, reason in session.execute(rows)]
+            found = session.execute(rows.order_by(RunValveRow.valve).limit(limit))
+            return [SetAside(valve=valve, reason=reason) for valve, reason in found]
+
+    def find(self, run_id: int) -> StoredRun | None:
+        """The run of this number, ``None`` where there is none."""
+        with self._access.reading() as session:
+            row = session.get(RunRow, run_id)
+            return None if row is None else stored_run(row)
 
     def finish(
         self, run_id: int, state: RunState, *, reason: str = "", report: str | None = None

@@ -23,7 +23,8 @@ from stemwatch.connectors.historian.clock import Grid, clock_facts, lay_column, 
 from stemwatch.connectors.historian.columns import Column, sharing_times
 from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
-from stemwatch.service.store.samples.samples import EPOCH, Samples, StoredTag
+from stemwatch.service.store.samples.instants import EPOCH
+from stemwatch.service.store.samples.samples import Samples, StoredTag
 
 LAYOUT = "samples in the store"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TypeVarTuple
@@ -14,19 +15,26 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Floats, QualityCodes
-from stemwatch.service.store.database.columns import clean_text
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.sessions import Access
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
+from stemwatch.service.store.samples.instants import instant_of, microseconds
 from stemwatch.service.store.samples.partitions import DAY_US, Layout
+from stemwatch.service.store.samples.plot_points import PlotPoints, read_plot_points
 from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
+from stemwatch.service.store.samples.tag_quality import (
+    BadSamples,
+    LastGood,
+    read_bad,
+    read_dead_tags,
+    read_last_good,
+)
+from stemwatch.service.store.storable import clean_text
 
 log = logging.getLogger(__name__)
 
-EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_MICRO = timedelta(microseconds=1)
 _IN_ONE_STATEMENT = 300
 
 Row = TypeVarTuple("Row")
@@ -126,12 +134,49 @@ class Samples:
 
     def bounds(self, source: str, tag: str) -> tuple[datetime, datetime] | None:
         """The instants of a tag's first and last sample."""
-        statement = _window(
-            select(func.min(SampleRow.at_us), func.max(SampleRow.at_us)), source, tag, None, None
-        )
+        # One statement each: SQLite seeks the end of an index for min or max alone, not for both.
+        first = _window(select(func.min(SampleRow.at_us)), source, tag, None, None)
+        last = _window(select(func.max(SampleRow.at_us)), source, tag, None, None)
         with self._access.reading() as session:
-            first, last = session.execute(statement).one()
-        return None if first is None else (EPOCH + first * _MICRO, EPOCH + last * _MICRO)
+            first_us, last_us = session.scalar(first), session.scalar(last)
+        if first_us is None or last_us is None:
+            return None
+        return instant_of(first_us), instant_of(last_us)
+
+    def has_tag(self, source: str, tag: str) -> bool:
+        """Whether the tag ever had a sample, or a unit, in the store."""
+        with self._access.reading() as session:
+            return _tag_number(session, source, tag) is not None
+
+    def plot_points(
+        self, source: str, tag: str, start: datetime, stop: datetime, points: int
+    ) -> PlotPoints | None:
+        """A tag from ``start`` to ``stop`` in about ``points`` points at most; ``None`` where the
+        store does not know it."""
+        with self._access.reading() as session:
+            number = _tag_number(session, source, tag)
+            return (
+                None if number is None else read_plot_points(session, number, start, stop, points)
+            )
+
+    def bad(self, source: str, tag: str, start: datetime, stop: datetime) -> BadSamples | None:
+        """How many samples of a tag are not good, and why; ``None`` for a tag that the store does
+        not know."""
+        with self._access.reading() as session:
+            number = _tag_number(session, source, tag)
+            return None if number is None else read_bad(session, number, tag, start, stop)
+
+    def dead_tags(self, source: str, limit: timedelta, now: datetime) -> dict[str, int]:
+        """The tags of ``source`` whose samples of the last ``limit`` are all bad, one of the last
+        minute among them, with their numbers."""
+        with self._access.reading() as session:
+            return read_dead_tags(session, source, limit, now)
+
+    def last_good(self, tags: Sequence[int], since: datetime) -> dict[int, LastGood]:
+        """Of each tag, by its number: its last good sample after ``since``, and why its newest
+        sample is bad."""
+        with self._access.reading() as session:
+            return {number: read_last_good(session, number, since) for number in tags}
 
     def reasons(
         self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
@@ -229,11 +274,6 @@ class Samples:
         return known
 
 
-def microseconds(instant: datetime) -> int:
-    """Microseconds since 1970 UTC."""
-    return (instant - EPOCH) // _MICRO
-
-
 def _columns(batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]) -> SampleColumns:
     count = len(batch)
     reason = (reasons.get(words, 0) for words in batch.reasons)
@@ -257,6 +297,11 @@ def _remove_days(connection: Connection, before_us: int) -> int:
     gone = connection.execute(rows).scalar_one()
     connection.execute(text(partitions.drop_chunks(whole_us)))
     return gone
+
+
+def _tag_number(session: Session, source: str, tag: str) -> int | None:
+    wanted = (TagRow.source == source, TagRow.name == clean_text(tag))
+    return session.scalar(select(TagRow.id).where(*wanted))
 
 
 def _window(

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from datetime import datetime
 
-from sqlalchemy.orm import Session
-
-from stemwatch.service.store.screenings.baselines import read_remarks
-from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow
+from stemwatch.service.store.screenings.history import HistoryPoint
+from stemwatch.service.store.store import Store
 from stemwatch.service.web.api.schemas import HistoryAnswer, HistoryLine, Mark
 from stemwatch.service.web.dependencies import Dependencies
-from stemwatch.service.web.queries.valve import HistoryPoint, read_baselines, read_history
 
 
 def history_of(deps: Dependencies, valve: str, since: datetime | None = None) -> HistoryAnswer:
     """Every screening since ``since``, oldest first, with limits and marks."""
-    with deps.reading() as session:
-        points = read_history(session, valve, since)
-        marks = read_marks(session, valve)
+    points = deps.store.s_and_j(valve, since)
+    marks = read_marks(deps.store, valve)
     limits = deps.site.limits
     return HistoryAnswer(
         valve=valve,
@@ -28,16 +24,15 @@ def history_of(deps: Dependencies, valve: str, since: datetime | None = None) ->
     )
 
 
-def read_marks(session: Session, valve: str) -> list[Mark]:
+def read_marks(store: Store, valve: str) -> list[Mark]:
     """Baselines, work and notes of a valve, oldest first."""
     found = [
         Mark(kind="baseline" if one.active else "former baseline", at=one.at, text=one.reason)
-        for one in read_baselines(session, valve)
+        for one in store.baseline_marks(valve)
     ]
-    for kind, table in (("maintenance", MaintenanceRow), ("note", NoteRow)):
+    for kind, remarks in (("maintenance", store.maintenance(valve)), ("note", store.notes(valve))):
         found.extend(
-            Mark(kind=kind, at=remark.at, text=remark.note, who=remark.who)
-            for remark in read_remarks(session, table, valve)
+            Mark(kind=kind, at=remark.at, text=remark.note, who=remark.who) for remark in remarks
         )
     return sorted(found, key=lambda mark: mark.at)
 

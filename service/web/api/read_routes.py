@@ -11,9 +11,9 @@ from pydantic import AwareDatetime
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.access.permissions import Operation
-from stemwatch.service.store.alerts.alerts import StoredAlert
+from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
+from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
 from stemwatch.service.store.screenings.records import StoredRun
-from stemwatch.service.store.screenings.screenings import read_last
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.api import history, signals
 from stemwatch.service.web.api import loop as phase
@@ -22,10 +22,6 @@ from stemwatch.service.web.api.schemas import MeAnswer
 from stemwatch.service.web.api.signals import window_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.queries import alerts
-from stemwatch.service.web.queries.ranking import MOST_PAGE, PAGE, Line, Wanted, read_ranking
-from stemwatch.service.web.queries.run import read_run
-from stemwatch.service.web.queries.valve import read_indicators
 
 Id = Annotated[str, Query(alias="id", min_length=1, max_length=500, description="the valve's id")]
 Number = Annotated[int, Query(ge=1, le=LARGEST_NUMBER)]
@@ -51,7 +47,7 @@ def valves(
     size: Annotated[int, Query(ge=1, le=MOST_PAGE)] = PAGE,
 ) -> shapes.RankingAnswer:
     """The valves with their latest findings, worst first unless asked otherwise."""
-    wanted = Wanted(
+    wanted = RankingFilter(
         text=q,
         areas=tuple(area),
         verdicts=tuple(verdict),
@@ -61,8 +57,7 @@ def valves(
         page=page,
         size=size,
     )
-    with deps.reading() as session:
-        found = read_ranking(session, wanted)
+    found = deps.store.ranking(wanted)
     lines = [valve_line(line) for line in found.lines]
     return shapes.RankingAnswer(
         total=found.total, page=page, size=size, counts=dict(found.counts), valves=lines
@@ -75,8 +70,7 @@ def valve_signals(
 ) -> shapes.SignalsAnswer:
     """OP, MV, PV and SP between two instants, thinned to what can be seen."""
     asked = window_of(deps.need_valve(valve), start, stop)
-    with deps.reading() as session:
-        return signals.signals_of(deps.site, session, asked)
+    return signals.signals_of(deps.site, asked)
 
 
 @router.get("/valve/loop")
@@ -85,9 +79,8 @@ def valve_loop(
 ) -> shapes.LoopAnswer:
     """MV against OP with the loop of the model that was fitted last; at most twelve hours."""
     asked = window_of(deps.need_valve(valve), start, stop)
-    with deps.reading() as session:
-        latest = read_last(session, valve, 1)
-        found = read_indicators(session, latest[0].id) if latest else {}
+    latest = deps.store.screenings(valve, 1)
+    found = deps.store.indicators(latest[0].id) if latest else {}
     numbers = {name: one.value for name, one in found.items() if one.value is not None}
     return phase.loop_of(deps.site, asked, numbers)
 
@@ -104,8 +97,7 @@ def valve_history(
 @router.get("/alerts")
 def alert_list(deps: Deps, state: State = "open") -> list[shapes.AlertLine]:
     """Alerts in a state, the newest first."""
-    with deps.reading() as session:
-        found = alerts.read_alerts(session, state, deps.now)
+    found = deps.store.alerts.in_state(state, deps.now)
     return [alert_line(one, deps) for one in found]
 
 
@@ -118,8 +110,7 @@ def runs(deps: Deps, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> list[s
 @router.get("/run")
 def run(deps: Deps, number: Annotated[Number, Query(alias="id")]) -> shapes.RunAnswer:
     """One run with its progress and the time left."""
-    with deps.reading() as session:
-        found = read_run(session, number)
+    found = deps.store.queue.find(number)
     if found is None:
         raise HTTPException(404, f"there is no run {number}")
     return run_answer(found, deps)
@@ -175,7 +166,7 @@ def me(current_user: SignedIn) -> MeAnswer:
     )
 
 
-def valve_line(line: Line) -> shapes.ValveLine:
+def valve_line(line: RankingLine) -> shapes.ValveLine:
     """A line of the ranking for the API."""
     return shapes.ValveLine(
         valve=line.valve,
@@ -199,7 +190,7 @@ def alert_line(alert: StoredAlert, deps: Dependencies) -> shapes.AlertLine:
     """An alert for the API."""
     names = set(shapes.AlertLine.model_fields) - {"state", "kind", "severity"}
     return shapes.AlertLine(
-        state=alerts.state_of(alert, deps.now),
+        state=state_of(alert, deps.now),
         kind=alert.kind.value,
         severity=alert.severity.value,
         **{name: getattr(alert, name) for name in names},

@@ -8,15 +8,14 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from fastapi import HTTPException
-from sqlalchemy.orm import Session
 
 from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.service.config.schema import Tag
 from stemwatch.service.report.charts.thinning import ThinningGrid, lowest_and_highest
+from stemwatch.service.store.samples.plot_points import PlotPoints
+from stemwatch.service.store.store import Store
 from stemwatch.service.web.api.schemas import SignalsAnswer, Trace
-from stemwatch.service.web.queries import samples
-from stemwatch.service.web.queries.samples import Drawn
 from stemwatch.service.web.site import Site
 
 DRAWN_ROLES = (Role.OP, Role.MV, Role.PV, Role.SP)
@@ -51,19 +50,14 @@ class SignalWindow:
         return SignalWindow(valve=self.valve, start=start, stop=self.stop)
 
 
-def signals_of(site: Site, session: Session, asked: SignalWindow) -> SignalsAnswer:
+def signals_of(site: Site, asked: SignalWindow) -> SignalsAnswer:
     """OP, MV, PV and SP over time. OP and MV in percent where the plant file gives their range."""
     tags = tags_of(site, asked.valve)
     if not tags or site.plant is None:
         return _answer(asked, [], None, 0.0, NO_TAGS)
     source = site.plant.valves[asked.valve].source
-    numbers = {
-        role: number
-        for role, tag in tags.items()
-        if (number := samples.tag_number(session, source, tag.tag)) is not None
-    }
-    if Role.OP in numbers:
-        return _stored(session, asked, tags, numbers)
+    if Role.OP in tags and site.store.samples.has_tag(source, tags[Role.OP].tag):
+        return _stored(site.store, source, asked, tags)
     return _from_source(site, asked)
 
 
@@ -76,17 +70,18 @@ def tags_of(site: Site, valve: str) -> Mapping[Role, Tag]:
 
 
 def _stored(
-    session: Session, asked: SignalWindow, tags: Mapping[Role, Tag], numbers: Mapping[Role, int]
+    store: Store, source: str, asked: SignalWindow, tags: Mapping[Role, Tag]
 ) -> SignalsAnswer:
     traces, bucket_s = [], 0.0
-    for role, number in numbers.items():
-        drawn = samples.read_drawn(session, number, asked.start, asked.stop, POINTS)
+    for role, tag in tags.items():
+        drawn = store.samples.plot_points(source, tag.tag, asked.start, asked.stop, POINTS)
+        if drawn is None:
+            continue
         bucket_s = max(bucket_s, drawn.bucket_s)
-        tag = tags[role]
         values, unit = _in_percent(role, tag, drawn.values)
-        points = Drawn(at_s=drawn.at_s, values=values)
+        points = PlotPoints(at_s=drawn.at_s, values=values)
         traces.append(_trace(role, tag.tag, unit, points))
-    bounds = samples.read_bounds(session, numbers[Role.OP])
+    bounds = store.samples.bounds(source, tags[Role.OP].tag)
     empty = not any(trace.at_s for trace in traces)
     return _answer(asked, traces, bounds, bucket_s, NOTHING if empty else "")
 
@@ -109,7 +104,7 @@ def _from_source(site: Site, asked: SignalWindow) -> SignalsAnswer:
     for role in DRAWN_ROLES:
         signal = recording.get(role)
         if signal is not None:
-            points = Drawn(at_s=at, values=lowest_and_highest(signal.values, grid))
+            points = PlotPoints(at_s=at, values=lowest_and_highest(signal.values, grid))
             traces.append(_trace(role, signal.tag, signal.unit, points))
     bucket_s = 0.0 if grid.bucket == 1 else grid.bucket * recording.interval_s
     return _answer(asked, traces, None, bucket_s, "")
@@ -131,7 +126,7 @@ def read_recording(site: Site, asked: SignalWindow) -> tuple[Recording | None, s
 def _answer(
     asked: SignalWindow,
     traces: list[Trace],
-    bounds: tuple[float, float] | None,
+    bounds: tuple[datetime, datetime] | None,
     bucket_s: float,
     says: str,
 ) -> SignalsAnswer:
@@ -140,15 +135,15 @@ def _answer(
         valve=asked.valve,
         start_s=asked.start.timestamp(),
         stop_s=asked.stop.timestamp(),
-        first_s=first,
-        last_s=last,
+        first_s=None if first is None else first.timestamp(),
+        last_s=None if last is None else last.timestamp(),
         bucket_s=bucket_s,
         traces=traces,
         says=says,
     )
 
 
-def _trace(role: Role, tag: str, unit: str, points: Drawn) -> Trace:
+def _trace(role: Role, tag: str, unit: str, points: PlotPoints) -> Trace:
     return Trace(
         role=role.value,
         label=role.value.upper(),

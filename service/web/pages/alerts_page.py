@@ -8,11 +8,11 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from stemwatch.service.store.alerts.alerts import MOST_ALERTS, STATES, state_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import Sent
 from stemwatch.service.web.dependencies import Deps
 from stemwatch.service.web.page_renderer import valve_link
-from stemwatch.service.web.queries import alerts
 
 LONGEST_SNOOZE_H = 24 * 366
 
@@ -23,19 +23,18 @@ router = APIRouter(include_in_schema=False)
 def alert_list(request: Request, deps: Deps) -> HTMLResponse:
     """Alerts in the state that the address names, the open ones unless it says otherwise."""
     state = request.query_params.get("state", "open")
-    state = state if state in alerts.STATES else "open"
-    with deps.reading() as session:
-        found = alerts.read_alerts(session, state, deps.now)
+    state = state if state in STATES else "open"
+    found = deps.store.alerts.in_state(state, deps.now)
     return deps.renderer.page(
         request,
         "alerts_page.html",
         here="alerts",
         open_alerts=deps.open_alerts(),
         state=state,
-        states=alerts.STATES,
+        states=STATES,
         alerts=found,
-        most=alerts.MOST_ALERTS,
-        state_of=lambda alert: alerts.state_of(alert, deps.now),
+        most=MOST_ALERTS,
+        state_of=lambda alert: state_of(alert, deps.now),
         back="",
     )
 

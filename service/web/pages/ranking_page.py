@@ -12,18 +12,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 from starlette.datastructures import QueryParams
 
-from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.wording import WORST_FIRST
+from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.report.change_since_last_run import change_since_last_run
-from stemwatch.service.web.dependencies import Deps
-from stemwatch.service.web.queries import alerts
-from stemwatch.service.web.queries.ranking import (
+from stemwatch.service.store.screenings.ranking import (
     LARGEST_FIRST,
     NOT_SCREENED,
     SORTS,
-    Wanted,
-    read_ranking,
+    RankingFilter,
 )
+from stemwatch.service.web.dependencies import Deps
 
 LONGEST_SEARCH = 200
 MOST_PAGES = 10_000
@@ -51,10 +48,9 @@ router = APIRouter(include_in_schema=False)
 def ranking(request: Request, deps: Deps) -> HTMLResponse:
     """The valves, worst first unless the address says otherwise."""
     wanted = wanted_of(request.query_params)
-    with deps.reading() as session:
-        found = read_ranking(session, wanted)
-        alerted = alerts.valves_with_alerts(session, deps.now)
-        open_alerts = alerts.count_open(session, deps.now)
+    found = deps.store.ranking(wanted)
+    alerted = deps.store.alerts.open_by_valve(deps.now)
+    open_alerts = deps.open_alerts()
     return deps.renderer.page(
         request,
         "ranking_page.html",
@@ -76,12 +72,12 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
     )
 
 
-def wanted_of(given: QueryParams) -> Wanted:
+def wanted_of(given: QueryParams) -> RankingFilter:
     """What an address asks for; what it cannot mean is left at its default, never an error."""
     sort = given.get("sort", "")
     page = given.get("page", "")
     levels = [text for text in given.getlist("criticality") if text in ("1", "2", "3")]
-    return Wanted(
+    return RankingFilter(
         text=given.get("q", "").strip()[:LONGEST_SEARCH],
         areas=tuple(area for area in given.getlist("area") if area),
         verdicts=tuple(word for word in given.getlist("verdict") if word in _VERDICTS),
@@ -92,7 +88,7 @@ def wanted_of(given: QueryParams) -> Wanted:
     )
 
 
-def link(wanted: Wanted, **changes: Any) -> str:
+def link(wanted: RankingFilter, **changes: Any) -> str:
     """The address of the ranking with ``changes`` to what is wanted, defaults left out."""
     fields: dict[str, Any] = {
         "q": wanted.text,
@@ -107,7 +103,7 @@ def link(wanted: Wanted, **changes: Any) -> str:
     return f"/?{urlencode(said, doseq=True)}" if said else "/"
 
 
-def _head(wanted: Wanted, sort: str) -> Mapping[str, str]:
+def _head(wanted: RankingFilter, sort: str) -> Mapping[str, str]:
     """Where a column's heading leads, and how the column is sorted now."""
     first = sort in LARGEST_FIRST
     chosen = wanted.sort == sort

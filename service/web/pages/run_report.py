@@ -9,7 +9,6 @@ from fastapi.responses import FileResponse
 
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.queries.run import read_run
 
 PAGE, MAINTENANCE = "report.html", "maintenance.html"
 PAGES = frozenset({PAGE, MAINTENANCE})
@@ -55,8 +54,7 @@ def report_folder(deps: Dependencies, number: int) -> Path | None:
     plant = deps.site.plant
     if plant is None or not 0 < number <= LARGEST_NUMBER:
         return None
-    with deps.reading() as session:
-        run = read_run(session, number)
+    run = deps.store.queue.find(number)
     if run is None or not run.report:
         return None
     home = plant.beside(plant.service.reports).resolve()

@@ -13,10 +13,9 @@ from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import Sent
 from stemwatch.service.web.dependencies import Dependencies, Deps
 from stemwatch.service.web.pages.run_report import TYPES, report_folder
-from stemwatch.service.web.queries.ranking import read_areas, valves_in
-from stemwatch.service.web.queries.run import read_run, read_set_aside
 
 MOST_RUNS = 100
+MOST_SET_ASIDE = 500
 
 router = APIRouter(include_in_schema=False)
 
@@ -30,8 +29,6 @@ def is_alive(run: StoredRun) -> bool:
 def run_list(request: Request, deps: Deps) -> HTMLResponse:
     """What goes on now, then the runs that are over, the newest first."""
     found = deps.store.queue.recent(MOST_RUNS)
-    with deps.reading() as session:
-        areas = read_areas(session)
     return deps.renderer.page(
         request,
         "runs_page.html",
@@ -40,7 +37,7 @@ def run_list(request: Request, deps: Deps) -> HTMLResponse:
         going=[run for run in found if is_alive(run)],
         over=[run for run in found if not is_alive(run)],
         schedules=deps.store.schedules.all(),
-        areas=areas,
+        areas=deps.store.areas(),
     )
 
 
@@ -49,9 +46,7 @@ def one_run(request: Request, deps: Deps) -> HTMLResponse:
     """One run with the valves that were set aside."""
     given = request.query_params.get("id", "")
     number = int(given) if given.isascii() and given.isdigit() and len(given) < 12 else 0
-    with deps.reading() as session:
-        run = read_run(session, number) if 0 < number <= LARGEST_NUMBER else None
-        aside = read_set_aside(session, number) if run else []
+    run = deps.store.queue.find(number) if 0 < number <= LARGEST_NUMBER else None
     if run is None:
         raise HTTPException(404, f"There is no run {given!r}.")
     return deps.renderer.page(
@@ -60,7 +55,7 @@ def one_run(request: Request, deps: Deps) -> HTMLResponse:
         here="runs",
         open_alerts=deps.open_alerts(),
         run=run,
-        aside=aside,
+        aside=deps.store.queue.set_aside(number, MOST_SET_ASIDE),
         report_files=_report_files(deps, number),
         alive=is_alive(run),
     )
@@ -78,8 +73,7 @@ def begin(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> R
     valves = [valve for valve in form.all("valve") if valve]
     area = form.text("area")
     if area:
-        with deps.reading() as session:
-            valves += valves_in(session, area)
+        valves += deps.store.valves_in(area)
         if not valves:
             raise HTTPException(422, f"no valve is known in the area {area!r}")
     deps.actions.run_now(valves, current_user.signature())

@@ -10,7 +10,6 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
-from sqlalchemy.orm import Session
 
 from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.recording import Role
@@ -20,9 +19,11 @@ from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
+from stemwatch.service.store.alerts.alerts import state_of
+from stemwatch.service.store.samples.tag_quality import BadSamples
 from stemwatch.service.store.screenings.records import StoredScreening, StoredValve, TrendPoint
 from stemwatch.service.store.screenings.restored import screening_of
-from stemwatch.service.store.screenings.screenings import read_last
+from stemwatch.service.store.store import Store
 from stemwatch.service.web.api.history import read_marks
 from stemwatch.service.web.api.signals import LONGEST, tags_of
 from stemwatch.service.web.auth.current_user import SignedIn
@@ -30,9 +31,6 @@ from stemwatch.service.web.auth.forms import Sent
 from stemwatch.service.web.dependencies import Dependencies, Deps
 from stemwatch.service.web.pages.ranking_page import bar_top
 from stemwatch.service.web.pages.run_report import MAINTENANCE, report_folder
-from stemwatch.service.web.queries import alerts, samples
-from stemwatch.service.web.queries.samples import Bad
-from stemwatch.service.web.queries.valve import read_history, read_indicators, read_valve
 
 OPENING = timedelta(hours=2)
 MOST_IN_TABLE = 40
@@ -57,14 +55,14 @@ class ShownScreening:
 def valve(request: Request, deps: Deps) -> HTMLResponse:
     """The page of one valve; ``id`` in the query names it."""
     name = deps.need_valve(request.query_params.get("id", ""))
-    with deps.reading() as session:
-        stored = read_valve(session, name) or _from_plant(deps, name)
-        shown = _shown(deps, session, name)
-        points = read_history(session, name)
-        marks = read_marks(session, name)
-        raised = alerts.read_alerts(session, "all", deps.now, valve=name)
-        opens, ends = _opening(deps, session, name, shown)
-        quality = _quality(deps, session, name, (opens, ends))
+    store = deps.store
+    stored = store.valve(name) or _from_plant(deps, name)
+    shown = _shown(store, name)
+    points = store.s_and_j(name)
+    marks = read_marks(store, name)
+    raised = store.alerts.in_state("all", deps.now, valve=name)
+    opens, ends = _opening(deps, name, shown)
+    quality = _quality(deps, name, (opens, ends))
     numbers = [shown.screening.S.value or 0.0, shown.screening.J.value or 0.0] if shown else [0.0]
     return deps.renderer.page(
         request,
@@ -80,7 +78,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         count=len(points),
         marks=marks[::-1],
         alerts=raised,
-        state_of=lambda alert: alerts.state_of(alert, deps.now),
+        state_of=lambda alert: state_of(alert, deps.now),
         opens=opens,
         ends=ends,
         spans=SPANS,
@@ -136,12 +134,12 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
     )
 
 
-def _shown(deps: Dependencies, session: Session, name: str) -> ShownScreening | None:
-    latest = read_last(session, name, 1)
+def _shown(store: Store, name: str) -> ShownScreening | None:
+    latest = store.screenings(name, 1)
     if not latest:
         return None
     stored = latest[0]
-    points = read_indicators(session, stored.id)
+    points = store.indicators(stored.id)
     indicators = {name: indicator_of(name, point) for name, point in points.items()}
     screening = screening_of(stored, indicators)
     found = screening.mismatch
@@ -150,7 +148,7 @@ def _shown(deps: Dependencies, session: Session, name: str) -> ShownScreening | 
         screening=screening,
         said=present(screening, stands=stands),
         stored=stored,
-        trend=change_since_last_run(screening, deps.store.previous_finding(screening)),
+        trend=change_since_last_run(screening, store.previous_finding(screening)),
         mismatch=None
         if found is None
         else mismatch_view(found, None, ANCHOR, name, stored.held_back),
@@ -184,39 +182,35 @@ def _sheet(deps: Dependencies, shown: ShownScreening) -> str | None:
 
 
 def _opening(
-    deps: Dependencies, session: Session, name: str, shown: ShownScreening | None
+    deps: Dependencies, name: str, shown: ShownScreening | None
 ) -> tuple[datetime, datetime]:
     """What the plots open on: the last two hours of the screened window, else of the samples."""
     start, end = shown.stored.window if shown else (None, None)
     if start is not None and end is not None:
         return max(start, end - OPENING), end
-    number = _op_number(deps, session, name)
-    bounds = None if number is None else samples.read_bounds(session, number)
-    end = deps.now if bounds is None else datetime.fromtimestamp(bounds[1] + 1.0, deps.now.tzinfo)
+    bounds = _op_bounds(deps, name)
+    end = deps.now if bounds is None else bounds[1] + timedelta(seconds=1)
     return end - OPENING, end
 
 
-def _op_number(deps: Dependencies, session: Session, name: str) -> int | None:
+def _op_bounds(deps: Dependencies, name: str) -> tuple[datetime, datetime] | None:
     tags = tags_of(deps.site, name)
     if Role.OP not in tags or deps.site.plant is None:
         return None
-    source = deps.site.plant.valves[name].source
-    return samples.tag_number(session, source, tags[Role.OP].tag)
+    return deps.store.samples.bounds(deps.site.plant.valves[name].source, tags[Role.OP].tag)
 
 
-def _quality(
-    deps: Dependencies, session: Session, name: str, window: tuple[datetime, datetime]
-) -> list[Bad]:
+def _quality(deps: Dependencies, name: str, window: tuple[datetime, datetime]) -> list[BadSamples]:
     """Good and bad samples of each tag in the plots' window, where the store has samples."""
-    if deps.site.plant is None or name not in deps.site.plant.valves:
+    plant = deps.site.plant
+    if plant is None or name not in plant.valves or window[1] - window[0] > LONGEST:
         return []
-    source = deps.site.plant.valves[name].source
-    found = []
-    for tag in tags_of(deps.site, name).values():
-        number = samples.tag_number(session, source, tag.tag)
-        if number is not None and window[1] - window[0] <= LONGEST:
-            found.append(samples.read_bad(session, number, tag.tag, *window))
-    return found
+    source = plant.valves[name].source
+    found = (
+        deps.store.samples.bad(source, tag.tag, *window)
+        for tag in tags_of(deps.site, name).values()
+    )
+    return [one for one in found if one is not None]
 
 
 def _roles(deps: Dependencies, name: str) -> list[tuple[str, str]]:

@@ -72,9 +72,7 @@ def site(filled: Store, tmp_path: Path) -> Site:
 
 def read(site: Site) -> Values:
     """Every value by its name and labels, as Prometheus reads the text."""
-    deps = SimpleNamespace(
-        site=site, store=site.store, now=site.clock(), reading=site.store.access.reading
-    )
+    deps = SimpleNamespace(site=site, store=site.store, now=site.clock())
     return {
         (one.name, frozenset(one.labels.items())): one.value
         for family in text_string_to_metric_families(metrics_text(deps).decode())

@@ -14,8 +14,8 @@ from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrations.versions import v0005_production
 from stemwatch.service.store.samples import partitions
+from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.partitions import DAY_US, DAYS_AHEAD, Layout
-from stemwatch.service.store.samples.samples import microseconds
 from stemwatch.service.store.store import Store, open_store
 from tests.service.store.made_rows import database_at
 

@@ -13,6 +13,7 @@ from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
+from stemwatch.service.store.store import Store
 
 NOT_SCREENED = "none"
 _GOING = (RunState.WAITING.value, RunState.RUNNING.value)
@@ -29,7 +30,7 @@ class LastRun:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figures:
+class StoreFigures:
     """What the store knows of runs, valves, alerts and messages, by the names of the labels."""
 
     runs: Mapping[str, int]  # by ``RunState``
@@ -41,11 +42,16 @@ class Figures:
     deliveries: Mapping[tuple[str, str], int]  # by notifier and state
 
 
-def read_figures(session: Session) -> Figures:
-    """All of it, as it stands now."""
+def figures_of(store: Store) -> StoreFigures:
+    """All of it, as it stands now. Raises ``StoreError``."""
+    with store.access.reading("counting") as session:
+        return _figures(session)
+
+
+def _figures(session: Session) -> StoreFigures:
     runs = _counts(session, select(RunRow.state, func.count()).group_by(RunRow.state))
     to_do = func.coalesce(func.sum(RunRow.total - RunRow.done), 0)
-    return Figures(
+    return StoreFigures(
         runs=runs,
         set_aside=session.scalar(select(func.coalesce(func.sum(RunRow.set_aside), 0))) or 0,
         valves_to_do=session.scalar(select(to_do).where(RunRow.state.in_(_GOING))) or 0,

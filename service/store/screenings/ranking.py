@@ -13,9 +13,8 @@ from sqlalchemy.orm import Session
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
-from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.wording import WORST_FIRST
-from stemwatch.service.store.screenings.held_back import remark_column
+from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
@@ -29,7 +28,7 @@ LARGEST_FIRST = ("criticality", "S", "J", "severity", "confidence", "at")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class RankingFilter:
     """Which valves, in which order. Empty filters keep everything; ``page`` counts from 1."""
 
     text: str = ""
@@ -43,7 +42,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class RankingLine:
     """A valve in the ranking; ``verdict`` is ``None`` where it was not screened yet."""
 
     place: int
@@ -65,10 +64,10 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ranking:
+class RankingPage:
     """One page, and how many valves there are of each verdict before that filter."""
 
-    lines: tuple[Line, ...]
+    lines: tuple[RankingLine, ...]
     counts: Mapping[str, int]
     total: int
     areas: tuple[str, ...]
@@ -80,7 +79,7 @@ def _joined(*columns: Any) -> Select[Any]:
     return select(*columns).select_from(ValveRow).outerjoin(ScreeningRow, latest)
 
 
-def _conditions(wanted: Wanted) -> list[ColumnElement[bool]]:
+def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
     """Every filter but that of the verdict, before which the verdicts are counted."""
     found: list[ColumnElement[bool]] = []
     for word in wanted.text.split():
@@ -93,7 +92,7 @@ def _conditions(wanted: Wanted) -> list[ColumnElement[bool]]:
     return found
 
 
-def _order(wanted: Wanted) -> list[Any]:
+def _order(wanted: RankingFilter) -> list[Any]:
     gravity = case(
         {verdict.value: place for place, verdict in enumerate(WORST_FIRST)},
         value=ScreeningRow.verdict,
@@ -148,7 +147,7 @@ _COLUMNS = (
 )
 
 
-def read_ranking(session: Session, wanted: Wanted) -> Ranking:
+def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     """One page of the ranking.
 
     The latest screenings are looked up once, with the few numbers that order and counts need; the
@@ -169,7 +168,7 @@ def read_ranking(session: Session, wanted: Wanted) -> Ranking:
             chosen.append((valve, number))
     first = (wanted.page - 1) * wanted.size
     shown = chosen[first : first + wanted.size]
-    return Ranking(
+    return RankingPage(
         lines=_lines(session, shown, first + 1),
         counts=counts,
         total=len(chosen),
@@ -180,7 +179,7 @@ def read_ranking(session: Session, wanted: Wanted) -> Ranking:
 
 def _lines(
     session: Session, shown: Sequence[tuple[str, int | None]], place: int
-) -> tuple[Line, ...]:
+) -> tuple[RankingLine, ...]:
     """The lines of these valves and screenings, in this order, counted from ``place``."""
     screenings = [number for _, number in shown if number is not None]
     of_valve = and_(ScreeningRow.valve == ValveRow.id, ScreeningRow.id.in_(screenings))
@@ -202,14 +201,14 @@ def read_areas(session: Session) -> tuple[str, ...]:
     return tuple(area for area in every if area)
 
 
-def valves_in(session: Session, area: str) -> list[str]:
+def read_valves_in(session: Session, area: str) -> list[str]:
     """The valves of one area, by id."""
     wanted = select(ValveRow.id).where(ValveRow.area == area).order_by(ValveRow.id)
     return list(session.scalars(wanted))
 
 
-def _line(row: Any, place: int, previous: PreviousFinding | None) -> Line:
-    return Line(
+def _line(row: Any, place: int, previous: PreviousFinding | None) -> RankingLine:
+    return RankingLine(
         place=place,
         valve=row.id,
         description=row.description,

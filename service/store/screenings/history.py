@@ -1,4 +1,4 @@
-"""One valve: its latest numbers, the numbers over time, its marks."""
+"""One valve over time: the numbers of a screening, S and J over months, its baselines."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.screenings.baselines import BASELINE
-from stemwatch.service.store.screenings.records import StoredValve, TrendPoint
-from stemwatch.service.store.screenings.rows import stored_valve
+from stemwatch.service.store.screenings.records import TrendPoint
 from stemwatch.service.store.screenings.tables import (
     IndicatorRow,
     NetworkRow,
     ScreeningRow,
-    ValveRow,
 )
 
 MOST_POINTS = 3000
@@ -50,17 +48,6 @@ class BaselineMark:
     active: bool
 
 
-def is_known(session: Session, valve: str) -> bool:
-    """Whether the store has a valve of this id."""
-    return session.scalar(select(ValveRow.id).where(ValveRow.id == valve)) is not None
-
-
-def read_valve(session: Session, valve: str) -> StoredValve | None:
-    """A valve, or ``None`` where the store has none of this id."""
-    row = session.get(ValveRow, valve)
-    return None if row is None else stored_valve(row)
-
-
 def read_indicators(session: Session, screening: int) -> Mapping[str, TrendPoint]:
     """The indicators of one screening, by name."""
     rows = select(IndicatorRow).where(IndicatorRow.screening_id == screening)
@@ -68,6 +55,22 @@ def read_indicators(session: Session, screening: int) -> Mapping[str, TrendPoint
         row.name: TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
         for row in session.scalars(rows.order_by(IndicatorRow.name))
     }
+
+
+def read_trend(
+    session: Session, valve: str, indicator: str, since: datetime | None
+) -> list[TrendPoint]:
+    """One indicator of one valve over time, oldest first."""
+    statement = select(IndicatorRow).where(
+        IndicatorRow.valve == valve, IndicatorRow.name == indicator
+    )
+    if since is not None:
+        statement = statement.where(IndicatorRow.at >= since)
+    rows = session.scalars(statement.order_by(IndicatorRow.at, IndicatorRow.screening_id))
+    return [
+        TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
+        for row in rows
+    ]
 
 
 def read_history(session: Session, valve: str, since: datetime | None = None) -> list[HistoryPoint]:
@@ -97,7 +100,7 @@ def read_history(session: Session, valve: str, since: datetime | None = None) ->
     return found[::-1]
 
 
-def read_baselines(session: Session, valve: str) -> list[BaselineMark]:
+def read_baseline_marks(session: Session, valve: str) -> list[BaselineMark]:
     """Every baseline of the valve, oldest first."""
     one = NetworkRow
     columns = (one.id, one.window_start, one.window_end, one.created, one.reason, one.active)
