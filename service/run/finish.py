@@ -12,7 +12,7 @@ from dataclasses import replace
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.held_back import Tested, hold_back, p_elsewhere
+from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
@@ -21,6 +21,7 @@ from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
 from stemwatch.service.run.spill import Worst
+from stemwatch.service.store.screenings.false_discoveries import Tested
 
 log = logging.getLogger(__name__)
 
