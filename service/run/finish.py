@@ -16,7 +16,7 @@ from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
-from stemwatch.service.maintenance.stored import background_of, screenings_of_run
+from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
@@ -93,7 +93,7 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
     every: Sequence[Screening] = executed.results
     if run.queued:
         here = executed.previous
-        rest = [one for one in screenings_of_run(run.store, run.number) if one.valve not in here]
+        rest = [one for one in run.store.screenings_of_run(run.number) if one.valve not in here]
         if rest:
             every = [*executed.results, *rest]
             facts = stored_maintenance.facts_of(run.store, run.plant, rest)
