@@ -19,7 +19,7 @@ from stemwatch.service.report.report_context import ReportContext, SourceNotRead
 from stemwatch.service.run.engine import facts_of
 from stemwatch.service.scheduler.run import ValveRun, missing_pictures
 from stemwatch.service.scheduler.workers import WorkerPool
-from stemwatch.service.store.screenings.false_discoveries import Tested
+from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +49,7 @@ def report_folder(run: ValveRun) -> Path:
 
 
 def _report(
-    run: ValveRun, pool: WorkerPool, stop: threading.Event, tested: Sequence[Tested]
+    run: ValveRun, pool: WorkerPool, stop: threading.Event, tested: Sequence[TestedScreening]
 ) -> str | None:
     limit = run.plant.service.report_valves
     wanted = run.store.worst_of_run(run.run.id, limit)
