@@ -56,6 +56,7 @@ class Look:
 
     @property
     def swing(self) -> float:
+        """The range of OP, 1st to 99th percentile, percent."""
         return self.op_high - self.op_low
 
 

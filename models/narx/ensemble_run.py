@@ -20,25 +20,39 @@ class Ensemble(Protocol):
     """What a run needs of a ``NarxNetwork``, which says what each of these is."""
 
     @property
-    def members(self) -> int: ...
+    def members(self) -> int:
+        """How many networks take part."""
+        ...
 
     @property
-    def hidden_units(self) -> int: ...
+    def hidden_units(self) -> int:
+        """Hidden units of each network."""
+        ...
 
     @property
-    def weights(self) -> Mapping[str, NDArray[np.float64]]: ...
+    def weights(self) -> Mapping[str, NDArray[np.float64]]:
+        """Arrays "hidden", "gate" and "value", one row for each member."""
+        ...
 
     @property
-    def scaling(self) -> Mapping[str, float]: ...
+    def scaling(self) -> Mapping[str, float]:
+        """The scales of error and change, centres and gain."""
+        ...
 
     @property
-    def ranges(self) -> Mapping[str, tuple[float, float]]: ...
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """Lowest and highest value in training, by signal."""
+        ...
 
     @property
-    def actuator(self) -> Mapping[str, float]: ...
+    def actuator(self) -> Mapping[str, float]:
+        """What OP passes before the network sees it."""
+        ...
 
     @property
-    def interval_s(self) -> float: ...
+    def interval_s(self) -> float:
+        """Seconds between samples."""
+        ...
 
 
 def run(

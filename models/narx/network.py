@@ -98,10 +98,12 @@ class NarxNetwork:
 
     @property
     def members(self) -> int:
+        """How many networks the ensemble has."""
         return int(self.weights["gate"].shape[0])
 
     @property
     def hidden_units(self) -> int:
+        """Hidden units of each of its networks."""
         return int(self.weights["gate"].shape[1]) - 1
 
     def free_run(

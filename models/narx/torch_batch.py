@@ -66,6 +66,7 @@ class Weights:
 
     @classmethod
     def split(cls, flat: Tensor, hidden: int) -> Weights:
+        """``flat`` (B, P), in the kernel's order, of networks with so many hidden units."""
         gate = hidden + INPUTS + 1
         rows = gate + hidden + 1
         return cls(

@@ -46,10 +46,12 @@ class TrainingRecord:
 
     @property
     def limits(self) -> tuple[float, float, float, float, float, float]:
+        """Where runs are clamped, in units of ``se``: error, increment, position; low, high."""
         return limits(self.ranges, self.scaling)
 
     @property
     def ratio(self) -> float:
+        """``se / sd``: the scale of the error over that of the change."""
         return self.scaling["error_scale"] / self.scaling["change_scale"]
 
 

@@ -83,7 +83,10 @@ def run_trial(
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:
-    """95 % interval of a share, Wilson (1927)."""
+    """95 % interval of ``hits`` in ``of``, as shares: Wilson (1927).
+
+    doi:10.1080/01621459.1927.10502953. Nothing counted is 0 to 1.
+    """
     if of == 0:
         return 0.0, 1.0
     z, share = 1.959964, hits / of

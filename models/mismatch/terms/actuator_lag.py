@@ -35,7 +35,7 @@ def lagged(command: Floats, marks: Marks, dt: float, tau_s: float, out: Floats) 
 
 
 class ActuatorLag(CommandTerm):
-    """See the module."""
+    """A first-order lag before the stem: one coordinate, the time constant ``tau`` in seconds."""
 
     slug = "actuator_lag"
     order = 20

@@ -45,7 +45,7 @@ def lagged_by_direction(
 
 
 class AsymmetricLag(CommandTerm):
-    """See the module."""
+    """A lag that differs by direction: two coordinates, ``tau_up`` and ``tau_down`` in seconds."""
 
     slug = "asymmetric_lag"
     order = 20

@@ -48,7 +48,7 @@ def limited_by_direction(
 
 
 class AsymmetricRateLimit(CommandTerm):
-    """See the module."""
+    """A speed limit that differs by direction: two slownesses in seconds per percent."""
 
     slug = "asymmetric_rate_limit"
     order = 30

@@ -24,7 +24,7 @@ MOST = 0.95
 
 
 class AsymmetricSlip(StemTerm):
-    """See the module."""
+    """Slips that differ by direction: one coordinate, the share ``a`` by which J is uneven."""
 
     slug = "asymmetric_slip"
     order = 20

@@ -25,7 +25,7 @@ MATERIAL = 0.8  # seconds, and samples
 
 
 class DeadTime(CommandTerm):
-    """See the module."""
+    """A command that arrives late: one coordinate, the delay ``theta`` in seconds."""
 
     slug = "dead_time"
     order = 10

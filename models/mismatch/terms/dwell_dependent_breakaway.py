@@ -43,7 +43,7 @@ def _growth(samples: int, interval_s: float) -> Floats:
 
 
 class DwellDependentBreakaway(StemTerm):
-    """See the module."""
+    """A breakaway that rises with rest: one coordinate, ``b`` in percent per e-fold."""
 
     slug = "dwell_dependent_breakaway"
     order = 20

@@ -32,7 +32,7 @@ _TABLE = _shape(stem_number.places())
 
 
 class FlowForce(StemTerm):
-    """See the module."""
+    """The fluid's force on the plug: one coordinate, ``U`` in percent of span."""
 
     slug = "flow_force"
     order = 10

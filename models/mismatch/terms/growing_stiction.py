@@ -24,7 +24,7 @@ MATERIAL_PERCENT = 0.2  # of span: growth of a stick band that nobody sees is no
 
 
 class GrowingStiction(StemTerm):
-    """See the module."""
+    """Friction that grows over the record: one coordinate, the share ``g`` of growth."""
 
     slug = "growing_stiction"
     order = 20

@@ -24,7 +24,7 @@ MATERIAL_PERCENT = 0.3  # of travel; good linkages have a tenth
 
 
 class LostMotion(StemTerm):
-    """See the module."""
+    """Play between stem and position sensor: one coordinate, its width ``b`` in percent."""
 
     slug = "lost_motion"
     order = 60

@@ -1,7 +1,7 @@
 """Low-speed re-stick: a stem slower than ``v_c`` sticks again. Neutral: ``v_c = 0``.
 
 ``v_c`` in %/s is the speed below which friction climbs back to its static level (Stribeck);
-infinity is He's model (2007), in which the stem sticks at every sample.
+infinity is He's model (2007, doi:10.1021/ie061219a), in which the stem sticks at every sample.
 
 Signature: a staircase on slow ramps, where the canonical element slides smoothly.
 """
@@ -25,7 +25,7 @@ MATERIAL_PERCENT_PER_S = 0.15
 
 
 class LowSpeedRestick(ReadingTerm):
-    """See the module."""
+    """A stem that sticks again when slow: one coordinate, the speed ``v_c`` in %/s."""
 
     slug = "low_speed_restick"
     order = 30

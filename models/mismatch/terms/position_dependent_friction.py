@@ -35,7 +35,7 @@ def add_bump(places: Floats, height: float, place: float, width: float, table: F
 
 
 class PositionDependentFriction(StemTerm):
-    """See the module."""
+    """A tight spot: three coordinates, height, place and width of it in percent."""
 
     slug = "position_dependent_friction"
     order = 20

@@ -42,7 +42,7 @@ def limited(command: Floats, marks: Marks, dt: float, slowness: float, out: Floa
 
 
 class RateLimit(CommandTerm):
-    """See the module."""
+    """A speed limit of the actuator: one coordinate, the slowness ``1/R`` in s/%."""
 
     slug = "rate_limit"
     order = 30

@@ -27,7 +27,7 @@ MATERIAL_PERCENT = 0.5  # over the record; what a calibration would find and cor
 
 
 class SensorDrift(StemTerm):
-    """See the module."""
+    """A reading that wanders: a straight drift and three slow waves, percent."""
 
     slug = "sensor_drift"
     order = 70

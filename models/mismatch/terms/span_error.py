@@ -22,7 +22,7 @@ MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its m
 
 
 class SpanError(ReadingTerm):
-    """See the module."""
+    """A wrong span of the reading: one coordinate, its gain less 1."""
 
     slug = "span_error"
     order = 80

@@ -21,7 +21,7 @@ MATERIAL_PERCENT_PER_S = 0.004  # 1 % of travel in four minutes: a loop has to w
 
 
 class StemCreep(StemTerm):
-    """See the module."""
+    """A stem that moves on at rest: one coordinate, its speed in %/s."""
 
     slug = "stem_creep"
     order = 40

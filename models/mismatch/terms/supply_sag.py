@@ -47,7 +47,7 @@ def sagged(
 
 
 class SupplySag(CommandTerm):
-    """See the module."""
+    """A weak air supply: two coordinates, the share that is missing and its recovery in seconds."""
 
     slug = "supply_sag"
     order = 40

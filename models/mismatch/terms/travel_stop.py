@@ -26,7 +26,7 @@ SOME = 0.1  # percent; the nearest to an end at which a start puts a stop
 
 
 class TravelStop(StemTerm):
-    """See the module."""
+    """Stops inside the stroke: two coordinates, how far inside each stands, percent."""
 
     slug = "travel_stop"
     order = 50

@@ -62,7 +62,7 @@ def overshoot(zeta: float) -> float:
 
 
 class UnderdampedPositioner(CommandTerm):
-    """See the module."""
+    """A ringing positioner: natural frequency in rad/s and damping ratio."""
 
     slug = "underdamped_positioner"
     order = 25

@@ -24,7 +24,7 @@ MATERIAL_S = 0.7  # a slip that takes less is how good valves are
 
 
 class ViscousDrag(StemTerm):
-    """See the module."""
+    """Drag on a moving stem: one coordinate, the time constant ``tau_v`` in seconds."""
 
     slug = "viscous_drag"
     order = 30

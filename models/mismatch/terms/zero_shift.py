@@ -22,7 +22,7 @@ MATERIAL_PERCENT = 0.4  # of travel; positioners are set to within a quarter of 
 
 
 class ZeroShift(ReadingTerm):
-    """See the module."""
+    """A wrong zero of the reading: one coordinate in percent."""
 
     slug = "zero_shift"
     order = 80

@@ -16,8 +16,8 @@ from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.studies.literature.model import values_of
 from stemwatch.service.cli.compare import compare as command
-from stemwatch.service.comparison.compare_models import NETWORKS, compare
-from stemwatch.service.comparison.comparison_html import html_bytes
+from stemwatch.service.studies.comparison.compare_models import NETWORKS, compare
+from stemwatch.service.studies.comparison.comparison_html import html_bytes
 
 
 @pytest.fixture(scope="module")

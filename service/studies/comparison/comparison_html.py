@@ -15,11 +15,11 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from stemwatch.models.recording import Floats
-from stemwatch.service.comparison.compare_models import Comparison, ModelRow
 from stemwatch.service.report.charts.thinning import ThinningGrid, lowest_and_highest
+from stemwatch.service.studies.comparison.compare_models import Comparison, ModelRow
 
 SHOWN_FIRST = 3  # models drawn before a reader chooses: the best
-HERE, REPORT = "stemwatch.service.comparison", "stemwatch.service.report"
+HERE, REPORT = "stemwatch.service.studies.comparison", "stemwatch.service.report"
 
 
 def html_bytes(comparison: Comparison) -> bytes:
