@@ -1,4 +1,4 @@
-"""``ScreeningSchedule``: what is screened when. A plant file makes them without loading SQLAlchemy."""
+"""``ScreeningSchedule``: what is screened when. Made from a plant file without a database."""
 
 from __future__ import annotations
 
