@@ -104,7 +104,7 @@ def test_devices_are_part_of_what_verdicts_depend_on(tmp_path: Path) -> None:
         ('[[schedules]]\nname = "s"\nevery_s = 60\nareas = ["900"]', "unknown area '900'"),
         ('[[schedules]]\nname = "s"\nevery_s = 60\nvalves = ["X"]', "unknown valve 'X'"),
         ('[[schedules]]\nname = "s"\nevrey_s = 60', "did you mean 'every_s'?"),
-        ('[[notifiers]]\nname = "n"\nkind = "pager"', '"mail", "webhook" or "file"'),
+        ('[[notifiers]]\nname = "n"\nkind = "pager"', "one of 'file', 'mail', 'webhook'"),
         ('[[notifiers]]\nname = "n"\nkind = "mail"\nhost = "h"', "host, sender, to for mail"),
         ('[[notifiers]]\nname = "n"\nkind = "webhook"\nurl = "ftp://x"', "http:// or https://"),
         (
