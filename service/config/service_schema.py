@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 from stemwatch.service.config.cron import CronTimes
 from stemwatch.service.config.problems import contradiction
 from stemwatch.service.config.schema import Name, Positive, Table
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 NOTIFIERS = "stemwatch.notifiers"
 Severity = Literal["high", "medium", "low"]
@@ -52,10 +52,10 @@ class ScheduleTable(Table):
             raise contradiction(("cron",), found, "one of the two")
         return self
 
-    def schedule(self) -> Schedule:
+    def schedule(self) -> ScreeningSchedule:
         """The schedule as the store keeps it."""
         values = self.model_dump() | {"areas": tuple(self.areas), "valves": tuple(self.valves)}
-        return Schedule(**values)
+        return ScreeningSchedule(**values)
 
 
 class AlertRules(Table):

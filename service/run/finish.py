@@ -21,7 +21,7 @@ from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
 from stemwatch.service.run.spill import Worst
-from stemwatch.service.store.screenings.false_discoveries import Tested
+from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +54,7 @@ def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles 
 
 
 def _write(
-    run: Run, executed: Executed, not_read: NotRead, tested: Sequence[Tested]
+    run: Run, executed: Executed, not_read: NotRead, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
     context = _context(run, executed, not_read)
     if run.shown is None:
@@ -72,7 +72,7 @@ def _write(
 
 
 def _write_worst(
-    run: Run, worst: Worst, context: ReportContext, tested: Sequence[Tested]
+    run: Run, worst: Worst, context: ReportContext, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
     """The report of the worst valves only, which says what it leaves out."""
     shown = [one.valve for one in worst]
