@@ -17,7 +17,6 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
 from stemwatch.models.narx.example import NarxExample
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator import (
     PlantLoop,
@@ -124,6 +123,8 @@ def run_drift(
 def follow_batch(batch: DriftBatch) -> list[Followed]:
     """Simulate the baseline windows, train on them, simulate the later windows and score them."""
     first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
+    from stemwatch.models.narx.training import train
+
     fits = train([_example(recording) for recording in first])
     return [
         _follow(batch.seed, at, loop, way, fit.network, fit.reason or "")
