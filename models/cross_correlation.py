@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from stemwatch.models.recording import Floats
-
-# A spectrum is quick where its length has no factor but 2, 3 and 5; these are times a power of 2.
-_ODD_FACTORS: tuple[int, ...] = tuple(
-    3**threes * 5**fives for threes in range(5) for fives in range(4)
-)
 
 
 def lagged_products(first: Floats, second: Floats, lags: int) -> Floats:
@@ -17,12 +13,7 @@ def lagged_products(first: Floats, second: Floats, lags: int) -> Floats:
 
     By a spectrum that is padded just far enough for the wanted lags not to wrap round.
     """
-    size = quick_length(first.size + lags - 1)
+    size = next_fast_len(first.size + lags - 1, real=True)
     spectrum = np.fft.rfft(first, size)
     other = spectrum if second is first else np.fft.rfft(second, size)
     return np.asarray(np.fft.irfft(np.conj(spectrum) * other, size)[:lags])
-
-
-def quick_length(least: int) -> int:
-    """``least`` samples (1 or more) or little more: a length with a quick spectrum."""
-    return min(odd << (-(-least // odd) - 1).bit_length() for odd in _ODD_FACTORS)

@@ -71,6 +71,7 @@ class Slips:
 
     @property
     def count(self) -> int:
+        """How many jumps there are."""
         return int(self.begins.size)
 
 

@@ -1,4 +1,15 @@
-"""Where the position reading was frozen: repeats to the last bit that friction cannot make."""
+"""Where the position reading was frozen: exact repeats that neither noise nor friction can make.
+
+Two questions are asked, at different times and with different knowledge.
+
+``frozen_runs`` comes before anything is fitted: can this recording be judged at all, and which
+samples must no fit see? How far friction could hold the stem is not known yet, so a run of a coarse
+reading is compared with the valve's other rests, and only a gross one is masked.
+
+``frozen_samples`` comes when the mismatch is explained: is a transmitter that freezes one of the
+record's effects? By then it is known whether the archive drew or held values, and how far OP goes
+without the stem on the rest of the record, so that a shorter freeze can be told from a rest.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +20,34 @@ from stemwatch.models.excitation import ranges
 from stemwatch.models.forensics import repeat_share, turns_like_noise
 from stemwatch.models.recording import Bools, Floats, Recording
 
-FROZEN_S = 30.0  # a noisy transmitter does not repeat itself to the last bit for this long
-FROZEN_SAMPLES = 20
+# A noisy transmitter does not repeat itself to the last bit for this long.
+FROZEN_S, FROZEN_SAMPLES = 30.0, 20
+# Before a fit.
 MOST_REPEATS = 0.3  # a reading that repeats itself less often than this has noise
+LEAST_REPEATS = 4  # samples of a run that counts as one of the valve's rests
 LEAST_TURNS = 100  # samples by which the noise is judged
+TIMES_USUAL, LEAST_MOVED = 4.0, 6.0  # OP moves so many times as far as in other rests; percent
+# When the mismatch is explained.
+LEAST_TURNS_EXPLAINED = 60
+LONGER = 5.0  # times the usual long repeat of the reading that a frozen one lasts
+LASTING = (10.0, 90.0)  # percentiles of OP within a run
+BAND_MARGIN, BAND_EXTRA = 1.5, 1.0  # times the stem's band, plus percent, that OP must move
 
 
-def _run_edges(flags: Bools) -> NDArray[np.int64]:
-    """(m, 2) first and last + 1 of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
-    return np.asarray(edges.reshape(-1, 2), dtype=np.int64)
+def repeated(values: Floats) -> NDArray[np.int64]:
+    """(m, 2) first and last + 1 of each run of equal values (n,), its first sample included."""
+    same = np.concatenate(([0], (np.diff(values) == 0.0).astype(np.int8), [0]))
+    edges = np.flatnonzero(np.diff(same)).reshape(-1, 2)
+    return np.column_stack((edges[:, 0], edges[:, 1] + 1)).astype(np.int64)
+
+
+def _long(length: NDArray[np.int64], interval_s: float) -> Bools:
+    """(m,) which runs of so many samples last too long for a reading with noise."""
+    return np.asarray(length >= max(FROZEN_SAMPLES, round(FROZEN_S / interval_s)))
 
 
 def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
-    """Runs in which the position reading was frozen: bit-exact repeats that friction cannot make.
+    """[first, last) of each run in which the position was frozen, as known before any fit.
 
     Where the reading has noise, any long exact repeat is frozen. A coarse reading repeats itself
     whenever the stem rests, so there a run counts only while OP moves four times as far as in the
@@ -31,16 +56,15 @@ def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
     if recording.mv is None:
         return []
     mv, op = recording.mv.values, recording.op.values
-    same = np.concatenate(([False], np.diff(mv) == 0.0))
-    runs = _run_edges(same) - (1, 0)  # the sample that is repeated belongs to the run
+    runs = repeated(mv)
     length = runs[:, 1] - runs[:, 0]
-    runs, length = runs[length > 3], length[length > 3]
-    long = length >= max(FROZEN_SAMPLES, round(FROZEN_S / recording.interval_s))
+    runs, length = runs[length >= LEAST_REPEATS], length[length >= LEAST_REPEATS]
+    long = _long(length, recording.interval_s)
     if not long.any():
         return []
     if not _noisy(mv, runs[long]):
         moved = ranges(op, runs)
-        long &= moved > np.maximum(4.0 * _usual_of_others(moved, length), 6.0)
+        long &= moved > np.maximum(TIMES_USUAL * _usual_of_others(moved, length), LEAST_MOVED)
     return [(int(a), int(b)) for a, b in runs[long]]
 
 
@@ -64,3 +88,41 @@ def _usual_of_others(moved: Floats, length: NDArray[np.int64]) -> Floats:
     usual = np.empty(order.size)
     usual[order] = np.where(total[-1] > own, moved[order][place], 0.0)
     return usual
+
+
+def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: bool) -> Bools:
+    """(n,) True where the reading was frozen; the first sample of a run is its last true one.
+
+    A run of exact repeats of at least 30 s is frozen where the reading shows noise everywhere else
+    and never repeats itself for a fifth as long, or where OP moves within it by more than one and a
+    half times the band in which friction could hold the stem, plus 1 %. Where the archive drew or
+    held values (``compressed``), only the second counts.
+    """
+    frozen = np.zeros(mv.size, dtype=bool)
+    runs = repeated(mv)
+    length = runs[:, 1] - runs[:, 0]
+    long = _long(length, interval_s)
+    if not long.any():
+        return frozen
+    outside = np.isfinite(mv) & np.isfinite(op)
+    for first, last in runs[long]:
+        outside[first + 1 : last] = False
+    noisy = not compressed and turns_like_noise(mv, runs[long], LEAST_TURNS_EXPLAINED)
+    usual = float(np.percentile(length[~long], 99.0)) if (~long).any() else 1.0
+    band = _band(op, mv, outside)
+    for first, last in runs[long]:
+        by_noise = noisy and last - first >= LONGER * usual
+        moved = op[first:last][np.isfinite(op[first:last])]
+        # A kick of a second or two is over before the stem can answer.
+        far = float(np.ptp(np.percentile(moved, LASTING))) if moved.size else 0.0
+        if by_noise or far > BAND_MARGIN * band + BAND_EXTRA:
+            frozen[first + 1 : last] = True
+    return frozen
+
+
+def _band(op: Floats, mv: Floats, outside: Bools) -> float:
+    """Range of OP over which the stem was seen not to follow, percent: of ``op - mv`` elsewhere."""
+    if np.count_nonzero(outside) < LEAST_TURNS_EXPLAINED:
+        return float("inf")
+    low, high = np.percentile((op - mv)[outside], (2.0, 98.0))
+    return float(high - low)

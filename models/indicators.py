@@ -8,6 +8,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing, travel
+from stemwatch.models.indicator_meanings import MEANINGS
 from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Indicator, Residual
@@ -18,24 +19,25 @@ from stemwatch.models.stickslip.fit import StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
 
 
-def _one(
-    name: str, value: float | None, unit: str, meaning: str, worse: str = "up"
-) -> list[Indicator]:
+def _one(name: str, value: float | None, unit: str) -> list[Indicator]:
     """The indicator, or nothing where the number is not known."""
     if value is None or not np.isfinite(value):
         return []
+    meaning, worse = MEANINGS[name]
     return [Indicator(name=name, value=float(value), unit=unit, meaning=meaning, worse=worse)]
 
 
-def _estimated(name: str, estimate: Estimate, meaning: str) -> list[Indicator]:
+def _estimated(name: str, estimate: Estimate) -> list[Indicator]:
     if estimate.value is None:
         return []
+    meaning, worse = MEANINGS[name]
     return [
         Indicator(
             name=name,
             value=estimate.value,
             unit=estimate.unit,
             meaning=meaning,
+            worse=worse,
             low=estimate.low,
             high=estimate.high,
         )
@@ -49,15 +51,14 @@ def of_recording(recording: Recording) -> list[Indicator]:
     threshold = max(0.1 * far, 0.2)
     usable = 100.0 * float(recording.usable.mean()) if len(recording) else 0.0
     found = [
-        *_one("op_swing_percent", far, "%", "Range of OP, 1st to 99th percentile", "none"),
-        *_one("op_reversals", float(reversals(op, threshold).size), "", "Times OP turned round"),
-        *_one("usable_percent", usable, "%", "Share of samples a fit could use", "down"),
+        *_one("op_swing_percent", far, "%"),
+        *_one("op_reversals", float(reversals(op, threshold).size), ""),
+        *_one("usable_percent", usable, "%"),
     ]
     cycle = signal_oscillation(recording.op, recording.interval_s)
     if cycle is not None and cycle.regular:
-        found += _one("loop_period_s", cycle.period_s, "s", "Period of OP's oscillation", "none")
-        text = "Regularity of OP's oscillation, above 1 is regular"
-        found += _one("loop_regularity", cycle.regularity, "", text)
+        found += _one("loop_period_s", cycle.period_s, "s")
+        found += _one("loop_regularity", cycle.regularity, "")
     return found
 
 
@@ -69,13 +70,13 @@ def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
     count = float(events.count)
     turns = float(reversals(problem.mv, threshold).size)
     return [
-        *_one("slip_count", count, "", "Jumps of the stem from rest"),
-        *_one("slips_per_hour", count / hours, "1/h", "Jumps of the stem per hour"),
-        *_one("jumped_percent", 100.0 * events.share, "%", "Share of its way made in jumps"),
-        *_one("mv_reversals", turns, "", "Times the stem turned round"),
-        *_one("travel_percent", far, "%", "Way of the stem, noise left out"),
-        *_one("travel_per_hour_percent", far / hours, "%/h", "Way of the stem per hour"),
-        *_one("position_noise_percent", problem.sigma, "%", "Noise of the position", "none"),
+        *_one("slip_count", count, ""),
+        *_one("slips_per_hour", count / hours, "1/h"),
+        *_one("jumped_percent", 100.0 * events.share, "%"),
+        *_one("mv_reversals", turns, ""),
+        *_one("travel_percent", far, "%"),
+        *_one("travel_per_hour_percent", far / hours, "%/h"),
+        *_one("position_noise_percent", problem.sigma, "%"),
     ]
 
 
@@ -89,13 +90,13 @@ def of_friction(fit: StickSlipFit, S: Estimate, J: Estimate) -> list[Indicator]:
     naive_J = naive_S * float(fit.naive[coordinate.RATIO])
     zero = float(fit.candidate[coordinate.ZERO])
     found = [
-        *_estimated("S_percent", S, "Deadband plus stickband, percent of OP span"),
-        *_estimated("J_percent", J, "Slip jump, percent of OP span"),
-        *_one("S_of_swing_percent", share, "%", "S in percent of OP's own swing"),
-        *_one("dead_band_percent", max(fit.S - fit.J, 0.0), "%", "Dead band, S - J"),
-        *_one("naive_S_percent", naive_S, "%", "S of S and J alone", "none"),
-        *_one("naive_J_percent", naive_J, "%", "J of S and J alone", "none"),
-        *_one("position_zero_percent", zero, "%", "Position minus OP, at rest", "none"),
+        *_estimated("S_percent", S),
+        *_estimated("J_percent", J),
+        *_one("S_of_swing_percent", share, "%"),
+        *_one("dead_band_percent", max(fit.S - fit.J, 0.0), "%"),
+        *_one("naive_S_percent", naive_S, "%"),
+        *_one("naive_J_percent", naive_J, "%"),
+        *_one("position_zero_percent", zero, "%"),
     ]
     return [*found, *(_of_actuator(fit) if fit.hypothesis == "both" else [])]
 
@@ -104,36 +105,22 @@ def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
     """Only where the recording asks for more than friction."""
     c = fit.candidate
     found = [
-        *_one(
-            "dead_time_s", float(c[coordinate.DEAD_TIME_S]), "s", "Command to stem, or a clock skew"
-        ),
-        *_one("lag_rising_s", float(c[coordinate.LAG_UP_S]), "s", "Actuator lag, position rising"),
-        *_one(
-            "lag_falling_s", float(c[coordinate.LAG_DOWN_S]), "s", "Actuator lag, position falling"
-        ),
+        *_one("dead_time_s", float(c[coordinate.DEAD_TIME_S]), "s"),
+        *_one("lag_rising_s", float(c[coordinate.LAG_UP_S]), "s"),
+        *_one("lag_falling_s", float(c[coordinate.LAG_DOWN_S]), "s"),
     ]
     for name, speed in shown_speed_limits(fit).items():
-        text = f"Top speed of the stem, position {name}"
-        found += _one(f"speed_{name}_percent_per_s", speed, "%/s", text, "down")
+        found += _one(f"speed_{name}_percent_per_s", speed, "%/s")
     return found
 
 
 def of_residuals(residuals: Mapping[str, Residual | None], ratio: float | None) -> list[Indicator]:
     """What the models leave unexplained on data they were not fitted to."""
-    words = {
-        "stiction": "the stick-slip model",
-        "narx": "the NARX network",
-        "baseline": "the baseline network",
-    }
     found: list[Indicator] = []
     for name, residual in residuals.items():
         if residual is None:
             continue
-        text = f"Residual of {words[name]}, free run, held out"
-        found += _one(f"{name}_rmse_percent", residual.rmse, "%", text)
-        text = f"Fit of {words[name]}, free run, held out"
-        found += _one(f"{name}_fit_percent", residual.fit_percent, "%", text, "down")
-        text = f"Residual of {words[name]}, one step ahead"
-        found += _one(f"{name}_one_step_rmse_percent", residual.one_step, "%", text)
-    text = "Residual of the baseline network against its own window"
-    return [*found, *_one("baseline_ratio", ratio, "", text)]
+        found += _one(f"{name}_rmse_percent", residual.rmse, "%")
+        found += _one(f"{name}_fit_percent", residual.fit_percent, "%")
+        found += _one(f"{name}_one_step_rmse_percent", residual.one_step, "%")
+    return [*found, *_one("baseline_ratio", ratio, "")]

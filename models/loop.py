@@ -26,6 +26,7 @@ class Oscillation:
 
     @property
     def regular(self) -> bool:
+        """Whether the regularity is above 1, the usual limit of an oscillation."""
         return self.regularity > REGULAR
 
 

@@ -182,10 +182,12 @@ class Recording:
 
     @property
     def op(self) -> Signal:
+        """The controller output, which every recording has."""
         return self.signals[Role.OP]
 
     @property
     def mv(self) -> Signal | None:
+        """The valve position, or ``None`` where it is not recorded."""
         return self.signals.get(Role.MV)
 
     @cached_property
@@ -201,6 +203,7 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
+        """Seconds from the first sample to just after the last."""
         return len(self) * self.interval_s
 
     @property

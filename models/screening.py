@@ -28,7 +28,8 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
-from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
+from stemwatch.models.narx.architecture import StickSlipStart
+from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess
 from stemwatch.models.record_facts import still_seen

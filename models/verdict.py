@@ -14,6 +14,10 @@ class Verdict(StrEnum):
     UNDETERMINED = "undetermined"
 
 
+# In the order in which valves are looked at: one that cannot be judged before one that is healthy.
+WORST_FIRST = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
+
+
 class Shape(StrEnum):
     """The four shapes of the OP-MV loop (Choudhury 2005; Zabiri et al., section IV)."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from datetime import UTC, datetime
@@ -30,6 +29,7 @@ from stemwatch.results import (
     explained,
     screened,
 )
+from stemwatch.service.config.problems import nearest
 
 if TYPE_CHECKING:
     from stemwatch.service.explain.explained import Explained
@@ -410,7 +410,6 @@ def _limits(given: Mapping[str, float] | None) -> Limits:
     known = [one.name for one in fields(Limits)]
     for name in given or {}:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            meant = f" (did you mean {near[0]!r}?)" if near else ""
-            raise ValueError(f"limits: {name!r} is no limit{meant}; expected some of {known}")
+            near = nearest(name, known)
+            raise ValueError(f"limits: {name!r} is no limit{near}; expected some of {known}")
     return Limits(**{name: float(value) for name, value in (given or {}).items()})

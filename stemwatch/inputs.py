@@ -336,19 +336,31 @@ def _of_arrays(said: InputOptions) -> Recording:
             "arrays bear no times; say interval_s=, the seconds between samples, or hand over "
             "pandas Series with a time index"
         )
-    index = timed[0] if timed else None
-    frame = pd.DataFrame(
-        {
-            role.value: one
-            if isinstance(one, pd.Series) or index is None
-            else pd.Series(one, index=index)
-            for role, one in signals.items()
-        }
-    )
+    frame = _side_by_side(signals, timed[0] if timed else None)
     table = DataFrameSource(frame, where="arrays", zone=said.zone, interval_s=said.interval_s)
     tags = {role: said.mapping(role, role.value) for role in signals}
     valve = ValveTags(valve=said.valve or "valve", tags=tags)
     return _checked(table.read(valve, said.window), said)
+
+
+def _side_by_side(
+    signals: Mapping[Role, pd.Series | npt.NDArray[np.float64]], index: pd.Index | None
+) -> pd.DataFrame:
+    """A column for each signal; Series by their times, arrays by their place."""
+    columns = {
+        role.value: one if isinstance(one, pd.Series) else pd.Series(one, index=index)
+        for role, one in signals.items()
+    }
+    first = next(iter(columns.values())).index
+    for name, one in columns.items():
+        if not one.index.is_unique and any(not one.index.equals(x.index) for x in columns.values()):
+            raise ValueError(
+                f"{name}: its times repeat, so that it cannot be laid beside the others; drop them "
+                "with series[~series.index.duplicated()], or hand over one DataFrame"
+            )
+    if all(one.index.equals(first) for one in columns.values()):
+        return pd.DataFrame(columns, index=first)
+    return pd.concat(columns, axis="columns", sort=False)
 
 
 def _vector(role: Role, given: npt.ArrayLike) -> pd.Series | npt.NDArray[np.float64]:

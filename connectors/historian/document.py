@@ -12,6 +12,10 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
 MAX_TEXT_BYTES = 4 * 1024**3
+# Exports of measurements pack 5 to 50 times; what unpacks to more than this many times its size,
+# once that is no longer little, is no export, or one that is made to fill the memory.
+MAX_EXPANSION = 200
+EXPANSION_ALLOWED_BYTES = 256 * 1024**2
 _CHUNK = 1 << 16
 _GZIP = b"\x1f\x8b"
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
@@ -102,9 +106,15 @@ def _unpack(raw: bytes, parts: list[bytes], path: Path) -> None:
     size = at = 0
     while at < len(raw):
         chunk = raw[at : at + _CHUNK]
-        parts.append(unpacker.decompress(chunk))
+        parts.append(unpacker.decompress(chunk))  # at most 64 MiB: gzip packs 1,032 times
         at += len(chunk) - len(unpacker.unused_data)
         size += len(parts[-1])
+        if size > max(EXPANSION_ALLOWED_BYTES, MAX_EXPANSION * len(raw)):
+            raise UnreadableSource(
+                f"{path}: unpacks to more than {MAX_EXPANSION} times its size: {size >> 20} MB "
+                f"from {at >> 10} kB; expected an export, whose measurements pack 5 to 50 times. "
+                "If it is one, unpack it and split it"
+            )
         if size > MAX_TEXT_BYTES:
             raise UnreadableSource(
                 f"{path}: unpacks to more than {MAX_TEXT_BYTES >> 30} GiB; split the export"

@@ -21,7 +21,7 @@ from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.studies.literature.model import ValveModel, values_of
 from stemwatch.models.studies.literature.networks.fit import fit_network
 from stemwatch.models.studies.literature.networks.network import Network
-from stemwatch.service.comparison.compare_models import NETWORKS
+from stemwatch.service.studies.comparison.compare_models import NETWORKS
 
 HERE = Path(__file__).parent
 SAMPLES = 360

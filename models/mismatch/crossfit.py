@@ -1,7 +1,8 @@
 """Cross-fitting: each hypothesis is fitted twice, and judged on the blocks it was not fitted to.
 
 Blocks of time alternate between two folds. A search sees one fold only; the score of a block comes
-from the fit to the other one. Both folds, and all places that a search begins from, go in step.
+from the fit to the other one, as Chernozhukov and co-workers do (2018, doi:10.1111/ectj.12097).
+Both folds, and all places that a search begins from, go in step.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ class Fitted:
 
     @property
     def slugs(self) -> tuple[str, ...]:
+        """The slugs of the terms that were fitted, in the order of the chain."""
         return self.layout.hypothesis.slugs
 
     def values(self, slug: str) -> Floats:

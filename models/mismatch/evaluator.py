@@ -62,6 +62,7 @@ class TermSet:
 
     @property
     def slugs(self) -> tuple[str, ...]:
+        """The slugs of the terms, in the order of the chain."""
         return tuple(term.slug for term in self.terms)
 
     def plus(self, term: Term) -> TermSet:
@@ -83,6 +84,7 @@ class CoordinateLayout:
 
     @property
     def size(self) -> int:
+        """How many coordinates a candidate has: six of the base, and those of the terms."""
         return int(self.bounds.low.size)
 
     @cached_property

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.block_bootstrap import COVERAGE, block_weights
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.base_fit import fit_naive, naive_evaluator, naive_layout
 from stemwatch.models.mismatch.batched_search import Search, conclude
@@ -128,8 +129,7 @@ def _interval(
     squares = (naive**2, extended**2, centred)
     sums = np.array([np.bincount(place, weights=w, minlength=numbers.size) for w in squares])
     rng = np.random.default_rng(5)
-    share = np.full(numbers.size, 1.0 / numbers.size)
-    weights = rng.multinomial(numbers.size, share, size=REPLICATES)
+    weights = block_weights(np.bincount(place), REPLICATES, rng)
     before, after, spread = np.sqrt(np.maximum(sums @ weights.T, 1e-12))
-    low, high = np.percentile(100.0 * (before - after) / spread, (2.5, 97.5))
+    low, high = np.percentile(100.0 * (before - after) / spread, COVERAGE)
     return float(low), float(high)

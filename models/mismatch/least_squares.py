@@ -1,5 +1,7 @@
 """Robust least squares by Levenberg and Marquardt, with differences in place of derivatives.
 
+Levenberg (1944), doi:10.1090/qam/10666; Marquardt (1963), doi:10.1137/0111030.
+
 With the breakaways assimilated, the residual of a run is nearly smooth in its parameters (what
 jumps are single samples), so that a few dozen runs reach an optimum for which a population needs
 hundreds. The loss is Cauchy's, by reweighting; a breakaway's distance from its level is a residual

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.forensics import noise_sigma, quantum, repeat_share
+from stemwatch.models.frozen import frozen_samples
 from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, held_reports
 from stemwatch.models.mismatch.findings import RecordEffect
-from stemwatch.models.mismatch.frozen import frozen_samples
 from stemwatch.models.recording import Bools, Floats, Recording, Role
 from stemwatch.models.words import share
 

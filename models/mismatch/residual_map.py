@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtr
 
+from stemwatch.models.block_bootstrap import block_weights
 from stemwatch.models.mismatch.findings import Cell
 from stemwatch.models.recording import Bools, Floats
 
@@ -56,8 +57,7 @@ class BlockSums:
 def _draws(blocks: int) -> Floats:
     """(400, b) how often each block is drawn in each replicate."""
     rng = np.random.default_rng([_SEED, blocks])
-    drawn = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=REPLICATES)
-    return np.asarray(drawn, dtype=np.float64)
+    return block_weights(np.ones(blocks), REPLICATES, rng)
 
 
 def clipped(residual: Floats, scored: Bools) -> Floats:

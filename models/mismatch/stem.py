@@ -1,7 +1,8 @@
 """The stem: its equations, and the numbers and tables that the terms of a hypothesis fill.
 
-The element is the canonical one of Choudhury, Thornhill and Shah (2005): levels
-``fs = (S + J)/2`` and ``fd = (S - J)/2``, ``F = p - x - force(x)``. What is added to it:
+The element is the canonical one of Choudhury, Thornhill and Shah (2005,
+doi:10.1016/j.conengprac.2004.05.005): levels ``fs = (S + J)/2`` and ``fd = (S - J)/2``,
+``F = p - x - force(x)``. What is added to it:
 
 - whether a moving stem sticks again is decided by its own speed and the force on it. With
   ``gap = d F - fd`` the stem moves ``a gap`` in a sample, ``a = 1 - exp(-dt / DRAG_S)``; it sticks

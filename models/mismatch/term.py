@@ -17,6 +17,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
@@ -55,16 +56,22 @@ class Look:
 
     @property
     def swing(self) -> float:
+        """The range of OP, 1st to 99th percentile, percent."""
         return self.op_high - self.op_low
 
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """What a maintenance engineer reads; no jargon, no slug."""
+    """What a maintenance engineer reads of a term; no jargon, no slug. They stand nowhere else."""
 
     plain: str  # "The actuator or the I/P converter takes seconds to fill or vent"
-    check: str  # what to look at in the field
     decide: str  # the test that tells it from its neighbours
+    advice: FieldAdvice  # what to check in which order, with which parts; codes for work orders
+
+    @property
+    def check(self) -> str:
+        """What to look at in the field, in one paragraph."""
+        return self.advice.check
 
 
 class Term(Protocol):

@@ -59,6 +59,7 @@ class TermScore:
 
     @property
     def slug(self) -> str:
+        """The slug of the term."""
         return self.term.slug
 
     @property
@@ -89,10 +90,12 @@ class Needed:
 
     @property
     def term(self) -> Term:
+        """The term that was chosen in its stage."""
         return self.stage.accepted[0].term
 
     @property
     def members(self) -> tuple[str, ...]:
+        """Slugs of the terms that explain it as well, its own first."""
         return tuple(one.slug for one in self.stage.accepted)
 
 

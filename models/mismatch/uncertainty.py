@@ -1,14 +1,14 @@
-"""Intervals of all parameters by a block bootstrap that never refits.
+"""Intervals of all parameters by the block bootstrap (``models.block_bootstrap``).
 
-As for S and J alone (``stickslip.interval``): a cloud of candidates around the optimum is simulated
-once; a replicate is a reweighting of the blocks of time, and its estimate the cloud's best
-candidate under these weights.
+As for S and J alone (``stickslip.interval``), but the blocks are drawn once and the clouds of all
+rounds are kept: here a run costs more.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from stemwatch.models.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.recording import Floats
@@ -16,7 +16,6 @@ from stemwatch.models.recording import Floats
 REPLICATES = 240
 CLOUD = 160
 ROUNDS = 3
-COVERAGE = (2.5, 97.5)
 FIRST_WIDTH = 0.015
 _SMALLEST = 1e-4
 
@@ -24,7 +23,7 @@ _SMALLEST = 1e-4
 def draws(evaluator: Evaluator, layout: CoordinateLayout, best: Floats) -> Floats:
     """(REPLICATES, size) what the coordinates could have been, by the blocks of time. Seeded."""
     rng = np.random.default_rng(11)
-    weights = _weights(evaluator.counts, rng)
+    weights = block_weights(evaluator.counts, REPLICATES, rng)
     width = evaluator.spread(layout, FIRST_WIDTH)
     smallest = evaluator.spread(layout, _SMALLEST)
     drawn = best[None, :]
@@ -37,20 +36,9 @@ def draws(evaluator: Evaluator, layout: CoordinateLayout, best: Floats) -> Float
             cloud[0] = best
         seen = np.vstack((seen, cloud))
         losses = np.vstack((losses, evaluator.block_losses(layout, cloud)))
-        totals = weights @ losses.T
-        totals += 1e-9 * totals.mean() * rng.random(totals.shape)
-        drawn = seen[np.argmin(totals, axis=1)]
+        drawn = cheapest(seen, losses, weights, rng)
         width = np.where(width > 0, np.maximum(0.6 * drawn.std(axis=0), smallest), 0.0)
     return np.asarray(drawn)
-
-
-def _weights(counts: Floats, rng: np.random.Generator) -> Floats:
-    """(REPLICATES, n_blocks) how often each block is drawn; empty ones never."""
-    filled = np.flatnonzero(counts > 0)
-    weights = np.zeros((REPLICATES, counts.size))
-    share = np.full(filled.size, 1.0 / filled.size)
-    weights[:, filled] = rng.multinomial(filled.size, share, size=REPLICATES)
-    return weights
 
 
 def estimate(values: Floats, best: float, unit: str, error: float = 0.0) -> Estimate:

@@ -8,21 +8,13 @@ function of its lags.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import numpy as np
 from numba import njit
 
+from stemwatch.models.narx.architecture import ACTUATOR
 from stemwatch.models.recording import Floats
 
-NAMES = (
-    "dead_time_s",
-    "lag_up_s",
-    "lag_down_s",
-    "slow_up_s_per_percent",
-    "slow_down_s_per_percent",
-)
-NONE = MappingProxyType(dict.fromkeys(NAMES, 0.0))
 _LEAST_LAG_S = 1e-3
 _LEAST_SLOWNESS = 1e-3  # s/%: a thousand percent per second is no limit
 
@@ -34,9 +26,9 @@ def driven(op: Floats, interval_s: float, actuator: Mapping[str, float]) -> Floa
     per percent, upwards and downwards; 0 is none of it. A hole is crossed with the last command
     before it.
     """
-    if not any(actuator[name] > 0 for name in NAMES):
+    if not any(actuator[name] > 0 for name in ACTUATOR):
         return op
-    dead_time, *lags, slow_up, slow_down = (actuator[name] for name in NAMES)
+    dead_time, *lags, slow_up, slow_down = (actuator[name] for name in ACTUATOR)
     up, down = (1.0 - np.exp(-interval_s / lag) if lag > _LEAST_LAG_S else 1.0 for lag in lags)
     most_up, most_down = (
         interval_s / slow if slow > _LEAST_SLOWNESS else np.inf for slow in (slow_up, slow_down)

@@ -2,18 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Protocol
+
 import numpy as np
+from numpy.typing import NDArray
 
 from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.kernel import free_run
-from stemwatch.models.narx.network import EDGE, NarxNetwork
 from stemwatch.models.narx.run_plan import CODES, Plan, plan_run
 from stemwatch.models.narx.scaling import believable, limits, scale
 from stemwatch.models.recording import Bools, Floats
 
 
+class Ensemble(Protocol):
+    """What a run needs of a ``NarxNetwork``, which says what each of these is."""
+
+    @property
+    def members(self) -> int:
+        """How many networks take part."""
+        ...
+
+    @property
+    def hidden_units(self) -> int:
+        """Hidden units of each network."""
+        ...
+
+    @property
+    def weights(self) -> Mapping[str, NDArray[np.float64]]:
+        """Arrays "hidden", "gate" and "value", one row for each member."""
+        ...
+
+    @property
+    def scaling(self) -> Mapping[str, float]:
+        """The scales of error and change, centres and gain."""
+        ...
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        """Lowest and highest value in training, by signal."""
+        ...
+
+    @property
+    def actuator(self) -> Mapping[str, float]:
+        """What OP passes before the network sees it."""
+        ...
+
+    @property
+    def interval_s(self) -> float:
+        """Seconds between samples."""
+        ...
+
+
 def run(
-    network: NarxNetwork,
+    network: Ensemble,
     op: Floats,
     y0: float | Floats,
     usable: Bools | None,
@@ -44,7 +87,7 @@ def usable_samples(op: Floats, mv: Floats, usable: Bools | None) -> Bools:
     return believable(op, mv, usable)
 
 
-def run_plan(network: NarxNetwork, op: Floats, mv: Floats, plan: Plan) -> Floats:
+def run_plan(network: Ensemble, op: Floats, mv: Floats, plan: Plan) -> Floats:
     """(n,) mean over the members of the run that ``plan`` describes, in MV's unit."""
     command = driven(op, network.interval_s, network.actuator)
     signals = scale(command, mv, network.scaling, network.ranges)
@@ -67,7 +110,7 @@ def run_plan(network: NarxNetwork, op: Floats, mv: Floats, plan: Plan) -> Floats
     return np.asarray(network.scaling["mv_centre"] + network.scaling["error_scale"] * scaled)
 
 
-def flat(network: NarxNetwork) -> Floats:
+def flat(network: Ensemble) -> Floats:
     """(m, p) weights in the order of the kernel: value, gate, hidden."""
     hidden = network.weights["hidden"].reshape(network.members, -1)
     return np.concatenate([network.weights["value"], network.weights["gate"], hidden], axis=1)

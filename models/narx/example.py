@@ -2,43 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.narx.actuator import NAMES, NONE
+from stemwatch.models.narx.architecture import ELEMENT_UNITS, StickSlipStart
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Bools, Floats, Recording
-
-ELEMENT_UNITS = 5  # hidden units that a stick-slip element needs
-
-
-@dataclass(frozen=True, kw_only=True)
-class StickSlipStart:
-    """The stick-slip element that some of a valve's networks start from: then they are grey-box.
-
-    ``S`` and ``J`` in percent of OP; the stem moves ``gain`` units of MV per percent and reads
-    ``zero`` (MV's unit) where it is at 0 %. ``actuator`` as in ``NarxNetwork``. ``goes_on``: a
-    moving stem moves on while the command does, as in the canonical element; otherwise it sticks
-    after every sample. Raises ``ValueError`` on numbers that no valve has.
-    """
-
-    S: float
-    J: float
-    zero: float = 0.0
-    gain: float = 1.0
-    actuator: Mapping[str, float] = field(default_factory=lambda: NONE)
-    goes_on: bool = True
-
-    def __post_init__(self) -> None:
-        numbers = [self.S, self.J, self.zero, self.gain, *self.actuator.values()]
-        if set(self.actuator) != set(NAMES):
-            raise ValueError(f"actuator: {sorted(NAMES)} expected, received {[*self.actuator]}")
-        if not np.all(np.isfinite(numbers)) or min(self.S, self.J, *self.actuator.values()) < 0:
-            raise ValueError(f"S, J and actuator finite and at least 0 expected: {self}")
-        if self.gain == 0:
-            raise ValueError("gain: a stem that the command does not move is no start; received 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +76,10 @@ class NarxSettings:
     from it; with 0 all begin from random weights. The last ``watched_share`` of the training part
     is not trained on: a stage ends for a network when its free run there has not got better for
     ``patience`` steps, and goes back to where it was best.
+
+    ``device`` is where the least squares are solved: "cpu", a device of torch such as "cuda", or
+    "auto" (see ``training.device_for``). On a GPU sums are added in another order, so that the last
+    digits of the weights differ from those of a CPU.
     """
 
     hidden: int = 5
@@ -120,6 +94,7 @@ class NarxSettings:
     seed: int = 0
     valves_per_batch: int = 32
     reference_horizon: int = 100
+    device: str = "auto"
 
     def __post_init__(self) -> None:
         counts = (self.hidden, self.seeds, self.patience, self.valves_per_batch)
@@ -182,7 +157,7 @@ class NarxFit:
 
     ``simulated`` (n,) is the free run over the whole record, in MV's unit, started from the
     measurement at its beginning, after each gap, and at ``train_until``; NaN at unusable samples.
-    ``seconds`` is the batch's time divided by the valves in it.
+    ``seconds`` is the batch's time divided by the valves in it, ``device`` where it was trained.
     """
 
     valve: str
@@ -192,6 +167,7 @@ class NarxFit:
     simulated: Floats | None = None
     log: tuple[StageLog, ...] = ()
     seconds: float = 0.0
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
         if (self.network is None) == (self.reason is None):

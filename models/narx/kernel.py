@@ -130,7 +130,7 @@ def normal_matrix(
 ) -> bool:
     """Fill ``out`` (P + 1, P + 1): ``J'J``, with ``J'r`` in the last column and row, and ``r'r``.
 
-    The same as ``sensitivities.normal_matrix``, of one network and with no Jacobian kept.
+    The same as ``torch_batch.normal_matrix``, of one network and with no Jacobian kept.
     ``weights`` (P,). ``runs``: the first samples and the lengths of free runs, each from the two
     measurements before it; neighbours go side by side, so it is quick where they are of a length.
     Derivatives are held within ``steepest``. Returns False, and leaves ``out`` unfinished, as soon

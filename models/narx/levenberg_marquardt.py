@@ -1,4 +1,7 @@
-"""Levenberg-Marquardt for many networks at once: each has its own damping and its own end."""
+"""Levenberg-Marquardt for many networks at once: each has its own damping and its own end.
+
+Levenberg (1944), doi:10.1090/qam/10666; Marquardt (1963), doi:10.1137/0111030.
+"""
 
 from __future__ import annotations
 

@@ -24,15 +24,16 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.narx.actuator import NAMES, NONE
+from stemwatch.models.narx.architecture import (
+    ACTUATOR,
+    FORMAT_VERSION,
+    INPUTS,
+    LAGS,
+    NO_ACTUATOR,
+    RANGES,
+    SCALING,
+)
 from stemwatch.models.recording import Bools, Floats
-
-FORMAT_VERSION = 2  # 1 had neither c nor an actuator
-LAGS = MappingProxyType({"op": 2, "mv": 2})  # u(t), u(t-1); y(t-1), y(t-2)
-INPUTS = 4
-EDGE = 0.01  # of sd: what moves less than that does not move
-SCALING = ("op_centre", "mv_centre", "gain", "error_scale", "change_scale")
-RANGES = ("op", "mv", "error", "change", "drift")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,13 +64,13 @@ class NarxNetwork:
     interval_s: float
     reference_rmse: float
     reference_horizon: int = 100
-    actuator: Mapping[str, float] = field(default_factory=lambda: NONE)
+    actuator: Mapping[str, float] = field(default_factory=lambda: NO_ACTUATOR)
     lags: Mapping[str, int] = field(default_factory=lambda: LAGS)
     seed: int = 0
     format_version: int = FORMAT_VERSION
 
     def __post_init__(self) -> None:
-        for name, expected in (("scaling", SCALING), ("ranges", RANGES), ("actuator", NAMES)):
+        for name, expected in (("scaling", SCALING), ("ranges", RANGES), ("actuator", ACTUATOR)):
             _expect_names(name, getattr(self, name), expected)
         if dict(self.lags) != dict(LAGS):
             raise ValueError(f"lags {dict(LAGS)} expected, received {dict(self.lags)}")
@@ -97,10 +98,12 @@ class NarxNetwork:
 
     @property
     def members(self) -> int:
+        """How many networks the ensemble has."""
         return int(self.weights["gate"].shape[0])
 
     @property
     def hidden_units(self) -> int:
+        """Hidden units of each of its networks."""
         return int(self.weights["gate"].shape[1]) - 1
 
     def free_run(
@@ -134,14 +137,26 @@ class NarxNetwork:
         """The network as safetensors bytes; ``from_bytes`` gives back the same bits."""
         from stemwatch.models.narx.storage import pack
 
-        return pack(self)
+        facts = {
+            "format_version": self.format_version,
+            "scaling": dict(self.scaling),
+            "ranges": {name: list(pair) for name, pair in self.ranges.items()},
+            "actuator": dict(self.actuator),
+            "lags": dict(self.lags),
+            "interval_s": self.interval_s,
+            "reference_rmse": self.reference_rmse,
+            "reference_horizon": self.reference_horizon,
+            "seed": self.seed,
+        }
+        return pack(facts, self.weights)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> NarxNetwork:
         """Raises ``ValueError`` on damaged bytes and on a format version it does not know."""
         from stemwatch.models.narx.storage import unpack
 
-        return unpack(data)
+        facts, weights = unpack(data)
+        return cls(weights=weights, **facts)
 
 
 def _expect_names(what: str, found: Mapping[str, object], expected: tuple[str, ...]) -> None:

@@ -1,8 +1,8 @@
 """What Levenberg-Marquardt asks of a batch: every network's normal matrix, on a CPU or elsewhere.
 
 On a CPU the kernel works through one network after the other, its runs side by side: no padding,
-and a trial that is worse is given up at the step that shows it. Elsewhere torch works on all of
-them at once.
+and a trial that is worse is given up at the step that shows it. On a GPU torch works on all of them
+at once.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from stemwatch.models.narx import kernel, sensitivities
-from stemwatch.models.narx.batch import blocks, bounds
+from stemwatch.models.narx import kernel, torch_batch
+from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.levenberg_marquardt import Normal
-from stemwatch.models.narx.network import EDGE
 from stemwatch.models.narx.run_plan import Indices, segments
-from stemwatch.models.narx.sensitivities import Block, Bounds, Weights
+from stemwatch.models.narx.torch_batch import Clamps, SegmentBlock, Weights, clamps, segment_blocks
 from stemwatch.models.narx.training_record import TrainingRecord
 
 _Runs = tuple[Indices, Indices]
@@ -36,10 +35,17 @@ def normal_of(
     runs = [_longest_first(segments(valve.trained, horizon)) for valve in valves]
     counts = [float(lengths.sum()) for _, lengths in runs for _ in range(members)]
     samples = torch.tensor(counts, dtype=torch.float64, device=device)
-    if samples.device.type == "cpu":
+    if by_kernel(samples.device):
         return partial(_one_by_one, valves, runs, hidden, members), samples
-    limits = bounds(valves, members, device)
-    return partial(_together, blocks(valves, horizon, members, device), limits, hidden), samples
+    limits = clamps(valves, members, device)
+    return partial(
+        _together, segment_blocks(valves, horizon, members, device), limits, hidden
+    ), samples
+
+
+def by_kernel(device: torch.device) -> bool:
+    """Whether the compiled kernel works on that device; torch works on every other."""
+    return device.type == "cpu"
 
 
 def _longest_first(runs: _Runs) -> _Runs:
@@ -49,8 +55,10 @@ def _longest_first(runs: _Runs) -> _Runs:
     return starts[order], lengths[order]
 
 
-def _together(pieces: list[Block], limits: Bounds, hidden: int, flat: Tensor, _: Tensor) -> Tensor:
-    return sensitivities.normal_matrix(pieces, Weights.split(flat, hidden), limits)
+def _together(
+    pieces: list[SegmentBlock], limits: Clamps, hidden: int, flat: Tensor, _: Tensor
+) -> Tensor:
+    return torch_batch.normal_matrix(pieces, Weights.split(flat, hidden), limits)
 
 
 def _one_by_one(
@@ -77,7 +85,7 @@ def _one_by_one(
             valve.limits,
             valve.ratio,
             EDGE,
-            sensitivities.LIMIT,
+            torch_batch.LIMIT,
             float(bars[at]),
             matrix,
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.narx.example import StickSlipStart
+from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.recording import Bools, Floats
 
 # A run is clamped this share of the range outside it: what training never saw is not extrapolated

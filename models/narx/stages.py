@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.example import NarxSettings, StageLog
 from stemwatch.models.narx.kernel import free_run
 from stemwatch.models.narx.levenberg_marquardt import descend
-from stemwatch.models.narx.network import EDGE
 from stemwatch.models.narx.normal_equations import normal_of
 from stemwatch.models.narx.run_plan import CODES, Plan, PlanStep, plan_run
 from stemwatch.models.narx.starts import fitted_starts, random_starts

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.narx.example import ELEMENT_UNITS, NarxSettings, StickSlipStart
-from stemwatch.models.narx.network import INPUTS
+from stemwatch.models.narx.architecture import ELEMENT_UNITS, INPUTS, StickSlipStart
+from stemwatch.models.narx.example import NarxSettings
 from stemwatch.models.recording import Floats
 
 _UP, _DOWN, _GOES_ON_UP, _GOES_ON_DOWN, _DIRECTION = range(ELEMENT_UNITS)

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stemwatch.models.narx.actuator import NONE
-from stemwatch.models.narx.network import FORMAT_VERSION, NarxNetwork
+from stemwatch.models.narx.architecture import FORMAT_VERSION, NO_ACTUATOR
 from stemwatch.models.recording import Floats
 
 # One metadata key: safetensors writes several in no fixed order, and equal networks should be
@@ -20,28 +19,18 @@ _KEY = "stemwatch.narx"
 _LENGTH_BYTES = 8  # a safetensors file begins with the length of its JSON header
 
 
-def pack(network: NarxNetwork) -> bytes:
-    """The network as bytes, with a digest that finds damage."""
+def pack(facts: Mapping[str, Any], weights: Mapping[str, Floats]) -> bytes:
+    """A network's arrays and what JSON can hold of it as bytes, with a digest that finds damage."""
     from safetensors.numpy import save
 
-    facts: dict[str, Any] = {
-        "format_version": network.format_version,
-        "scaling": dict(network.scaling),
-        "ranges": {name: list(pair) for name, pair in network.ranges.items()},
-        "actuator": dict(network.actuator),
-        "lags": dict(network.lags),
-        "interval_s": network.interval_s,
-        "reference_rmse": network.reference_rmse,
-        "reference_horizon": network.reference_horizon,
-        "seed": network.seed,
-    }
-    weights = dict(network.weights)
-    facts["digest"] = _digest(facts, weights)
-    return bytes(save(weights, metadata={_KEY: json.dumps(facts, sort_keys=True)}))
+    arrays = dict(weights)
+    signed = {**facts, "digest": _digest(facts, arrays)}
+    return bytes(save(arrays, metadata={_KEY: json.dumps(signed, sort_keys=True)}))
 
 
-def unpack(data: bytes) -> NarxNetwork:
-    """The network ``pack`` wrote; ``ValueError`` with a sentence for anything else."""
+def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Floats]]:
+    """What ``pack`` was given, in this version's form; ``ValueError`` with a sentence for anything
+    else."""
     facts = _facts(data)
     version = facts.get("format_version")
     if version not in (1, FORMAT_VERSION):
@@ -59,7 +48,7 @@ def unpack(data: bytes) -> NarxNetwork:
     if version == 1:
         facts, weights = _of_this_version(facts, weights)
     facts["ranges"] = {name: (pair[0], pair[1]) for name, pair in facts["ranges"].items()}
-    return NarxNetwork(weights=weights, **facts)
+    return facts, weights
 
 
 def _of_this_version(
@@ -69,7 +58,7 @@ def _of_this_version(
     new = dict(weights)
     for name in ("hidden", "value"):  # the fourth input stands before the bias
         new[name] = np.insert(weights[name], -1, 0.0, axis=-1)
-    return facts | {"format_version": FORMAT_VERSION, "actuator": dict(NONE)}, new
+    return facts | {"format_version": FORMAT_VERSION, "actuator": dict(NO_ACTUATOR)}, new
 
 
 def _facts(data: bytes) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from stemwatch.models.narx.actuator import NONE
+from stemwatch.models.narx.architecture import INPUTS, NO_ACTUATOR
 from stemwatch.models.narx.ensemble_run import run_plan
 from stemwatch.models.narx.example import (
     HeldOutErrors,
@@ -19,13 +19,15 @@ from stemwatch.models.narx.example import (
     StageLog,
 )
 from stemwatch.models.narx.levenberg_marquardt import one_thread
-from stemwatch.models.narx.network import INPUTS, NarxNetwork
+from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.stages import member_errors, train_members
 from stemwatch.models.narx.training_record import TrainingRecord, prepare
 from stemwatch.models.recording import Bools, Floats
 
 DEFAULTS = NarxSettings()
+AUTO = "auto"
+LEAST_ON_GPU = 8  # valves in a batch; a smaller one leaves a GPU idle
 # Random members follow what they were trained on more closely than what comes after it, by about
 # this factor more than members started from a fitted element (128 simulated records).
 _DOUBT = 1.3
@@ -34,9 +36,7 @@ _NEAR = 1.3
 _Ready = tuple[int, TrainingRecord]
 
 
-def train(
-    batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS, device: str = "cpu"
-) -> list[NarxFit]:
+def train(batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS) -> list[NarxFit]:
     """A fit for each example, in their order; a record that cannot be trained on gives a reason.
 
     First series-parallel (each sample predicted from the measured ones before it), then on free
@@ -44,8 +44,8 @@ def train(
     are Levenberg-Marquardt's, on sensitivities carried forward through the run, so that no graph
     is unrolled. Where an example has a ``start``, ``fitted_seeds`` of its members begin as that
     stick-slip element and are trained on the longest runs only: the ensemble is then grey-box.
-    Float64 throughout. The same settings give the same networks, whatever else is in
-    the batch.
+    Float64 throughout. On a CPU the same settings give the same networks, whatever else is in the
+    batch.
     """
     fits: dict[int, NarxFit] = {}
     ready: list[_Ready] = []
@@ -56,7 +56,7 @@ def train(
         else:
             ready.append((at, found))
     for part in _parts(ready, settings.valves_per_batch):
-        trained = _train_part([valve for _, valve in part], settings, device)
+        trained = _train_part([valve for _, valve in part], settings)
         fits |= {at: fit for (at, _), fit in zip(part, trained, strict=True)}
     return [fits[at] for at in range(len(batch))]
 
@@ -69,8 +69,30 @@ def _parts(ready: list[_Ready], most: int) -> Iterator[list[_Ready]]:
             yield alike[first : first + most]
 
 
-def _train_part(
-    valves: Sequence[TrainingRecord], settings: NarxSettings, device: str
+def device_for(valves: int, wanted: str = AUTO) -> str:
+    """Where to train the networks of so many valves: ``wanted``, or with "auto" a CUDA GPU where
+    torch sees one and there are at least ``LEAST_ON_GPU`` valves, else the CPU.
+
+    A GPU works on all networks of a batch at once and is idle most of the time with few of them. To
+    keep a GPU out of it, hide it from the process (``CUDA_VISIBLE_DEVICES=``).
+    """
+    if wanted != AUTO:
+        return wanted
+    return "cuda" if valves >= LEAST_ON_GPU and torch.cuda.is_available() else "cpu"
+
+
+def _train_part(valves: Sequence[TrainingRecord], settings: NarxSettings) -> list[NarxFit]:
+    device = device_for(len(valves), settings.device)
+    try:
+        return _train_on(device, valves, settings)
+    except (RuntimeError, AssertionError):  # what torch raises where a GPU is full or unusable
+        if settings.device != AUTO or device == "cpu":
+            raise
+        return _train_on("cpu", valves, settings)
+
+
+def _train_on(
+    device: str, valves: Sequence[TrainingRecord], settings: NarxSettings
 ) -> list[NarxFit]:
     began = time.perf_counter()
     with one_thread(), torch.inference_mode():
@@ -80,7 +102,7 @@ def _train_part(
         for valve, members, log in zip(valves, weights, logs, strict=True)
     ]
     seconds = (time.perf_counter() - began) / len(valves)
-    return [replace(fit, seconds=seconds) for fit in fits]
+    return [replace(fit, seconds=seconds, device=device) for fit in fits]
 
 
 def _judged(
@@ -155,7 +177,7 @@ def _network(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> 
         scaling=valve.scaling,
         ranges=valve.ranges,
         interval_s=valve.example.interval_s,
-        actuator=valve.example.start.actuator if valve.example.start else NONE,
+        actuator=valve.example.start.actuator if valve.example.start else NO_ACTUATOR,
         reference_rmse=1.0,  # until the network exists to be run
         reference_horizon=settings.reference_horizon,
         seed=settings.seed,

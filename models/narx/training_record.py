@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.narx.actuator import NONE, driven
+from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.architecture import NO_ACTUATOR
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.scaling import (
@@ -45,10 +46,12 @@ class TrainingRecord:
 
     @property
     def limits(self) -> tuple[float, float, float, float, float, float]:
+        """Where runs are clamped, in units of ``se``: error, increment, position; low, high."""
         return limits(self.ranges, self.scaling)
 
     @property
     def ratio(self) -> float:
+        """``se / sd``: the scale of the error over that of the change."""
         return self.scaling["error_scale"] / self.scaling["change_scale"]
 
 
@@ -61,7 +64,7 @@ def prepare(example: NarxExample, settings: NarxSettings) -> TrainingRecord | st
         return reason
     training = usable & early
     op, mv = (np.where(usable, signal, np.nan) for signal in (example.op, example.mv))
-    actuator = example.start.actuator if example.start else NONE
+    actuator = example.start.actuator if example.start else NO_ACTUATOR
     command = driven(op, example.interval_s, actuator)
     scaling = fit_scaling(command, mv, training, example.start)
     ranges = fit_ranges(command, mv, training, scaling)

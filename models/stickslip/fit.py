@@ -71,9 +71,14 @@ class StickSlipEvaluator:
         return value
 
     def block_losses(self, candidates: Floats) -> tuple[Floats, Floats]:
+        """Robust losses (m, n_blocks) of candidates (m, 9), and the samples (n_blocks,) in them."""
         return self.problem.losses(to_kernel(candidates, self.restick), self.delta)
 
     def simulate(self, candidate: Floats, *, resynced: bool = False) -> Floats:
+        """(n,) MV in percent of a ``candidate`` (9,) by a free run.
+
+        ``resynced``: put right at the start of each block of time, as in the fit.
+        """
         q = to_kernel(candidate, self.restick)[0]
         return self.problem.simulate(q, resynced=resynced)
 
@@ -245,10 +250,12 @@ class StickSlipFit:
 
     @property
     def S(self) -> float:
+        """Deadband plus stickband, percent of OP span."""
         return float(self.candidate[coordinate.S_PERCENT])
 
     @property
     def J(self) -> float:
+        """Slip jump, percent of OP span."""
         return float(self.candidate[coordinate.S_PERCENT] * self.candidate[coordinate.RATIO])
 
     def heldout(self, *, resynced: bool = False) -> Floats:

@@ -1,9 +1,8 @@
-"""Intervals of S and J by a block bootstrap that never refits.
+"""Intervals of S and J by the block bootstrap (``models.block_bootstrap``), which never refits.
 
-A cloud of candidates around the optimum is simulated once; its losses per block of time are kept
-as a matrix. A bootstrap replicate is a reweighting of the blocks, and its estimate is the cloud's
-best candidate under these weights: one matrix product serves all replicates. Blocks are long
-against a slip, so autocorrelated residuals do not make the interval too narrow.
+The cloud of candidates around the optimum is drawn anew a few times, each time where the draws
+before it ended. Blocks are long against a slip, so autocorrelated residuals do not make the
+interval too narrow.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
+from stemwatch.models.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
@@ -22,7 +22,6 @@ from stemwatch.models.stickslip.fit import BOTH, STICKING, StickSlipFit
 REPLICATES = 300
 CLOUD = 400
 ROUNDS = 4
-COVERAGE = (2.5, 97.5)  # percentiles of a 95 % interval
 # Real stems are not two-level elements: breakaways scatter, slips overshoot, air lags. Standard
 # deviation of the error that this leaves in S and in J, as a share of the breakaway level
 # (S + J)/2. Calibrated on 120 simulated sticking valves of the force-balance plant (draw_sticky,
@@ -54,22 +53,6 @@ def spread_of(estimate: Estimate) -> Floats:
     return np.asarray(estimate.value + quantiles / 1.96 * np.where(quantiles < 0, below, above))
 
 
-def _block_weights(counts: Floats, rng: np.random.Generator) -> Floats:
-    """(REPLICATES, n_blocks) how often each block is drawn; empty blocks are never drawn."""
-    filled = np.flatnonzero(counts > 0)
-    share = np.full(filled.size, 1.0 / filled.size)
-    weights = np.zeros((REPLICATES, counts.size))
-    weights[:, filled] = rng.multinomial(filled.size, share, size=REPLICATES)
-    return weights
-
-
-def _estimates(cloud: Floats, losses: Floats, weights: Floats, rng: np.random.Generator) -> Floats:
-    """(REPLICATES, 9) the best candidate of each replicate; ties are broken at random."""
-    totals = weights @ losses.T
-    totals += 1e-9 * totals.mean() * rng.random(totals.shape)
-    return np.asarray(cloud[np.argmin(totals, axis=1)])
-
-
 def bootstrap(fit: StickSlipFit) -> StickSlipSample:
     """Draw S and J as the recording's blocks of time allow them to be. Seeded."""
     rng = np.random.default_rng(7)
@@ -83,7 +66,7 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
         cloud = centre + width * rng.standard_normal(centre.shape)
         cloud = evaluator.bounds.clip(np.vstack((fit.candidate, draws, cloud)))
         losses, counts = evaluator.block_losses(cloud)
-        draws = _estimates(cloud, losses, _block_weights(counts, rng), rng)
+        draws = cheapest(cloud, losses, block_weights(counts, REPLICATES, rng), rng)
         # Kernel smoothing of the draws: the next cloud fills the space between them.
         spread = np.asarray(draws.std(axis=0))
         width = np.where(width > 0, np.maximum(0.5 * spread, smallest), 0.0)

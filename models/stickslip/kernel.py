@@ -1,10 +1,11 @@
 """Compiled kernels of the valve: dead time, actuator, rate limit, stick-slip, position reading.
 
-The stick-slip element is the *canonical* reading of Choudhury, Thornhill and Shah (2005): two
-friction levels ``fs = (S + J)/2`` (breakaway) and ``fd = (S - J)/2`` (sliding), the force on the
-stem is ``F = p - x``; a stuck stem breaks away when ``|F| > fs`` and then follows ``p - d fd``
-until the force turns. It is the same element as Kano's (2004), and it has no memory of where it
-stopped, so that noise on the command does not reset the accumulated force.
+The stick-slip element is the *canonical* reading of Choudhury, Thornhill and Shah (2005,
+doi:10.1016/j.conengprac.2004.05.005): two friction levels ``fs = (S + J)/2`` (breakaway) and
+``fd = (S - J)/2`` (sliding), the force on the stem is ``F = p - x``; a stuck stem breaks away when
+``|F| > fs`` and then follows ``p - d fd`` until the force turns. It is the same element as Kano's
+(2004), and it has no memory of where it stopped, so that noise on the command does not reset the
+accumulated force.
 
 In front of it stands the actuator: a dead time, a first-order lag and a speed limit, which may
 differ by direction. At their neutral values (0, 0, inf) the chain *is* the canonical element.

@@ -26,6 +26,7 @@ class Bounds:
     high: Floats
 
     def clip(self, candidates: Floats) -> Floats:
+        """Candidates (m, 9), each coordinate moved to the nearest limit where it is beyond one."""
         return np.clip(candidates, self.low, self.high)
 
 

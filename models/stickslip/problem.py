@@ -48,6 +48,7 @@ class FitProblem:
 
     @property
     def scored(self) -> Bools:
+        """(n,) True at samples that a loss counts."""
         return np.asarray(self.block >= 0)
 
     def losses(self, candidates: Floats, delta: float) -> tuple[Floats, Floats]:

@@ -1,7 +1,8 @@
 """Minimising a rough, cheap loss: a cross-entropy search whose candidates share one kernel call.
 
 The loss of a stick-slip model is piecewise smooth with steps (a slip happens one sample earlier or
-later), so gradients are useless and a population is not. Seeded: the same result twice.
+later), so gradients are useless and a population is not. The cross-entropy method is Rubinstein's
+(1999, doi:10.1023/A:1010091220143). Seeded: the same result twice.
 """
 
 from __future__ import annotations

@@ -3,13 +3,17 @@ such a user, throttled by name and address, and each attempt in the audit log.""
 
 from __future__ import annotations
 
+import ipaddress
 import math
-from datetime import datetime
+from collections.abc import Mapping
+from datetime import datetime, timedelta
 
-from stemwatch.service.access import throttle
 from stemwatch.service.access.passwords import LONGEST, hash_password, is_dated, matches
+from stemwatch.service.access.secret import digest_of
 from stemwatch.service.access.sessions import IDLE, begin_session
-from stemwatch.service.store.accounts.records import Entry, Outcome, User
+from stemwatch.service.store.accounts.login_attempts import Wait
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, User
+from stemwatch.service.store.accounts.users import name_key
 from stemwatch.service.store.store import Store
 
 ACTION = "sign in"
@@ -32,19 +36,19 @@ def sign_in(
     store: Store, name: str, password: str, *, now: datetime, address: str, agent: str = ""
 ) -> tuple[User, str]:
     """The user, and the cookie of a new session. Raises ``LoginRefused`` and ``Busy``."""
-    waits = throttle.waits_of(name, address)
-    until = store.attempts.begin(waits, now=now, forget=throttle.FORGET)
+    waits = waits_of(name, address)
+    until = store.attempts.begin(waits, now=now, forget=FORGET)
     if until is not None:
         raise TooMany(max(1, math.ceil((until - now).total_seconds())))
     user = check(store, name, password, now)
     if user is None:
-        _note(store, name, now, address, Outcome.REFUSED)
+        _note(store, name, now, address, AuditOutcome.REFUSED)
         raise LoginRefused(WRONG)
-    store.attempts.succeeded(throttle.key_of_name(name), [throttle.key_of_address(address)])
+    store.attempts.succeeded(key_of_name(name), [key_of_address(address)])
     cookie = begin_session(store, user.id, now=now, address=address, agent=agent)
-    _note(store, name, now, address, Outcome.DONE)
+    _note(store, name, now, address, AuditOutcome.DONE)
     store.web_sessions.remove_ended(now=now, idle=IDLE)
-    store.attempts.remove_old(now - 2 * throttle.FORGET)
+    store.attempts.remove_old(now - 2 * FORGET)
     return user, cookie
 
 
@@ -63,22 +67,22 @@ def check(store: Store, name: str, password: str, now: datetime) -> User | None:
 
 def confirm(store: Store, user: User, password: str, *, now: datetime, address: str) -> bool:
     """Whether somebody who is signed in knows the password; throttled as a login is."""
-    waits = throttle.waits_of(user.name, address)
-    until = store.attempts.begin(waits, now=now, forget=throttle.FORGET)
+    waits = waits_of(user.name, address)
+    until = store.attempts.begin(waits, now=now, forget=FORGET)
     if until is not None:
         raise TooMany(max(1, math.ceil((until - now).total_seconds())))
     found = store.accounts.password_of(user.name)
     if found is None or not matches(password[: 4 * LONGEST], found[1]):
         return False
-    store.attempts.succeeded(throttle.key_of_name(user.name), [throttle.key_of_address(address)])
+    store.attempts.succeeded(key_of_name(user.name), [key_of_address(address)])
     return True
 
 
-def _note(store: Store, name: str, now: datetime, address: str, outcome: Outcome) -> None:
+def _note(store: Store, name: str, now: datetime, address: str, outcome: AuditOutcome) -> None:
     """An entry; of a name that nobody has only that, since it may be a password."""
     known = store.accounts.find(name)
     store.audit.add(
-        Entry(
+        AuditEntry(
             at=now,
             who="" if known is None else known.name,
             how="",
@@ -89,3 +93,47 @@ def _note(store: Store, name: str, now: datetime, address: str, outcome: Outcome
             detail="disabled" if known is not None and known.disabled is not None else "",
         )
     )
+
+
+FORGET = timedelta(hours=1)  # without an attempt, and counting begins anew
+FREE_OF_NAME, FREE_OF_ADDRESS = 5, 20
+LONGEST_OF_NAME, LONGEST_OF_ADDRESS = timedelta(seconds=60), timedelta(seconds=300)
+_IPV6_SITE = 64  # bits: one machine has all addresses below them
+
+
+def wait_after(count: int, free: int, longest: timedelta) -> timedelta:
+    """1 s after the first attempt that is not free, twice as long after each, up to ``longest``."""
+    if count < free:
+        return timedelta(0)
+    return min(longest, timedelta(seconds=2.0 ** min(count - free, 30)))
+
+
+def of_name(count: int) -> timedelta:
+    """The wait of a name."""
+    return wait_after(count, FREE_OF_NAME, LONGEST_OF_NAME)
+
+
+def of_address(count: int) -> timedelta:
+    """The wait of an address."""
+    return wait_after(count, FREE_OF_ADDRESS, LONGEST_OF_ADDRESS)
+
+
+def key_of_name(name: str) -> str:
+    """Under which a name is counted: its digest, since people type passwords into wrong fields."""
+    return f"name {digest_of(name_key(name))}"
+
+
+def key_of_address(address: str) -> str:
+    """Under which an address is counted; of IPv6 the network that one machine has for itself."""
+    try:
+        known = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return f"address {address}"
+    if known.version == 6 and known.ipv4_mapped is None:
+        return f"address {ipaddress.ip_network((known, _IPV6_SITE), strict=False)}"
+    return f"address {known.ipv4_mapped or known if known.version == 6 else known}"
+
+
+def waits_of(name: str, address: str) -> Mapping[str, Wait]:
+    """Both counts of an attempt."""
+    return {key_of_name(name): of_name, key_of_address(address): of_address}

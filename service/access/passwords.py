@@ -17,7 +17,7 @@ from argon2.exceptions import InvalidHashError, VerificationError
 from stemwatch.service.store.accounts.users import name_key
 
 SHORTEST, LONGEST = 12, 200
-FEWEST_SIGNS = 5
+FEWEST_CHARACTERS = 5
 _AT_ONCE, _PATIENCE_S = 2, 10.0
 _HASHER = PasswordHasher(
     time_cost=3, memory_cost=64 * 1024, parallelism=4, hash_len=32, salt_len=16
@@ -42,7 +42,7 @@ class Busy(Exception):
 def check_password(password: str, name: str) -> None:
     """Raise ``WeakPassword`` where a password is too short, too long, or easily guessed."""
     plain = _normal(password)
-    # Some signs are spelt out by normalising: what counts is what somebody has to find out.
+    # Some characters are spelt out by normalising: what counts is what somebody has to find out.
     if min(len(plain), len(password)) < SHORTEST or max(len(plain), len(password)) > LONGEST:
         raise WeakPassword(
             f"a password of {SHORTEST} to {LONGEST} characters is expected; several words are easy "
@@ -52,10 +52,10 @@ def check_password(password: str, name: str) -> None:
     left = folded.replace(name_key(name), "") if name_key(name) else folded
     for word in _KNOWN:
         left = left.replace(word, "")
-    if len(set(folded)) < FEWEST_SIGNS or len(left) < SHORTEST // 2:
+    if len(set(folded)) < FEWEST_CHARACTERS or len(left) < SHORTEST // 2:
         raise WeakPassword(
             "this password is easily guessed: it is little more than the name, one of the usual "
-            "words, or a few signs again and again"
+            "words, or a few characters again and again"
         )
 
 

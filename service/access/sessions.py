@@ -9,7 +9,7 @@ from __future__ import annotations
 import hmac
 from datetime import datetime, timedelta
 
-from stemwatch.service.access.rights import Visitor
+from stemwatch.service.access.permissions import CurrentUser
 from stemwatch.service.access.secret import digest_of, new_secret
 from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.store import Store
@@ -37,9 +37,9 @@ def begin_session(
     return secret
 
 
-def visitor_of_cookie(
+def user_of_cookie(
     store: Store, cookie: str, now: datetime, *, active: bool = True
-) -> Visitor | None:
+) -> CurrentUser | None:
     """Who asks with this cookie; ``None`` where its session has ended. ``active`` is false for
     what a page asks for by itself, which keeps no session alive."""
     digest = digest_of(cookie)
@@ -49,17 +49,17 @@ def visitor_of_cookie(
     if active and now - found.seen >= NOTED_EVERY:
         store.web_sessions.touch(digest, now)
     user = found.user
-    return Visitor(
+    return CurrentUser(
         name=user.name,
         role=user.role,
         how=SESSION,
         user=user.id,
         session=digest,
-        mark=mark_of(cookie),
+        form_token=form_token_of(cookie),
     )
 
 
-def mark_of(cookie: str) -> str:
+def form_token_of(cookie: str) -> str:
     """What the forms of a page carry: worked out from the cookie, so that it belongs to one
     session and is the same after a restart, and the cookie cannot be worked out from it."""
     return hmac.new(cookie.encode("utf-8", "replace"), _FORMS, "sha256").hexdigest()

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 
 from stemwatch.service.access.links import BadName, check_name
-from stemwatch.service.access.rights import Visitor, scopes_of
+from stemwatch.service.access.permissions import CurrentUser, scopes_of
 from stemwatch.service.access.secret import digest_of, new_secret
-from stemwatch.service.store.accounts.records import Role, Scope, User
+from stemwatch.service.store.accounts.records import Scope, User, UserRole
 from stemwatch.service.store.store import Store
 
 BEGINS = "stw_"  # by which scanners of repositories and people know a token
@@ -59,14 +59,14 @@ def make_token(
     return secret
 
 
-def visitor_of_token(store: Store, secret: str, now: datetime) -> Visitor | None:
+def user_of_token(store: Store, secret: str, now: datetime) -> CurrentUser | None:
     """Who asks with this token; ``None`` where it lets nobody in."""
     token = store.api_tokens.find(digest_of(secret)) if secret else None
     if token is None or not token.is_open(now):
         return None
     if token.last_used is None or now - token.last_used >= NOTED_EVERY:
         store.api_tokens.note_use(token.id, now)
-    return Visitor(
+    return CurrentUser(
         name=token.user.name,
         role=token.user.role,
         how=f"token {token.name}",
@@ -75,16 +75,16 @@ def visitor_of_token(store: Store, secret: str, now: datetime) -> Visitor | None
     )
 
 
-def visitor_of_environment(secret: str, expected: str) -> Visitor | None:
+def user_of_environment(secret: str, expected: str) -> CurrentUser | None:
     """Who asks with the token that the service was started with: it reads and acts, and belongs
     to nobody. One that is too short to be safe lets nobody in."""
     if len(expected) < SHORTEST_OF_ENVIRONMENT:
         return None
     if not hmac.compare_digest(secret.encode("utf-8", "replace"), expected.encode()):
         return None
-    return Visitor(
+    return CurrentUser(
         name=ENVIRONMENT,
-        role=Role.ENGINEER,
+        role=UserRole.ENGINEER,
         how="token of the environment",
         scopes=frozenset((Scope.READ, Scope.ACT)),
     )

@@ -12,18 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from sqlalchemy import select
-from sqlalchemy.orm import Session
-
 from stemwatch.service.config import Plant
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.database.columns import clean_text
-from stemwatch.service.store.samples.samples import EPOCH, microseconds
-from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.storable import clean_text
 from stemwatch.service.store.store import Store
 
 VALVE, MANY = f"{AlertKind.NO_DATA.value}:valve:", f"{AlertKind.NO_DATA.value}:many:"
-_FRESH = timedelta(seconds=60)  # younger than this is a sample of now, not one from the spool
 _LOOK_BACK = timedelta(days=1)  # how far the last good sample is looked for
 _NAMED = 12  # valves of one alert that are listed
 
@@ -48,8 +42,7 @@ def dead_tags(
     """
     found: dict[str, list[DeadTag]] = defaultdict(list)
     for device in devices:
-        with store.access.reading() as session:
-            dead = _dead(session, device, limit, now)
+        dead = store.samples.dead_tags(device, limit, now)
         for valve in plant.valves.values() if dead else ():
             if valve.source != device:
                 continue
@@ -67,13 +60,13 @@ def raised_of(
     dead: Mapping[str, Sequence[DeadTag]],
     already_open: set[str],
     now: datetime,
-) -> list[Raised]:
+) -> list[RaisedAlert]:
     """An alert for each valve, or for its device where many have one cause. Why and since when is
     looked up for those that are new."""
     by_device: dict[str, list[str]] = defaultdict(list)
     for valve in dead:
         by_device[plant.valves[valve].source].append(valve)
-    raised: list[Raised] = []
+    raised: list[RaisedAlert] = []
     for device, valves in by_device.items():
         on_it = sum(one.source == device for one in plant.valves.values())
         rules = plant.alerts
@@ -87,50 +80,24 @@ def raised_of(
     return raised
 
 
-def _dead(session: Session, device: str, limit: timedelta, now: datetime) -> dict[str, int]:
-    """The number of each tag of ``device`` whose samples since ``now - limit`` are all bad."""
-    since = SampleRow.at_us > microseconds(now - limit)
-    of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == TagRow.id, since)
-    of_tag = of_tag.order_by(SampleRow.at_us.desc()).limit(1).correlate(TagRow)
-    newest = of_tag.scalar_subquery()
-    good = of_tag.where(SampleRow.quality == 0).scalar_subquery()
-    rows = select(TagRow.name, TagRow.id).where(
-        TagRow.source == device, newest > microseconds(now - _FRESH), good.is_(None)
-    )
-    return {name: number for name, number in session.execute(rows)}
-
-
 def _why(store: Store, tags: Sequence[DeadTag], now: datetime) -> dict[str, str]:
     """For each tag since when it is dead, and what its newest sample says."""
+    known = store.samples.last_good([one.number for one in tags], now - _LOOK_BACK)
     said: dict[str, str] = {}
-    since_us = microseconds(now - _LOOK_BACK)
-    with store.access.reading() as session:
-        for one in tags:
-            mine = select(SampleRow.at_us).where(SampleRow.tag_id == one.number)
-            newest_first = SampleRow.at_us.desc()
-            good = mine.where(SampleRow.quality == 0, SampleRow.at_us > since_us)
-            last = session.scalar(good.order_by(newest_first).limit(1))
-            words = session.scalar(
-                select(SampleReasonRow.words)
-                .join(SampleRow, SampleRow.reason_id == SampleReasonRow.id)
-                .where(SampleRow.tag_id == one.number)
-                .order_by(newest_first)
-                .limit(1)
-            )
-            when = "for more than a day"
-            if last is not None:
-                when = f"since {EPOCH + timedelta(microseconds=last):%Y-%m-%d %H:%M} UTC"
-            said[one.tag] = f"{when} ({words})" if words else when
+    for one in tags:
+        good = known[one.number]
+        when = "for more than a day" if good.at is None else f"since {good.at:%Y-%m-%d %H:%M} UTC"
+        said[one.tag] = f"{when} ({good.reason})" if good.reason else when
     return said
 
 
-def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, str]) -> Raised:
+def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, str]) -> RaisedAlert:
     entry = plant.valves[valve]
     name = f"{valve} ({entry.description})" if entry.description else valve
     listed = "; ".join(
         f"{one.role.upper()} {one.tag} {why.get(one.tag, '')}".strip() for one in tags
     )
-    return Raised(
+    return RaisedAlert(
         cause=VALVE + valve,
         kind=AlertKind.NO_DATA,
         severity=_severity(entry.criticality),
@@ -144,10 +111,10 @@ def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, st
     )
 
 
-def _many(plant: Plant, device: str, valves: Sequence[str]) -> Raised:
+def _many(plant: Plant, device: str, valves: Sequence[str]) -> RaisedAlert:
     listed = ", ".join(valves[:_NAMED])
     more = f" and {len(valves) - _NAMED} more" if len(valves) > _NAMED else ""
-    return Raised(
+    return RaisedAlert(
         cause=MANY + device,
         kind=AlertKind.NO_DATA,
         severity=_severity(max(plant.valves[one].criticality for one in valves)),

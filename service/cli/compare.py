@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from stemwatch.models.recording import Recording
     from stemwatch.models.studies.literature.scores import FitScore
-    from stemwatch.service.comparison.compare_models import Comparison, ModelRow
     from stemwatch.service.run.plan import Request
+    from stemwatch.service.studies.comparison.compare_models import Comparison, ModelRow
 
 TAGS = "Which tag is what"
 PAGE = "compare.html"
@@ -103,7 +103,7 @@ def _compared(recording: Recording, train_share: float, network: bool) -> Compar
     from rich.progress import Progress
 
     from stemwatch.service.cli import views
-    from stemwatch.service.comparison.compare_models import compare as compare_models
+    from stemwatch.service.studies.comparison.compare_models import compare as compare_models
 
     train_until = max(round(train_share * len(recording)), 1)
     with Progress(console=views.err, transient=True) as progress:
@@ -129,7 +129,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
         text = json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")
     if out is not None:
-        from stemwatch.service.comparison.comparison_html import html_bytes
+        from stemwatch.service.studies.comparison.comparison_html import html_bytes
 
         out.mkdir(parents=True, exist_ok=True)
         (out / PAGE).write_bytes(html_bytes(comparison))

@@ -11,16 +11,18 @@ from rich.table import Table
 from rich.text import Text
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Effect, Finding, HeldOutFit, Mismatch
+from stemwatch.models.mismatch.findings import Finding, HeldOutFit, Mismatch
 from stemwatch.service.cli import views
 from stemwatch.service.explain.explained import Explained
-from stemwatch.service.report.mismatch_words import (
-    FINDING_SYMBOL,
-    effect_name,
-    effect_names,
-    others,
+from stemwatch.service.presenter.finding import PresentedEffect, present_effects
+from stemwatch.service.presenter.physics_words import FINDING_SYMBOL, effect_name, effect_names
+from stemwatch.service.presenter.wording import (
+    beyond,
+    figure,
+    finite,
+    interval,
+    span_percent,
 )
-from stemwatch.service.report.wording import beyond, figure, finite, interval, share, span_percent
 
 STYLE = {
     Finding.NAMED: "bold red",
@@ -70,24 +72,22 @@ def _sentences(found: Mismatch) -> Iterator[str]:
     if found.finding is not Finding.NONE:
         for place in found.before.hot[:MOST_HOT]:
             yield f"[dim]Where[/]  {views.escape(place.sentence)}"
-    for effect in found.effects:
+    for effect in present_effects(found):
         yield from _effect(effect, found.sentence)
     if found.not_testable:
         names = views.escape(effect_names(one.slug for one in found.not_testable))
         yield f"[dim]Not testable here: {names}[/]"
 
 
-def _effect(effect: Effect, said: str) -> Iterator[str]:
-    name = views.escape(effect_name(effect.slug).capitalize())
+def _effect(effect: PresentedEffect, said: str) -> Iterator[str]:
+    name = views.escape(effect.name.capitalize())
     sentence = " ".join(beyond([effect.sentence], said))
     yield f"[bold magenta]{name}[/]  {views.escape(sentence)}".rstrip()
     if effect.check:
         yield f"[dim]Check[/]  {views.escape(effect.check)}"
-    if others(effect):
-        names = views.escape(effect_names(others(effect)))
-        yield f"[dim]Not told from[/]  {names}. {views.escape(effect.decide)}"
-    removed = f"removes {share(effect.evidence.share)} of the squared residual held out"
-    yield f"[dim]Evidence[/]  {removed}. {views.escape(effect.evidence.note)}".rstrip()
+    if effect.instead:
+        yield f"[dim]Not told from[/]  {views.escape(f'{effect.instead}. {effect.decide}')}"
+    yield f"[dim]Evidence[/]  {views.escape(effect.evidence)}"
 
 
 def _numbers(found: Mismatch) -> Table:

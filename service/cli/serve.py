@@ -40,8 +40,8 @@ def serve(
     first admin.
     """
     from stemwatch.service.cli import views
-    from stemwatch.service.serve import Service, Where
-    from stemwatch.service.serve.logs import hide_secrets, set_up_logs
+    from stemwatch.service.serve import ListenAddress, Service
+    from stemwatch.service.serve.plant_secrets import hide_secrets, set_up_logs
 
     loaded = _load(plant)
     set_up_logs(as_json=json_logs)
@@ -49,7 +49,7 @@ def serve(
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    where = Where(host=host, port=port, hosts=tuple(allow_host or ()))
+    where = ListenAddress(host=host, port=port, hosts=tuple(allow_host or ()))
 
     def ready(address: str) -> None:
         # With soft_wrap the address stays on one line, whatever reads it.
@@ -79,15 +79,15 @@ def run_now(
     from stemwatch.service import __version__
     from stemwatch.service.cli import views
     from stemwatch.service.scheduler import Runner
-    from stemwatch.service.serve.duties import LEASE
-    from stemwatch.service.store.runs.queue import Wanted
+    from stemwatch.service.serve.periodic_tasks import LEASE
+    from stemwatch.service.store.runs.queue import RunRequest
     from stemwatch.service.store.store import open_store
 
     loaded = _load(plant)
     if unknown := [name for name in valve or () if name not in loaded.valves]:
         raise typer.BadParameter(f"no valve {unknown[0]} in {plant}", param_hint="VALVE")
     with open_store(loaded.storage) as store:
-        wanted = Wanted(valves=tuple(valve or ()), who=who or "command line")
+        wanted = RunRequest(valves=tuple(valve or ()), who=who or "command line")
         number = store.queue.put(wanted, software_version=__version__)
         served = store.leases.holder(LEASE) is not None
         if number is None:

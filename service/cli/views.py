@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -37,7 +38,6 @@ STYLE = {
     Verdict.UNDETERMINED: "cyan",
     Verdict.HEALTHY: "green",
 }
-ORDER = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
 NAMED = 6  # valves that are named for one reason
 NARROW = 76  # below this only what matters most
@@ -79,10 +79,13 @@ def _number(estimate: Estimate) -> str:
 
 def verdict_line(screening: Screening) -> str:
     """One line for a valve that matters."""
+    from stemwatch.service.presenter.finding import present
+
     style = STYLE[screening.verdict]
+    said = present(screening, stands=None)
     return (
         f"[{style}]{screening.verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
-        f"{escape(screening.reason)}"
+        f"{escape(said.reason)}"
     )
 
 
@@ -112,36 +115,45 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
         yield tell
 
 
-def ranked(screenings: Sequence[Screening]) -> list[Screening]:
-    """Worst first."""
-    return sorted(screenings, key=lambda s: (ORDER.index(s.verdict), -s.severity, s.valve))
-
-
 def summary(screenings: Sequence[Screening]) -> Table:
-    """The ranking, worst first."""
-    table = Table(title=_counts(screenings), title_justify="left")
+    """The ranking, worst first, in the order and the words of the report."""
+    from stemwatch.service.report.ranking import rank_valves
+    from stemwatch.service.report.report_context import ReportContext
+
+    ranking = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
+    more = f", the worst {SHOWN} shown" if len(ranking) > SHOWN else ""
+    table = Table(title=f"{ranking.counts.sentence.rstrip('.')}{more}.", title_justify="left")
+    table.caption, table.caption_justify = _verdicts(screenings), "left"
     narrow, wide = out.width < NARROW, out.width >= WIDE
     table.add_column("", justify="right")
     table.add_column("valve", overflow="fold")  # a name that is cut is no name
     table.add_column("verdict", no_wrap=True, min_width=len(Verdict.UNDETERMINED))
     for name in ("S, %", "J, %"):
         table.add_column(name, justify="right")
-    for name in () if narrow else ("shape", "data"):
+    for name in () if narrow else ("maintenance", "shape", "data"):
         table.add_column(name, no_wrap=True)
     if wide:  # in a narrow terminal the sentence would stand in a column of single words
         table.add_column("why")
-    for rank, one in enumerate(ranked(screenings)[:SHOWN], start=1):
-        more = () if narrow else (one.shape.value if one.shape else "", one.quality.grade)
+    for valve in ranking[:SHOWN]:
+        one = valve.screening
+        shape = one.shape.value if one.shape else ""
+        beside = () if narrow else (valve.decision.state.value, shape, one.quality.grade)
         table.add_row(
-            str(rank),
+            str(valve.rank),
             escape(one.valve),
             f"[{STYLE[one.verdict]}]{one.verdict.value}[/]",
             _number(one.S),
             _number(one.J),
-            *more,
-            *([escape(one.reason)] if wide else []),
+            *beside,
+            *([escape(valve.said.reason)] if wide else []),
         )
     return table
+
+
+def _verdicts(screenings: Sequence[Screening]) -> str:
+    """How many recordings there are of each verdict."""
+    count = {verdict: sum(one.verdict is verdict for one in screenings) for verdict in STYLE}
+    return ", ".join(f"{many} {verdict.value}" for verdict, many in count.items() if many)
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
@@ -154,20 +166,6 @@ def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
         names = ", ".join(dict.fromkeys(valves[:NAMED]))
         more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
         yield f"[cyan]undetermined[/] [bold]{escape(names)}{more}[/]  {escape(reason)}"
-
-
-def _counts(screenings: Sequence[Screening]) -> str:
-    words = [
-        f"{count} {verdict.value}"
-        for verdict in ORDER
-        if (count := sum(s.verdict is verdict for s in screenings))
-    ]
-    more = f", the worst {SHOWN} shown" if len(screenings) > SHOWN else ""
-    valves = len({one.valve for one in screenings})
-    what = f"{valves} valves" if valves != 1 else "1 valve"
-    if valves != len(screenings):
-        what = f"{len(screenings)} recordings of {what}"
-    return f"{what}: {', '.join(words) or 'none'}{more}"
 
 
 def inspection_tables(seen: Inspection) -> Iterator[Table]:

@@ -13,11 +13,11 @@ from importlib.resources import files
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.explain.explained import Explained
+from stemwatch.service.presenter.wording import span_percent
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.html_page import PLOT_SCRIPTS, environment, inlined, template
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.report.ranking import anchor_of
-from stemwatch.service.report.wording import span_percent
 
 HERE = "stemwatch.service.explain"
 # An overlay is 60 to 90 KB, and the page must open on a phone.

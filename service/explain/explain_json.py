@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from stemwatch.service.explain.explained import Explained
-from stemwatch.service.report.false_discoveries import discoveries
+from stemwatch.service.presenter.false_discoveries import discoveries
+from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.json_contract import mismatch_object
-from stemwatch.service.report.wording import printable
 
 VERSION = 1
 

@@ -15,7 +15,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from stemwatch.models.recording import Floats
-from stemwatch.service.report.wording import printable
+from stemwatch.service.presenter.wording import printable
 
 Point = tuple[float, float]  # points, y downwards from the top
 Anchor = Literal["start", "middle", "end"]

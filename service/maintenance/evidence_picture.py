@@ -19,9 +19,9 @@ from stemwatch.service.maintenance.drawing import (
     Panel,
     span,
 )
+from stemwatch.service.presenter.wording import finite, instant, printable
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
-from stemwatch.service.report.wording import finite, instant, printable
 
 WIDTH, HEIGHT = 515.0, 172.0
 TOP, FOOT, LEFT = 24.0, 24.0, 26.0

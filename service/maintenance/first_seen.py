@@ -9,9 +9,9 @@ from datetime import datetime, tzinfo
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.valve_history import LOOK_BACK
-from stemwatch.service.report.wording import instant
+from stemwatch.service.presenter import work_decision as k
+from stemwatch.service.presenter.wording import instant
 from stemwatch.service.store.screenings.records import Remark
 
 

@@ -11,11 +11,9 @@ from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.stored import (
     background_of,
     facts_of,
-    latest_screenings,
-    screenings_of_run,
 )
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
-from stemwatch.service.report.false_discoveries import tested
+from stemwatch.service.presenter.false_discoveries import tested
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.restored import Restored
@@ -38,7 +36,7 @@ def report_of_store(
     What stands beside friction is decided over all valves either way. Raises ``StoreError`` where
     there is no such run, or none of a valve that was named.
     """
-    every = latest_screenings(store) if run is None else screenings_of_run(store, run)
+    every = store.latest_screenings() if run is None else store.screenings_of_run(run)
     known = {one.valve for one in every}
     if unknown := sorted(set(valves) - known):
         where = "the store" if run is None else f"run {run}"
@@ -64,7 +62,7 @@ def report_of_run(
     """Write the report of all valves of a scheduled run. ``screenings`` are those of them whose
     samples are still here, for the pictures; the others come as they are stored."""
     here = {one.valve for one in screenings}
-    rest = [one for one in screenings_of_run(store, run) if one.valve not in here]
+    rest = [one for one in store.screenings_of_run(run) if one.valve not in here]
     every = [*screenings, *rest]
     aside = store.queue.set_aside(run)
     context = ReportContext(

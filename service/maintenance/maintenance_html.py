@@ -9,11 +9,11 @@ from importlib.resources import files
 
 from markupsafe import Markup
 
-from stemwatch.service.maintenance.advice import HINT, LEVEL_NAME
 from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.maintenance.work_list import WorkList
+from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
+from stemwatch.service.presenter.wording import NOTHING
 from stemwatch.service.report.html_page import environment
-from stemwatch.service.report.wording import NOTHING
 
 TEMPLATE, STYLE = "maintenance.html", "maintenance.css"
 

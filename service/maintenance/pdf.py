@@ -5,13 +5,13 @@ from __future__ import annotations
 import io
 from typing import Any
 
-from stemwatch.service.maintenance.advice import HINT
 from stemwatch.service.maintenance.pdf_fonts import REGULAR, fonts
 from stemwatch.service.maintenance.pdf_sheet import FOOT, LEFT, PAGE, TOP, WIDTH, draw_sheet
 from stemwatch.service.maintenance.pdf_text import Writer
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
-from stemwatch.service.report.wording import NOTHING, VERDICT_SYMBOL, instant, printable
+from stemwatch.service.presenter.advice import HINT
+from stemwatch.service.presenter.wording import NOTHING, VERDICT_SYMBOL, instant, printable
 
 SIZE = 8.2
 HEADINGS = ("Page", "Priority", "Valve", "Finding", "S", "Since", "By")
@@ -83,7 +83,7 @@ class _Lists:
         self._y += 2.0
 
     def _row(self, number: int, sheet: WorkSheet) -> None:
-        context, work = self._book.context, sheet.needs_work
+        context, work = self._book.context, sheet.has_order
         begins = sheet.since.first.at if sheet.since.first else sheet.screening.window[1]
         cells = (
             str(number),

@@ -6,12 +6,12 @@ from datetime import datetime
 from typing import Any
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.advice import HINT, LEVEL_NAME
 from stemwatch.service.maintenance.pdf_fonts import is_whole
 from stemwatch.service.maintenance.pdf_text import Writer
 from stemwatch.service.maintenance.work_sheet import WorkSheet
+from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
+from stemwatch.service.presenter.wording import NOTHING, VERDICT_SYMBOL, span_percent, window
 from stemwatch.service.report.report_context import ReportContext
-from stemwatch.service.report.wording import NOTHING, VERDICT_SYMBOL, span_percent, window
 
 PAGE = (595.28, 841.89)  # A4 in points
 LEFT, TOP, FOOT = 40.0, 30.0, 34.0
@@ -46,7 +46,7 @@ def _page(w: Writer, sheet: WorkSheet, context: ReportContext) -> float:
     """Everything but the lines to sign on; returns where it ends."""
     y = _head(w, sheet, context)
     y = w.heading("What was found", LEFT, y, WIDTH)
-    y = w.text(" ".join(sheet.finding), LEFT, y, WIDTH, most=6)
+    y = w.text(sheet.said.in_full, LEFT, y, WIDTH, most=6)
     seen = f"Window: {window(*sheet.screening.window, context.tz, context.zone)}"
     seen += f" · run {sheet.run}" if sheet.run is not None else ""
     y = w.text(seen, LEFT, y, WIDTH, most=1, size=0.86)
@@ -79,11 +79,11 @@ def _head(w: Writer, sheet: WorkSheet, context: ReportContext) -> float:
 
 def _priority(w: Writer, sheet: WorkSheet, context: ReportContext) -> None:
     priority, left = sheet.priority, LEFT + WIDTH - BOX_WIDTH
-    weight, dash = FRAME[priority.code] if sheet.needs_work else FRAME[4]
+    weight, dash = FRAME[priority.code] if sheet.has_order else FRAME[4]
     w.box(left, TOP, BOX_WIDTH, BOX_HEIGHT, weight, dash)
     middle = left + BOX_WIDTH / 2
-    if not sheet.needs_work:
-        w.line("no work", middle, TOP + 31.0, 9.0, anchor="middle")
+    if not sheet.has_order:
+        w.line("no order", middle, TOP + 31.0, 9.0, anchor="middle")
         return
     w.line("Priority", middle, TOP + 12.0, 7.5, anchor="middle")
     w.line(str(priority.code), middle, TOP + 31.0, 18.0, bold=True, anchor="middle")
@@ -155,7 +155,7 @@ def _hand(w: Writer, sheet: WorkSheet, y: float, width: float) -> float:
 
 def _doubt(w: Writer, sheet: WorkSheet, x: float, y: float, width: float) -> float:
     y = w.heading("What else it could be", x, y, width)
-    said = " ".join(sheet.otherwise) or "Nothing that this recording would show."
+    said = " ".join(sheet.said.otherwise) or "Nothing that this recording would show."
     y = w.text(said, x, y, width, most=7)
     y = w.heading("Why this priority", x, y, width)
     return w.text(f"{sheet.priority.reason}.", x, y, width, most=3)

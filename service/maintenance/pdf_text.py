@@ -12,7 +12,7 @@ from typing import Any
 
 from stemwatch.service.maintenance.drawing import Drawing, DrawnArea, DrawnLine, DrawnText, hatching
 from stemwatch.service.maintenance.pdf_fonts import runs, width_of
-from stemwatch.service.report.wording import prose
+from stemwatch.service.presenter.wording import prose
 
 LEADING = 1.24
 CUT = " …"

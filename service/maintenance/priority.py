@@ -5,9 +5,8 @@
     score at least 0.80 -> 1, within a week;  0.55 -> 2, a month;  0.30 -> 3, three months;
     below -> 4, the next planned stop (a date half a year away)
 
-Severity is the screening's own, 0 to 100, where S and J were judged; a position that cannot be
-trusted and an effect beside friction have one of their own, because the screening ranks them by
-what it could not measure. The classes are a proposal to a planner and no more.
+Severity, 0 to 100, is that of the work decision. The classes are a proposal to a planner and no
+more.
 """
 
 from __future__ import annotations
@@ -15,18 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta, tzinfo
 
-from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.report.change_since_last_run import Change
-from stemwatch.service.report.wording import finite
 
 WEIGHT_OF_CRITICALITY = {"1": 0.6, "2": 0.8, "3": 1.0}
 USUAL_CRITICALITY = "2"  # as the plant file has it where a valve says nothing
 WEIGHT_OF_TREND = {"worse": 1.2, "better": 0.85}
-# A stem that may be stuck fast stands beside the worst sticky ones until somebody has looked.
-SEVERITY_OF = {k.FROZEN: 90.0, k.UNEXPLAINED: 45.0}
-OTHER_SEVERITY = 35.0  # an effect beside friction, or a position that tells nothing
 CLASSES = ((0.80, 1), (0.55, 2), (0.30, 3), (0.0, 4))
 WORDS = {1: "within a week", 2: "within a month", 3: "within three months", 4: "at the next stop"}
 DAYS = {1: 7, 2: 30, 3: 90, 4: 180}
@@ -46,11 +38,8 @@ class Priority:
         return (reported.astimezone(zone) + timedelta(days=DAYS[self.code])).date()
 
 
-def priority(
-    screening: Screening, kinds: tuple[str, ...], criticality: str, trend: Change
-) -> Priority:
+def priority(severity: float, criticality: str, trend: Change) -> Priority:
     """The class of a finding, with the three factors as its reason."""
-    severity = severity_of(screening, kinds)
     known = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
     weight = WEIGHT_OF_TREND.get(trend.direction, 1.0)
     score = severity / 100.0 * WEIGHT_OF_CRITICALITY[known] * weight
@@ -60,15 +49,3 @@ def priority(
         stated += f" (plant says {criticality!r})" if criticality else " (none is given)"
     reason = f"{stated}, severity {severity:.0f} of 100, trend: {trend.words}"
     return Priority(code=code, words=WORDS[code], score=score, reason=reason)
-
-
-def severity_of(screening: Screening, kinds: tuple[str, ...]) -> float:
-    """0 to 100: the worst of what was judged and of what ``kinds`` are worth by themselves."""
-    own = [SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own(kind)]
-    if screening.verdict is not Verdict.UNDETERMINED or not own:
-        own.append(finite(screening.severity) or 0.0)
-    return min(max(own), 100.0)
-
-
-def _has_own(kind: str) -> bool:
-    return kind not in k.NO_WORK and kind not in k.STICTION.values()

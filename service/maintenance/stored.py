@@ -4,45 +4,21 @@ came before them."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import timedelta
 
-from sqlalchemy import ColumnElement, select
-from sqlalchemy.orm import Session, defer
-
 from stemwatch.connectors.connector import ConnectorError, Window
-from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
 from stemwatch.service.report.report_context import ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.screenings.records import StoredValve
-from stemwatch.service.store.screenings.restored import Restored, screening_of
-from stemwatch.service.store.screenings.rows import stored_screening
-from stemwatch.service.store.screenings.screenings import latest_screening_id
-from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 from stemwatch.service.store.store import Store
 
 # Enough for a typical stretch of the picture; a day of three tags at 1 s is a quarter of a million.
 LONGEST_READ = timedelta(hours=4)
-
-
-def screenings_of_run(store: Store, run: int) -> list[Restored]:
-    """Every screening of a run. Raises ``StoreError`` where there is no such run."""
-    store.run(run)
-    with store.access.reading("reading a run's screenings") as session:
-        return _restored(session, ScreeningRow.run_id == run)
-
-
-def latest_screenings(store: Store) -> list[Restored]:
-    """Each valve's latest screening."""
-    with store.access.reading("reading the latest screenings") as session:
-        newest = select(latest_screening_id()).select_from(ValveRow)
-        return _restored(session, ScreeningRow.id.in_(newest))
 
 
 def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> ValveHistory:
@@ -99,24 +75,3 @@ def read_samples(store: Store, plant: Plant | None, screening: Screening) -> Rec
         return source.read(plant.valve_tags(screening.valve), window)
     except (ConnectorError, StoreError):
         return None  # removed by now: the page says that there is no picture
-
-
-def _restored(session: Session, which: ColumnElement[bool]) -> list[Restored]:
-    statement = select(ScreeningRow).options(defer(ScreeningRow.mismatch)).where(which)
-    rows = session.scalars(statement.order_by(ScreeningRow.valve, ScreeningRow.id))
-    return [_of_row(row) for row in rows]
-
-
-def _of_row(row: ScreeningRow) -> Restored:
-    """The row as a screening. A healthy valve on which nothing was named gets no page: of its
-    mismatch only the verdict counts, and reading all of it for thousands takes long."""
-    if row.verdict != Verdict.HEALTHY.value or row.mismatch_slugs:
-        return screening_of(stored_screening(row))
-    light = screening_of(stored_screening(row, with_mismatch=False))
-    if row.mismatch_finding is None:
-        return light
-    numbers = Stiction(S=light.S, J=light.J)
-    found = Mismatch(
-        finding=Finding(row.mismatch_finding), sentence="", naive=numbers, restated=numbers
-    )
-    return replace(light, mismatch=found)

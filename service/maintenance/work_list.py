@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.finding_kinds import kinds_of, needs_work
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
 from stemwatch.service.maintenance.work_sheet import WorkSheet, brief_of, work_sheet_of
+from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.ranking import discovered, rank_valves
 from stemwatch.service.report.report_context import ReportContext
 
@@ -30,22 +30,25 @@ class WorkList:
 
     sheets: tuple[WorkSheet, ...]
     others: tuple[ValveWithoutPage, ...]
+    counted: WorkCounts
     context: ReportContext
     discovered: str = ""
     run: int | None = None
 
     @property
     def to_work_on(self) -> tuple[WorkSheet, ...]:
-        """Those of ``sheets`` that make a work order."""
-        return tuple(sheet for sheet in self.sheets if sheet.needs_work)
+        """Those of ``sheets`` that make a work order: of a valve with several recordings the most
+        urgent one."""
+        first: dict[str, WorkSheet] = {}
+        for sheet in self.sheets:
+            if sheet.has_order:
+                first.setdefault(sheet.screening.valve, sheet)
+        return tuple(first.values())
 
     @property
     def counts(self) -> str:
         """What is in it, in one sentence."""
-        work = len(self.to_work_on)
-        rest = len(self.sheets) + len(self.others) - work
-        needs = f"{work} {'valve needs' if work == 1 else 'valves need'} work"
-        return f"{needs if work else 'No valve needs work'}, {rest} {_other(rest)} not."
+        return self.counted.sentence
 
 
 def work_list_of(
@@ -60,7 +63,7 @@ def work_list_of(
     found = discovered(ranked, context)
     sheets, others = [], []
     for valve in ranked:
-        if everything or needs_work(kinds_of(valve.screening, stands=valve.stands)):
+        if everything or valve.decision.has_page:
             sheets.append(work_sheet_of(valve, found, background, context.tz))
         else:
             screening = valve.screening
@@ -72,6 +75,7 @@ def work_list_of(
     return WorkList(
         sheets=tuple(sheets),
         others=tuple(others),
+        counted=ranked.counts,
         context=context,
         discovered=found.sentence,
         run=background.run,
@@ -80,12 +84,8 @@ def work_list_of(
 
 def _order(sheet: WorkSheet) -> tuple[bool, int, float, str]:
     return (
-        not sheet.needs_work,
+        not sheet.has_order,
         sheet.priority.code,
         -sheet.priority.score,
         sheet.screening.valve,
     )
-
-
-def _other(count: int) -> str:
-    return "does" if count == 1 else "do"

@@ -16,13 +16,14 @@ from typing import Any
 
 from xlsxwriter import Workbook
 
-from stemwatch.service.maintenance.advice import HINT, LEVEL_NAME
 from stemwatch.service.maintenance.work_list import WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
+from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
+from stemwatch.service.presenter.finding import MOST_STILL_SEEN
+from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.csv_file import harmless
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import Cell
-from stemwatch.service.report.wording import finite, printable
 from stemwatch.service.report.xlsx_file import write_cell
 
 SHORT_TEXT = 40  # letters of the short text of a notification in SAP PM
@@ -52,7 +53,7 @@ def short_text(sheet: WorkSheet) -> str:
     has a field of its own."""
     S = finite(sheet.screening.S.value)
     text = sheet.title
-    if sheet.advice.kind.startswith("stiction") and S is not None:
+    if sheet.kinds[0].startswith("stiction") and S is not None:
         text = f"{text}, S {S:.1f} %"
     return text[:SHORT_TEXT]
 
@@ -60,7 +61,8 @@ def short_text(sheet: WorkSheet) -> str:
 def long_text(sheet: WorkSheet) -> str:
     """The page in plain lines."""
     lines = [
-        *sheet.finding,
+        *sheet.said.found,
+        *sheet.said.still_seen[:MOST_STILL_SEEN],
         *(_measured(sheet)),
         *sheet.since_said,
         f"Priority {sheet.priority.code} ({sheet.priority.words}): {sheet.priority.reason}.",
@@ -73,7 +75,7 @@ def long_text(sheet: WorkSheet) -> str:
         "Isolation:",
         *[f"- {LEVEL_NAME[level]}: {text}" for level, text in sheet.isolation],
         HINT,
-        *[f"What else it could be: {text}" for text in sheet.otherwise],
+        *[f"What else it could be: {text}" for text in sheet.said.otherwise],
         *sheet.sure,
     ]
     text = "\n".join(lines)

@@ -10,33 +10,29 @@ from dataclasses import dataclass, replace
 from datetime import tzinfo
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Effect
+from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.schema import Stroke, parse_stroke
-from stemwatch.service.maintenance import advice
-from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance import first_seen as s
-from stemwatch.service.maintenance.advice import Advice, CheckStep, IsolationLevel
 from stemwatch.service.maintenance.drawing import Drawing
 from stemwatch.service.maintenance.evidence_picture import picture_of
 from stemwatch.service.maintenance.first_seen import FirstSeen
 from stemwatch.service.maintenance.priority import Priority, priority
 from stemwatch.service.maintenance.valve_history import ValveHistory
-from stemwatch.service.report.false_discoveries import LEVEL_PERCENT, Discoveries
-from stemwatch.service.report.mismatch_words import effect_name, effect_names, others
-from stemwatch.service.report.ranking import RankedValve
-from stemwatch.service.report.wording import (
+from stemwatch.service.presenter import advice
+from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discoveries
+from stemwatch.service.presenter.finding import PresentedFinding
+from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
-    beyond,
     finite,
     interval,
     share,
     span_percent,
 )
+from stemwatch.service.report.ranking import RankedValve
 
 MOST_PAST = 5  # earlier screenings in the table
-MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
 MEANING = {
     "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
     "J": "slip jump: how far the stem then jumps at once",
@@ -58,17 +54,15 @@ class Size:
 class WorkSheet:
     """The page of one valve. Texts are as they came; who draws them makes them printable.
 
-    ``kinds`` has the kind to act on first at its front, ``advice`` is of that one. ``picture`` is
+    ``said`` is the finding in words, ``advice`` that of the kind to act on first. ``picture`` is
     ``None`` where there are no samples; ``picture_note`` says what is drawn or why nothing is.
     """
 
     valve: RankedValve
-    kinds: tuple[str, ...]
-    advice: Advice
-    finding: tuple[str, ...]
+    said: PresentedFinding
+    advice: FieldAdvice
     sizes: tuple[Size, ...]
     stroke_note: str
-    otherwise: tuple[str, ...]
     steps: tuple[CheckStep, ...]
     parts: tuple[str, ...]
     isolation: tuple[tuple[IsolationLevel, str], ...]
@@ -87,22 +81,27 @@ class WorkSheet:
         return self.valve.screening
 
     @property
-    def title(self) -> str:
-        """The finding in at most 30 letters."""
-        return self.advice.title
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of finding, the one to act on first at the front."""
+        return self.said.decision.kinds
 
     @property
-    def needs_work(self) -> bool:
-        """Whether somebody should go to the valve."""
-        return k.needs_work(self.kinds)
+    def title(self) -> str:
+        """The finding in at most 30 letters."""
+        return self.said.title
+
+    @property
+    def has_order(self) -> bool:
+        """Whether it makes a work order."""
+        return self.said.decision.has_order
 
 
 def work_sheet_of(
     valve: RankedValve, found: Discoveries, background: ValveHistory, zone: tzinfo
 ) -> WorkSheet:
     """The page of ``valve``; ``found`` is what stands in the whole run, times are in ``zone``."""
-    screening = valve.screening
-    kinds = k.kinds_of(screening, stands=valve.stands)
+    screening, said = valve.screening, valve.said
+    kinds = said.decision.kinds
     earlier = background.earlier(screening)
     seen = s.first_seen(kinds[0], earlier)
     steps = advice.steps_for(kinds)
@@ -110,12 +109,10 @@ def work_sheet_of(
     sizes, stroke_note = _sizes(screening, valve.facts.stroke)
     return WorkSheet(
         valve=replace(valve, screening=screening.without_samples()),
-        kinds=kinds,
+        said=said,
         advice=advice.advice_for(kinds[0]),
-        finding=_finding(screening, valve.stands),
         sizes=sizes,
         stroke_note=stroke_note,
-        otherwise=_otherwise(screening, kinds, valve.stands),
         steps=steps,
         parts=advice.parts_for(kinds),
         isolation=advice.isolation_for(steps),
@@ -123,23 +120,13 @@ def work_sheet_of(
         since_said=_since(seen, screening, background, zone),
         past=tuple(earlier[:MOST_PAST]),
         sure=how_sure(screening, valve.stands, found, seen),
-        priority=priority(screening, kinds, valve.facts.criticality, valve.trend),
+        priority=priority(
+            finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
+        ),
         picture=picture,
         picture_note=note,
         run=background.run,
     )
-
-
-def _finding(screening: Screening, stands: bool | None) -> tuple[str, ...]:
-    """The screening's reason, and each effect that stands."""
-    effects = k.standing_effects(screening, stands=stands)
-    said = [screening.reason, *beyond((one.sentence for one in effects), screening.reason)]
-    found = screening.mismatch
-    if found is not None and found.finding.value == k.UNKNOWN:
-        said.append(found.sentence)
-    if screening.verdict is Verdict.UNDETERMINED:
-        said += screening.still_seen[:2]
-    return tuple(said)
 
 
 def _sizes(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
@@ -168,37 +155,6 @@ def _size(name: str, estimate: Estimate, full: Stroke | None) -> Size:
         interval=f"{interval(estimate)} %" if value is not None and interval(estimate) else "",
         travel="" if full is None or value is None else full.of_percent(value),
     )
-
-
-def _otherwise(
-    screening: Screening, kinds: tuple[str, ...], stands: bool | None
-) -> tuple[str, ...]:
-    """What else it could be: what this recording cannot tell apart, what was held back, what it
-    could not have shown."""
-    found = screening.mismatch
-    said = list(advice.advice_for(kinds[0]).otherwise)
-    if found is None:
-        return tuple(said)
-    for effect in found.effects:
-        said += _of_effect(effect, held_back=stands is False)
-    if found.not_testable:
-        named = effect_names(one.slug for one in found.not_testable[:MOST_UNTESTABLE])
-        more = len(found.not_testable) - MOST_UNTESTABLE
-        said.append(
-            f"Not testable in this recording: {named}{f' and {more} more' if more > 0 else ''}; "
-            f"the first because {found.not_testable[0].reason.rstrip('.')}."
-        )
-    return tuple(said)
-
-
-def _of_effect(effect: Effect, *, held_back: bool) -> list[str]:
-    name = effect_name(effect.slug)
-    if held_back:
-        return [f"Perhaps {name}, which is held back: chance alone may have named it."]
-    if not others(effect):
-        return []
-    text = f"Instead of {name}: {effect_names(others(effect))}; this recording cannot tell them."
-    return [f"{text} {effect.decide}".rstrip()]
 
 
 def _since(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.screening_result import Residual, Screening
-from stemwatch.service.report.wording import finite
+from stemwatch.service.presenter.wording import finite
 
 MODEL_NAMES = {
     "stiction": "Stick-slip model",

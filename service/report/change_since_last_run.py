@@ -8,7 +8,7 @@ from typing import Protocol
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.wording import finite
+from stemwatch.service.presenter.wording import finite
 
 ARROWS = {"worse": "↗", "better": "↘", "same": "→", "new": "•", "unknown": "·"}
 _GRAVITY = {Verdict.HEALTHY: 0, Verdict.WATCH: 1, Verdict.STICKY: 2}

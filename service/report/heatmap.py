@@ -12,7 +12,7 @@ from itertools import pairwise
 from markupsafe import Markup, escape
 
 from stemwatch.models.mismatch.findings import ResidualMap
-from stemwatch.service.report.wording import figure, finite, printable
+from stemwatch.service.presenter.wording import figure, finite, printable
 
 LEFT, TOP, CELL_WIDTH, CELL_HEIGHT, LINE = 78, 34, 60, 28, 13
 BOTTOM = 6

@@ -20,14 +20,14 @@ from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report import mismatch_words
-from stemwatch.service.report import wording as words
+from stemwatch.service.presenter import physics_words as mismatch_words
+from stemwatch.service.presenter import wording as words
+from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
-from stemwatch.service.report.beside_friction import beside_friction, without_them
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
 from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars, mismatch_view
-from stemwatch.service.report.ranking import RankedValve, count_verdicts, discovered
+from stemwatch.service.report.ranking import RankedValve, count_verdicts, counted, discovered
 from stemwatch.service.report.report_context import ReportContext
 
 # Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
@@ -85,6 +85,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
     return page.generate(
         context=context,
         counts=counts,
+        work=counted(ranked),
         ranked=ranked,
         valves=_plotted(ranked, counts, found.remark),
         discovered=found.sentence,
@@ -175,18 +176,16 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "duration": words.duration,
         "finite": words.finite,
         "gauge": gauge,
-        "beside_friction": beside_friction,
-        "without_them": without_them,
         "fit_bars": fit_bars,
         "spread_percent": spread_percent,
         "left_over_bars": left_over_bars,
         "effect_name": mismatch_words.effect_name,
         "effect_names": mismatch_words.effect_names,
-        "others": mismatch_words.others,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "beyond": words.beyond,
+        "presented": present_effect,
         "sortable": words.sortable,
         "plain": "{:g}".format,
         "prose": words.prose,

@@ -21,9 +21,10 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
 )
 from stemwatch.models.screening_result import Indicator, Residual, Screening
-from stemwatch.service.report.false_discoveries import discoveries
+from stemwatch.service.presenter.false_discoveries import discoveries
+from stemwatch.service.presenter.finding import present, present_effect
+from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.report_context import software_name
-from stemwatch.service.report.wording import finite, printable
 
 HELD_OUT = (
     "rmse_naive",
@@ -82,13 +83,13 @@ def estimate_object(estimate: Estimate) -> dict[str, Any]:
 
 
 def _effect(effect: Effect) -> dict[str, Any]:
-    evidence = effect.evidence
+    evidence, said = effect.evidence, present_effect(effect)
     return {
         "slug": printable(effect.slug),
         "class": [printable(slug) for slug in effect.members],
-        "sentence": printable(effect.sentence),
-        "where": printable(effect.where),
-        "check": printable(effect.check),
+        "sentence": printable(said.sentence),
+        "where": printable(said.where),
+        "check": printable(said.check),
         "decide": printable(effect.decide),
         "parameters": {
             printable(name): estimate_object(one) for name, one in effect.parameters.items()
@@ -152,7 +153,7 @@ def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str
 
     ``stands`` says whether its effects stand among all valves of the run.
     """
-    found = screening.mismatch
+    found, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,
@@ -160,10 +161,10 @@ def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str
         "recording": printable(screening.provenance.source),
         "window": {"start": _instant(start), "end": _instant(end)},
         "verdict": screening.verdict.value,
-        "reason": printable(screening.reason),
-        "advice": printable(screening.advice),
+        "reason": printable(said.reason),
+        "advice": printable(said.next_step),
         "shape": None if screening.shape is None else screening.shape.value,
-        "severity": finite(screening.severity),
+        "severity": finite(said.decision.severity),
         "confidence": finite(screening.confidence),
         "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
         "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},

@@ -10,11 +10,11 @@ from markupsafe import Markup
 
 from stemwatch.models.mismatch.findings import Cell, Finding, HeldOutFit, Mismatch
 from stemwatch.models.recording import Recording
+from stemwatch.service.presenter.physics_words import facet_title
+from stemwatch.service.presenter.wording import finite
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_charts import overlay_of
 from stemwatch.service.report.heatmap import heat_map, largest
-from stemwatch.service.report.mismatch_words import facet_title
-from stemwatch.service.report.wording import finite
 
 
 @dataclass(frozen=True, kw_only=True)

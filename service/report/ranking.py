@@ -9,16 +9,25 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import overload
 
-from stemwatch.models.mismatch.findings import Mismatch, ResidualMap
+from stemwatch.models.mismatch.findings import ResidualMap
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
+from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.wording import finite, printable
+from stemwatch.service.presenter.work_decision import (
+    WorkCounts,
+    WorkDecision,
+    WorkState,
+    count_valves,
+    decide,
+)
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
-from stemwatch.service.report.false_discoveries import Discoveries, discoveries
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
-from stemwatch.service.report.wording import WORST_FIRST, finite, printable
 
 LONGEST_ANCHOR = 60
+RankKey = tuple[int, int, float, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +35,7 @@ class RankedValve:
     """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report.
 
     ``stands`` is whether its effects stand among all valves of the run; ``None`` where nothing
-    was named.
+    was named; ``said`` is the finding in the words that every output uses.
     """
 
     rank: int
@@ -34,8 +43,14 @@ class RankedValve:
     screening: Screening
     facts: ValveFacts
     trend: Change
+    said: PresentedFinding
     stands: bool | None = None
     plots: Callable[[], ValvePlots | None] = lambda: None
+
+    @property
+    def decision(self) -> WorkDecision:
+        """What it asks of maintenance, and how bad it is."""
+        return self.said.decision
 
     @property
     def evidence(self) -> ValvePlots | None:
@@ -44,8 +59,8 @@ class RankedValve:
 
 
 class Ranking(Sequence[RankedValve]):
-    """The valves of a report, worst first: by verdict (sticky, watch, undetermined, healthy), then
-    severity, then tag.
+    """The valves of a report, worst first: those that need work, those to watch, those that cannot
+    be judged, the others; then by verdict, severity and tag.
 
     A valve is made when it is asked for, from whatever ``screenings`` is: where that reads from a
     disk, only one valve is held at a time. ``evidence`` gives the plots of the screening at a place
@@ -59,12 +74,21 @@ class Ranking(Sequence[RankedValve]):
         evidence: Callable[[int], ValvePlots | None] = lambda _: None,
     ) -> None:
         self._screenings, self._context, self._evidence = screenings, context, evidence
-        notes = [(worst_first(one), one.valve, light(one.mismatch)) for one in screenings]
-        self._order = sorted(range(len(notes)), key=lambda place: notes[place][0])
-        named = [notes[place][2] for place in self._order]
-        self.discovered: Discoveries = discoveries(named, context.p_elsewhere)
+        notes = [light(one) for one in screenings]
+        found = discoveries([one.mismatch for one in notes], context.p_elsewhere)
+        decided = [
+            decide(one, stands=stands) for one, stands in zip(notes, found.standing, strict=True)
+        ]
+        keys = [_key(one, of_it) for one, of_it in zip(notes, decided, strict=True)]
+        self._order = sorted(range(len(notes)), key=lambda place: keys[place])
+        self.discovered: Discoveries = replace(
+            found, standing=tuple(found.standing[place] for place in self._order)
+        )
+        self.counts = count_valves(
+            (one.valve, of_it) for one, of_it in zip(notes, decided, strict=True)
+        )
         taken: Counter[str] = Counter()
-        self._anchors = [anchor_of(notes[place][1], taken) for place in self._order]
+        self._anchors = [anchor_of(notes[place].valve, taken) for place in self._order]
 
     def __len__(self) -> int:
         return len(self._order)
@@ -91,6 +115,7 @@ class Ranking(Sequence[RankedValve]):
             screening=screening,
             facts=facts,
             trend=change_since_last_run(screening, facts.previous),
+            said=present(screening, stands=self.discovered.standing[at], run=self.discovered),
             stands=self.discovered.standing[at],
             plots=partial(self._evidence, place),
         )
@@ -101,7 +126,7 @@ def rank_valves(
     context: ReportContext,
     evidence: Callable[[int], ValvePlots | None] = lambda _: None,
 ) -> Ranking:
-    """By verdict (sticky, watch, undetermined, healthy), then severity, then tag."""
+    """Worst first: by what a valve asks of maintenance, then verdict, severity and tag."""
     return Ranking(screenings, context, evidence)
 
 
@@ -112,12 +137,20 @@ def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discove
     return discoveries([valve.screening.mismatch for valve in ranked], context.p_elsewhere)
 
 
-def light(mismatch: Mismatch | None) -> Mismatch | None:
-    """As much of a mismatch as it takes to say which effects stand."""
-    if mismatch is None:
-        return None
-    nothing = ResidualMap()
-    return replace(mismatch, before=nothing, after=nothing, runs=None, not_testable=())
+def counted(ranked: Sequence[RankedValve]) -> WorkCounts:
+    """How many valves need work, and where the others stand."""
+    if isinstance(ranked, Ranking):
+        return ranked.counts
+    return count_valves((valve.screening.valve, valve.decision) for valve in ranked)
+
+
+def light(screening: Screening) -> Screening:
+    """As much of a screening as it takes to rank it and to say which effects stand."""
+    found = screening.mismatch
+    if found is not None:
+        nothing = ResidualMap()
+        found = replace(found, before=nothing, after=nothing, runs=None, not_testable=())
+    return replace(screening.without_samples(), mismatch=found, indicators={})
 
 
 def count_verdicts(screenings: Iterable[Screening]) -> dict[Verdict, int]:
@@ -126,10 +159,14 @@ def count_verdicts(screenings: Iterable[Screening]) -> dict[Verdict, int]:
     return {verdict: counted[verdict] for verdict in WORST_FIRST}
 
 
-def worst_first(screening: Screening) -> tuple[int, float, str]:
-    """A key that sorts the worst to the front."""
-    severity = finite(screening.severity) or 0.0
-    return WORST_FIRST.index(screening.verdict), -severity, screening.valve
+def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
+    """A key that sorts the worst to the front; without ``stands`` as if what was named stood."""
+    return _key(screening, decide(screening, stands=stands))
+
+
+def _key(screening: Screening, decided: WorkDecision) -> RankKey:
+    state, verdict = list(WorkState).index(decided.state), WORST_FIRST.index(screening.verdict)
+    return state, verdict, -(finite(decided.severity) or 0.0), screening.valve
 
 
 def anchor_of(valve: str, taken: Counter[str]) -> str:

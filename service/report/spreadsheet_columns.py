@@ -7,14 +7,18 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.report.false_discoveries import LEVEL_PERCENT
-from stemwatch.service.report.mismatch_words import left_out
+from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
+from stemwatch.service.presenter.physics_words import left_out
+from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.ranking import RankedValve
 from stemwatch.service.report.report_context import ReportContext
-from stemwatch.service.report.wording import finite, printable
 
 Cell = str | float | int | datetime | None
 
+STATES = (
+    "needs work: the stem sticks, or a material effect beside friction was named; watch; "
+    "cannot be judged; no work"
+)
 STANDING = {True: "yes", False: "held back", None: None}
 BEYOND_CHANCE = (
     f"yes: of the effects so marked, at most {LEVEL_PERCENT} are expected to be due to chance "
@@ -80,10 +84,11 @@ def _place() -> list[SpreadsheetColumn]:
 def _finding() -> list[SpreadsheetColumn]:
     return [
         _text("verdict", "see Verdicts", lambda v: v.screening.verdict.value, 14),
+        _text("maintenance", STATES, lambda v: v.decision.state.value, 16),
         SpreadsheetColumn(
             header="severity (0 to 100)",
             meaning="orders valves of one verdict, 100 is worst",
-            read=lambda v: v.screening.severity,
+            read=lambda v: v.decision.severity,
             digits=0,
         ),
         SpreadsheetColumn(
@@ -91,8 +96,8 @@ def _finding() -> list[SpreadsheetColumn]:
             meaning="how sure the verdict is; empty without one",
             read=lambda v: v.screening.confidence,
         ),
-        _text("reason", "what was found", lambda v: v.screening.reason, 60),
-        _text("advice", "what to do next", lambda v: v.screening.advice, 60),
+        _text("reason", "what was found", lambda v: v.said.reason, 60),
+        _text("advice", "what to do next", lambda v: v.said.next_step, 60),
         _text("trend", "change since the run before", lambda v: v.trend.words, 20),
         _text("shape", "form of the OP-MV loop", lambda v: _shape(v.screening), 12),
         _text("data grade", "A clean to D no verdict", lambda v: v.screening.quality.grade, 10),

@@ -9,10 +9,10 @@ from typing import Any, BinaryIO
 from xlsxwriter import Workbook
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report.ranking import RankedValve, discovered
+from stemwatch.service.presenter.wording import VERDICT_MEANING, finite, printable
+from stemwatch.service.report.ranking import RankedValve, counted, discovered
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import Cell, SpreadsheetColumn, header_and_rows
-from stemwatch.service.report.wording import VERDICT_MEANING, finite, printable
 
 LONGEST_TEXT = 32_767  # Excel's limit for one cell
 
@@ -39,7 +39,7 @@ def write_xlsx(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
         )
         shown = _ranking(book, ranked, context)
         _indicators(book, ranked)
-        _read_me(book, shown, context, discovered(ranked, context).sentence)
+        _read_me(book, shown, context, ranked)
 
 
 def _naive_utc(when: datetime) -> datetime:
@@ -139,7 +139,10 @@ def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
 
 
 def _read_me(
-    book: Any, shown: Sequence[SpreadsheetColumn], context: ReportContext, physics: str
+    book: Any,
+    shown: Sequence[SpreadsheetColumn],
+    context: ReportContext,
+    ranked: Sequence[RankedValve],
 ) -> None:
     sheet = book.add_worksheet("Read me")
     sheet.set_column(0, 0, 34)
@@ -147,7 +150,7 @@ def _read_me(
     heading = book.add_format({"bold": True, "font_size": 12})
     wrap = book.add_format({"text_wrap": True, "valign": "top"})
     first = 0
-    for title, pairs in _read_me_parts(shown, context, physics):
+    for title, pairs in _read_me_parts(shown, context, ranked):
         sheet.write_string(first, 0, title, heading)
         for line, (name, text) in enumerate(pairs, start=first + 1):
             sheet.write_string(line, 0, _fitting(printable(name)), wrap)
@@ -156,7 +159,7 @@ def _read_me(
 
 
 def _read_me_parts(
-    shown: Sequence[SpreadsheetColumn], context: ReportContext, physics: str
+    shown: Sequence[SpreadsheetColumn], context: ReportContext, ranked: Sequence[RankedValve]
 ) -> list[tuple[str, list[tuple[str, str]]]]:
     started = context.started.astimezone(context.tz).isoformat(timespec="minutes")
     run = [
@@ -166,9 +169,11 @@ def _read_me_parts(
         ("Command", context.command),
         ("Settings digest", context.settings_digest),
     ]
+    physics = discovered(ranked, context).sentence
     not_read = [(one.source, one.reason) for one in context.sources_not_read]
     return [
         (printable(context.title), run),
+        ("Work", [("all valves", counted(ranked).sentence)]),
         ("Verdicts", [(word.value, text) for word, text in VERDICT_MEANING.items()]),
         ("Hidden physics", [("all valves", physics or "no valve was tested for it")]),
         ("Columns of Ranking", [(column.header, column.meaning) for column in shown]),

@@ -11,9 +11,7 @@ from typing import Any, overload
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.valve_plots import ValvePlots
-from stemwatch.service.report.ranking import worst_first
-
-_Key = tuple[int, float, str]
+from stemwatch.service.report.ranking import RankKey, worst_first
 
 
 class _Worse:
@@ -21,7 +19,7 @@ class _Worse:
 
     __slots__ = ("key",)
 
-    def __init__(self, key: _Key) -> None:
+    def __init__(self, key: RankKey) -> None:
         self.key = key
 
     def __lt__(self, other: _Worse) -> bool:

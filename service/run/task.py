@@ -23,7 +23,7 @@ from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Provenance, Recording
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.store import Address, StoreError
+from stemwatch.service.store import DatabaseUrl, StoreError
 
 if TYPE_CHECKING:
     from stemwatch.service.report.charts.valve_plots import ValvePlots
@@ -47,7 +47,7 @@ class StoredBaseline:
 class InStore:
     """A source whose samples are in a store, as a worker process opens it."""
 
-    address: Address
+    address: DatabaseUrl
     source: str
 
 
@@ -103,7 +103,7 @@ def open_file(path: str, options: ReadOptions) -> HistorianFile:
 
 
 @lru_cache(maxsize=2)
-def _open_store(address: Address) -> Store:
+def _open_store(address: DatabaseUrl) -> Store:
     """The store, opened once in each process.
 
     A worker makes none: where a SQLite file is not, it is on another machine.

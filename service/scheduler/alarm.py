@@ -18,7 +18,7 @@ from apscheduler.schedulers.background import BackgroundScheduler
 from stemwatch.service.scheduler.planner import Planner
 from stemwatch.service.scheduler.triggers import ScheduleTrigger
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ class Alarm:
     ) -> None:
         self._store, self._planner, self._zone, self._queued = store, planner, zone, queued
         self._look_again_s = look_again_s
-        self._known: dict[str, Schedule] = {}
+        self._known: dict[str, ScreeningSchedule] = {}
         self._looked_s: float | None = None
         self._scheduler = BackgroundScheduler(
             timezone=UTC,

@@ -12,13 +12,14 @@ from pathlib import Path
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.held_back import Tested, hold_back, p_elsewhere
+from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
 from stemwatch.service.maintenance.from_store import report_of_run
 from stemwatch.service.report import write_report
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead
 from stemwatch.service.run.engine import facts_of
 from stemwatch.service.scheduler.run import ValveRun, missing_pictures
 from stemwatch.service.scheduler.workers import WorkerPool
+from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +49,7 @@ def report_folder(run: ValveRun) -> Path:
 
 
 def _report(
-    run: ValveRun, pool: WorkerPool, stop: threading.Event, tested: Sequence[Tested]
+    run: ValveRun, pool: WorkerPool, stop: threading.Event, tested: Sequence[TestedScreening]
 ) -> str | None:
     limit = run.plant.service.report_valves
     wanted = run.store.worst_of_run(run.run.id, limit)

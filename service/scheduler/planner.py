@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from stemwatch.service import __version__
 from stemwatch.service.scheduler.triggers import Missed, due_between, jitter, next_due
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.runs.schedules import StoredSchedule
 from stemwatch.service.store.store import Store
 
@@ -54,7 +54,7 @@ class Planner:
             log.info(text, number, schedule.name, missed.last, extra={"run": number})
         return number
 
-    def _wanted(self, kept: StoredSchedule, missed: Missed) -> Wanted:
+    def _wanted(self, kept: StoredSchedule, missed: Missed) -> RunRequest:
         schedule, due = kept.schedule, missed.last
         start = None
         if schedule.window_s is not None:
@@ -63,7 +63,7 @@ class Planner:
         if missed.count > 1:
             many = f"{'at least ' if missed.at_least else ''}{missed.count - 1}"
             reason = f"{many} instants before it had been missed; this run makes up for them"
-        return Wanted(
+        return RunRequest(
             schedule=schedule.name,
             due=due,
             not_before=due + jitter(schedule, due),

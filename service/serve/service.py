@@ -7,20 +7,20 @@ so; a screening that hangs holds up no page; whatever is interrupted is finished
 from __future__ import annotations
 
 import logging
+import os
 import socket
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from stemwatch.service.access.setup import first_link
+from stemwatch.service.access.first_user import first_link
 from stemwatch.service.config import Plant
 from stemwatch.service.scheduler import Alarm, Planner, Runner
 from stemwatch.service.serve.checks import checks
-from stemwatch.service.serve.collecting import Collecting
-from stemwatch.service.serve.duties import LEASE, duties, repeat
-from stemwatch.service.serve.notify import tell_systemd
-from stemwatch.service.serve.pages import Pages, address_of, listen
-from stemwatch.service.serve.waiting import WaitingRoom
+from stemwatch.service.serve.collector_process import CollectorProcess
+from stemwatch.service.serve.page_server import PageServer, address_of, listen
+from stemwatch.service.serve.periodic_tasks import LEASE, duties, repeat
+from stemwatch.service.serve.startup_server import StartupServer
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store, open_store
 
@@ -30,7 +30,7 @@ _AGAIN_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Where:
+class ListenAddress:
     """Where the pages are served, and under which further names of this machine."""
 
     host: str = "127.0.0.1"
@@ -41,8 +41,10 @@ class Where:
 class Service:
     """Everything that ``stemwatch serve`` runs for ``plant``."""
 
-    def __init__(self, plant: Plant, where: Where | None = None, *, logs_as_json: bool = False):
-        self._plant, self._where = plant, where or Where()
+    def __init__(
+        self, plant: Plant, where: ListenAddress | None = None, *, logs_as_json: bool = False
+    ):
+        self._plant, self._where = plant, where or ListenAddress()
         self._json = logs_as_json
         self._threads: list[threading.Thread] = []
 
@@ -61,9 +63,9 @@ class Service:
         listening = listen(self._where.host, self._where.port)
         try:
             if self._plant.devices:
-                collecting = Collecting(self._plant.file, logs_as_json=self._json)
+                collecting = CollectorProcess(self._plant.file, logs_as_json=self._json)
                 self._start("collecting", lambda: collecting.watch(stop))
-            with WaitingRoom(listening):
+            with StartupServer(listening):
                 store = self._open(stop)
             if store is not None:
                 with store:
@@ -88,7 +90,7 @@ class Service:
         runner = Runner(store, plant)
         alarm = Alarm(store, Planner(store, zone), zone, runner.wake)
         halt, working = threading.Event(), list[threading.Thread]()
-        pages = Pages(
+        pages = PageServer(
             store,
             plant,
             listening,
@@ -147,3 +149,17 @@ def _let_go(store: Store, owner: str) -> None:
         store.leases.let_go(LEASE, owner)
     except StoreError as error:
         log.warning("%s", error)
+
+
+def tell_systemd(state: str) -> None:
+    """Send ``state`` (``READY=1``, ``STOPPING=1``) to the socket in ``NOTIFY_SOCKET``, if any."""
+    address = os.environ.get("NOTIFY_SOCKET")
+    if not address or not hasattr(socket, "AF_UNIX"):
+        return
+    if address.startswith("@"):
+        address = "\0" + address[1:]
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link:
+            link.sendto(state.encode(), address)
+    except OSError:
+        pass  # nobody listens: then nobody waits for it

@@ -21,19 +21,32 @@ from stemwatch.service.store.accounts.users import Accounts
 from stemwatch.service.store.alerts.alerts import Alerts
 from stemwatch.service.store.alerts.deliveries import Deliveries
 from stemwatch.service.store.database.engine import make_engine, plainly
-from stemwatch.service.store.database.sessions import Access
-from stemwatch.service.store.database_url import Address, masked_command
+from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database_url import DatabaseUrl, masked_command
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.leases import Leases, Settings
+from stemwatch.service.store.runs.leases import Leases, ServiceSettings
 from stemwatch.service.store.runs.queue import RunQueue
 from stemwatch.service.store.runs.schedules import Schedules
-from stemwatch.service.store.samples.samples import Samples
+from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.store.samples.sources import Sources
-from stemwatch.service.store.screenings import baselines, screenings
+from stemwatch.service.store.screenings import (
+    baselines,
+    false_discoveries,
+    history,
+    ranking,
+    recent,
+    restored,
+    screenings,
+)
+from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
 from stemwatch.service.store.screenings.previous import read_previous
+from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
 from stemwatch.service.store.screenings.records import (
     Baseline,
+    DescribedValve,
     Ranked,
+    RecentOfValve,
     Remark,
     RunState,
     SaveFailure,
@@ -42,8 +55,8 @@ from stemwatch.service.store.screenings.records import (
     StoredScreening,
     StoredValve,
     TrendPoint,
-    ValveFacts,
 )
+from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
@@ -51,7 +64,7 @@ _Window = tuple[datetime | None, datetime | None]
 _GIVE_UP_AFTER = 3  # saves in a row for which the database did not answer
 
 
-def open_store(url: str | Address) -> Store:
+def open_store(url: str | DatabaseUrl) -> Store:
     """The store at ``url``, its schema brought to the newest, created where there is none.
 
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
@@ -59,7 +72,7 @@ def open_store(url: str | Address) -> Store:
     """
     from stemwatch.service.store.administration.migrate import upgrade
 
-    address = url if isinstance(url, Address) else Address(url)
+    address = url if isinstance(url, DatabaseUrl) else DatabaseUrl(url)
     engine = make_engine(address)
     try:
         upgrade(engine, address)
@@ -79,9 +92,9 @@ class Store:
     Times go in timezone aware and come out in UTC. Methods raise ``StoreError``.
     """
 
-    def __init__(self, engine: Engine, address: Address) -> None:
+    def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
         self.address = address
-        self.access = access = Access(engine, address)
+        self.access = access = Transactions(engine, address)
         self.access_links = AccessLinks(access)
         self.accounts = Accounts(access)
         self.alerts = Alerts(access)
@@ -91,9 +104,9 @@ class Store:
         self.deliveries = Deliveries(access)
         self.leases = Leases(access)
         self.queue = RunQueue(access)
-        self.samples = Samples(access)
+        self.samples = SampleStore(access)
         self.schedules = Schedules(access)
-        self.settings = Settings(access)
+        self.settings = ServiceSettings(access)
         self.sources = Sources(access)
         self.web_sessions = WebSessions(access)
 
@@ -182,7 +195,7 @@ class Store:
                 failures.append(SaveFailure(valve=screening.valve, reason=reason))
         return SaveReport(saved=saved, failures=tuple(failures))
 
-    def save_valves(self, valves: Iterable[ValveFacts]) -> None:
+    def save_valves(self, valves: Iterable[DescribedValve]) -> None:
         """Keep what the plant file says of the valves; valves it no longer names stay."""
         with self.access.writing("saving the valves") as session:
             screenings.write_valves(session, valves)
@@ -218,6 +231,60 @@ class Store:
         with self.access.reading() as session:
             return screenings.read_worst(session, run_id, limit)
 
+    def valve(self, valve: str) -> StoredValve | None:
+        """The valve of this id."""
+        with self.access.reading() as session:
+            return screenings.read_valve(session, valve)
+
+    def knows(self, valve: str) -> bool:
+        """Whether there is a valve of this id."""
+        with self.access.reading() as session:
+            return screenings.is_known(session, valve)
+
+    def areas(self) -> tuple[str, ...]:
+        """The areas that valves are in, by name."""
+        with self.access.reading() as session:
+            return ranking.read_areas(session)
+
+    def valves_in(self, area: str) -> list[str]:
+        """The valves of one area, by id."""
+        with self.access.reading() as session:
+            return ranking.read_valves_in(session, area)
+
+    def ranking(self, wanted: RankingFilter) -> RankingPage:
+        """One page of valves, each with its latest screening."""
+        with self.access.reading() as session:
+            return ranking.read_ranking(session, wanted)
+
+    def screenings_of_run(self, run_id: int) -> list[Restored]:
+        """Every screening of a run, for reports. Raises ``StoreError`` for a run that is none."""
+        with self.access.reading("reading a run's screenings") as session:
+            self._run(session, run_id)
+            return restored.read_of_run(session, run_id)
+
+    def latest_screenings(self) -> list[Restored]:
+        """Each valve's latest screening, for reports."""
+        with self.access.reading("reading the latest screenings") as session:
+            return restored.read_latest_of_each(session)
+
+    def recent(self, valves: Sequence[str], depth: int, indicator: str) -> dict[str, RecentOfValve]:
+        """The last ``depth`` screenings of each of some hundred valves, one indicator of theirs,
+        and what they are compared with."""
+        with self.access.reading() as session:
+            return recent.read_recent(session, valves, depth, indicator)
+
+    def tested_of_run(self, run_id: int) -> list[TestedScreening]:
+        """The screenings of a run that could have shown an effect beside S and J."""
+        with self.access.reading() as session:
+            return false_discoveries.read_tested(session, run_id)
+
+    def note_held_back(self, run_id: int, remarks: Mapping[int, str]) -> None:
+        """Keep beside each of these screenings of a run, by number, why its named effects do not
+        stand; an empty remark takes one away."""
+        if remarks:
+            with self.access.writing(f"marking what run {run_id} found") as session:
+                false_discoveries.write_remarks(session, remarks)
+
     def previous_finding(
         self, screening: Screening, now: datetime | None = None
     ) -> PreviousFinding | None:
@@ -242,7 +309,22 @@ class Store:
     ) -> list[TrendPoint]:
         """One indicator of one valve over time, oldest first."""
         with self.access.reading() as session:
-            return screenings.read_history(session, valve, indicator, since)
+            return history.read_trend(session, valve, indicator, since)
+
+    def indicators(self, screening_id: int) -> Mapping[str, TrendPoint]:
+        """The indicators of one screening, by name."""
+        with self.access.reading() as session:
+            return history.read_indicators(session, screening_id)
+
+    def s_and_j(self, valve: str, since: datetime | None = None) -> list[HistoryPoint]:
+        """S and J of the valve's screenings, oldest first; the newest few thousand of them."""
+        with self.access.reading() as session:
+            return history.read_history(session, valve, since)
+
+    def baseline_marks(self, valve: str) -> list[BaselineMark]:
+        """Every baseline that the valve has or had, without its network, oldest first."""
+        with self.access.reading() as session:
+            return history.read_baseline_marks(session, valve)
 
     def baseline(self, valve: str) -> Baseline | None:
         """The network the valve is compared with, and what must be known about it."""
@@ -287,6 +369,11 @@ class Store:
         """Work on the valve, oldest first."""
         with self.access.reading() as session:
             return baselines.read_remarks(session, MaintenanceRow, valve)
+
+    def work_without_note(self, valves: Sequence[str], writer: str) -> list[str]:
+        """Those of ``valves`` whose last maintenance has no note of ``writer`` yet."""
+        with self.access.reading() as session:
+            return recent.read_work_without_note(session, valves, writer)
 
     def add_note(self, valve: str, at: datetime, note: str, who: str = "") -> None:
         """Keep a remark about a valve."""

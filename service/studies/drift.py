@@ -15,7 +15,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
-from stemwatch.models.narx.example import NarxExample
+from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator import (
@@ -122,10 +122,12 @@ def run_drift(
 
 def follow_batch(batch: DriftBatch) -> list[Followed]:
     """Simulate the baseline windows, train on them, simulate the later windows and score them."""
-    first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
     from stemwatch.models.narx.training import train
 
-    fits = train([_example(recording) for recording in first])
+    first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
+    # On the CPU, so that the counts are the same on every machine.
+    settings = NarxSettings(device="cpu")
+    fits = train([_example(recording) for recording in first], settings)
     return [
         _follow(batch.seed, at, loop, way, fit.network, fit.reason or "")
         for (at, loop), fit in zip(batch.loops, fits, strict=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.narx.example import NarxSettings
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import (
@@ -48,7 +49,8 @@ def mark_batch(batch: TrialBatch) -> list[Marked]:
     """Simulate, screen (which sees recordings only), and set the truth beside the verdict."""
     loops = [simulate_loop(loop, seed) for loop, seed in batch.loops]
     cases = [Case(recording=loop.recording) for loop in loops]
-    found = screen(cases, Options(narx=batch.narx))
+    # On the CPU, so that the counts are the same on every machine.
+    found = screen(cases, Options(narx=batch.narx, narx_settings=NarxSettings(device="cpu")))
     return [_marked(loop.truth, one) for loop, one in zip(loops, found, strict=True)]
 
 
@@ -81,7 +83,10 @@ def run_trial(
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:
-    """95 % interval of a share, Wilson (1927)."""
+    """95 % interval of ``hits`` in ``of``, as shares: Wilson (1927).
+
+    doi:10.1080/01621459.1927.10502953. Nothing counted is 0 to 1.
+    """
     if of == 0:
         return 0.0, 1.0
     z, share = 1.959964, hits / of

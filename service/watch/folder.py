@@ -13,13 +13,21 @@ from pathlib import Path
 from stemwatch.service.config import Plant
 from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.store.store import Store
-from stemwatch.service.watch.intake import Rejected, take_in
+from stemwatch.service.watch.attempts import Attempts
+from stemwatch.service.watch.intake import take_in
+from stemwatch.service.watch.limited_reader import ReaderDied, Rejected
 
 log = logging.getLogger(__name__)
 
 DONE, REJECTED = "done", "rejected"
 QUIET = timedelta(seconds=5)  # how long a file is left alone after it last changed
+MOST_ATTEMPTS = 2  # that came to no end, before a file is rejected unread
 _NOTE = ".why.txt"
+_BEGUN_IN_VAIN = (
+    f"it was begun {MOST_ATTEMPTS} times and the process that read it came to no end: the file may "
+    "take more memory than there is, or the service was stopped meanwhile. Look at its size, split "
+    "it, and drop it again"
+)
 
 
 @dataclass(frozen=True)
@@ -34,17 +42,28 @@ class WatchedFolder:
     """The folder of one source. Each file is taken in once, whatever its name, and moved to
     ``done``, or to ``rejected`` beside a note that says why.
 
-    A file that is still growing waits. What was begun when the process died is begun again: the
-    store takes no sample twice.
+    A file that is still growing waits. What was begun when a process died is begun once more (the
+    store takes no sample twice), and rejected where that too came to no end: it may be the file
+    that brings the process down. A file is read in a process of its own that may take
+    ``memory_bytes``, by default three quarters of what is free.
     """
 
-    def __init__(self, plant: Plant, source: str, store: Store, quiet: timedelta = QUIET) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        source: str,
+        store: Store,
+        quiet: timedelta = QUIET,
+        memory_bytes: int | None = None,
+    ) -> None:
         folder = plant.sources[source].folder
         if folder is None:
             raise ValueError(f"source {source!r} has a path, not a folder that is watched")
         self.folder = plant.beside(folder)
         self._plant, self._source, self._store = plant, source, store
         self._quiet = quiet
+        self._memory_bytes = memory_bytes
+        self._attempts = Attempts(self.folder)
         self._before: dict[Path, _Looks] = {}
         self._counts = {"taken": 0.0, "rejected": 0.0, "samples": 0.0}
         self._last: datetime | None = None
@@ -56,7 +75,8 @@ class WatchedFolder:
         taken: list[TakenFile] = []
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            taken += [self._take(path) for path in list(self._whole())]
+            became = [self._take(path) for path in list(self._whole())]
+            taken += [file for file in became if file is not None]
         except OSError as error:
             fault = f"{self.folder}: {error.strerror or error}"
             log.error("watched folder %s", fault)
@@ -77,18 +97,39 @@ class WatchedFolder:
                 yield path
         self._before = looks
 
-    def _take(self, path: Path) -> TakenFile:
+    def _take(self, path: Path) -> TakenFile | None:
+        """What became of the file; ``None`` where it is tried once more at the next look."""
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         known = self._store.sources.taken(digest)
         if known is not None and known.accepted:
             self._move(path, DONE, f"taken in before, as {known.name}; not again")
             return known
+        if self._attempts.unfinished(digest) >= MOST_ATTEMPTS:
+            return self._reject(path, digest, _BEGUN_IN_VAIN)
+        self._attempts.begin(digest)
         try:
-            taken = take_in(path, self._plant, self._source, self._store.samples)
+            taken = take_in(
+                path, self._plant, self._source, self._store.samples, self._memory_bytes
+            )
         except Rejected as error:
-            return self._note(path, digest, accepted=False, samples=0, note=str(error))
-        return self._note(path, digest, accepted=True, samples=taken.samples, note=taken.note)
+            return self._reject(path, digest, str(error))
+        except ReaderDied as error:
+            log.error("%s: %s", path.name, error)
+            if self._attempts.unfinished(digest) < MOST_ATTEMPTS:
+                return None
+            return self._reject(path, digest, f"{_BEGUN_IN_VAIN} ({error})")
+        except Exception:
+            self._attempts.end(digest)  # the store is away, say: nothing against the file
+            raise
+        note = self._note(path, digest, accepted=True, samples=taken.samples, note=taken.note)
+        self._attempts.end(digest)
+        return note
+
+    def _reject(self, path: Path, digest: str, note: str) -> TakenFile:
+        rejected = self._note(path, digest, accepted=False, samples=0, note=note)
+        self._attempts.end(digest)
+        return rejected
 
     def _note(
         self, path: Path, digest: str, *, accepted: bool, samples: int, note: str

@@ -1,16 +1,15 @@
-"""``Actions``: what a reader may set off. All of it is a few rows in the store.
-
-A subclass may do more, such as waking the scheduler; nothing here waits for a run.
+"""``Actions``: what a reader may set off. All of it is a few rows in the store, and nothing here
+waits for a run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 
 from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.store import Store
 
 LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL
@@ -26,19 +25,23 @@ class Missing(Refused):
 
 class Actions:
     """Settles alerts, keeps remarks, queues and cancels runs. Raises ``Refused`` and
-    ``StoreError``. ``who`` is what the reader signed with."""
+    ``StoreError``. ``who`` is what the reader signed with. ``wake`` has whoever works on runs look
+    at the queue at once."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, wake: Callable[[], None] = lambda: None) -> None:
         self.store = store
+        self._wake = wake
 
     def run_now(self, valves: Sequence[str], who: str) -> int | None:
         """Queue a run over ``valves``, or over all where there are none; its number."""
         known = {valve.id for valve in self.store.valves()} if valves else set()
         if unknown := [valve for valve in valves if valve not in known]:
             raise Missing(f"there is no valve {unknown[0]}")
-        return self.store.queue.put(
-            Wanted(valves=tuple(valves), who=who), software_version=__version__
+        number = self.store.queue.put(
+            RunRequest(valves=tuple(valves), who=who), software_version=__version__
         )
+        self._wake()
+        return number
 
     def cancel(self, run: int, who: str) -> None:
         """Ask that a run ends early; what it has done stays."""

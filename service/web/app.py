@@ -13,20 +13,22 @@ from starlette.routing import Route
 from stemwatch.service import __version__
 from stemwatch.service.access.tokens import ENVIRONMENT, SHORTEST_OF_ENVIRONMENT
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.web import (
+from stemwatch.service.web import assets, health, metrics
+from stemwatch.service.web.actions import Actions, Missing, Refused
+from stemwatch.service.web.api import openapi, read_routes, write_routes
+from stemwatch.service.web.api.openapi import describe_access
+from stemwatch.service.web.auth.authentication import AWAY, Authentication
+from stemwatch.service.web.auth.route_permissions import RoutePermissions
+from stemwatch.service.web.dependencies import Dependencies
+from stemwatch.service.web.middleware import SecurityMiddleware
+from stemwatch.service.web.page_renderer import PageRenderer
+from stemwatch.service.web.pages import (
     account_page,
     alerts_page,
-    api_docs,
-    api_me,
-    api_read,
-    api_write,
-    assets,
     audit_page,
-    health,
     login_page,
-    metrics,
     ranking_page,
-    reports,
+    run_report,
     runs_page,
     settings_page,
     sources_page,
@@ -34,13 +36,6 @@ from stemwatch.service.web import (
     users_page,
     valve_page,
 )
-from stemwatch.service.web.actions import Actions, Missing, Refused
-from stemwatch.service.web.desk import Desk
-from stemwatch.service.web.door import AWAY, Door
-from stemwatch.service.web.frame import Frame
-from stemwatch.service.web.guard import Guard
-from stemwatch.service.web.openapi import describe_access
-from stemwatch.service.web.permits import Permits
 from stemwatch.service.web.site import Site
 
 log = logging.getLogger(__name__)
@@ -54,7 +49,7 @@ ROUTERS = (
     valve_page.router,
     alerts_page.router,
     runs_page.router,
-    reports.router,
+    run_report.router,
     sources_page.router,
     settings_page.router,
     login_page.router,
@@ -62,18 +57,17 @@ ROUTERS = (
     users_page.router,
     tokens_page.router,
     audit_page.router,
-    api_docs.router,
-    api_me.router,
+    openapi.router,
     audit_page.api,
-    api_read.router,
-    api_write.router,
+    read_routes.router,
+    write_routes.router,
 )
 
 
 def create_app(site: Site) -> FastAPI:
     """The application. It serves what is in the store and never screens by itself."""
     actions = Actions(site.store) if site.actions is None else site.actions
-    desk = Desk(site=site, frame=Frame(site), actions=actions)
+    deps = Dependencies(site=site, renderer=PageRenderer(site), actions=actions)
     app = FastAPI(
         title="stemwatch",
         version=__version__,
@@ -89,50 +83,52 @@ def create_app(site: Site) -> FastAPI:
             len(site.token),
             SHORTEST_OF_ENVIRONMENT,
         )
-    app.state.desk = desk
+    app.state.deps = deps
     for router in ROUTERS:
         app.include_router(router)
     own = [route for route in app.routes if isinstance(route, Route)]
-    permits = Permits([*own, *(route for router in ROUTERS for route in router.routes)])
-    _say_errors(app, desk)
+    permissions = RoutePermissions(
+        [*own, *(route for router in ROUTERS for route in router.routes)]
+    )
+    _say_errors(app, deps)
     describe_access(app)
     app.add_middleware(
-        Guard,
+        SecurityMiddleware,
         hosts=site.hosts,
-        door=Door(site, permits, lambda *what: _failure(desk, *what)),
-        failed=lambda request: _failure(desk, request, 500, UNFORESEEN),
+        authentication=Authentication(site, permissions, lambda *what: _failure(deps, *what)),
+        failed=lambda request: _failure(deps, request, 500, UNFORESEEN),
     )
     return app
 
 
-def _say_errors(app: FastAPI, desk: Desk) -> None:
+def _say_errors(app: FastAPI, deps: Dependencies) -> None:
     """Every failure as a page or as JSON, with a sentence and without a trace."""
 
     @app.exception_handler(HTTPException)
     def http(request: Request, error: HTTPException) -> Response:
-        return _failure(desk, request, error.status_code, str(error.detail))
+        return _failure(deps, request, error.status_code, str(error.detail))
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
         said = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]
-        return _failure(desk, request, 422, "; ".join(said))
+        return _failure(deps, request, 422, "; ".join(said))
 
     @app.exception_handler(Refused)
     def refused(request: Request, error: Refused) -> Response:
-        return _failure(desk, request, 404 if isinstance(error, Missing) else 409, str(error))
+        return _failure(deps, request, 404 if isinstance(error, Missing) else 409, str(error))
 
     @app.exception_handler(StoreError)
     def store(request: Request, error: StoreError) -> Response:
         log.warning("%s %s: %s", request.method, request.url.path, error)
-        return _failure(desk, request, 503, AWAY)
+        return _failure(deps, request, 503, AWAY)
 
 
-def _failure(desk: Desk, request: Request, status: int, text: str) -> Response:
+def _failure(deps: Dependencies, request: Request, status: int, text: str) -> Response:
     path = request.url.path
     if path == "/metrics" or (path.startswith("/api/") and path != "/api/docs"):
         return JSONResponse({"detail": text}, status)
     try:
-        return desk.frame.page(
+        return deps.renderer.page(
             request, "error_page.html", status=status, here="", text=text, code=status
         )
     except Exception:  # a page that cannot even say what failed must still answer

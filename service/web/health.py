@@ -7,8 +7,8 @@ from fastapi import APIRouter, Response
 
 from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.web.desk import AtDesk, Desk
-from stemwatch.service.web.shapes import CheckAnswer, HealthAnswer
+from stemwatch.service.web.api.schemas import CheckAnswer, HealthAnswer
+from stemwatch.service.web.dependencies import Dependencies, Deps
 
 router = APIRouter(tags=["health"])
 
@@ -20,16 +20,16 @@ def alive() -> HealthAnswer:
 
 
 @router.get("/ready", responses={503: {"model": HealthAnswer}})
-def ready(desk: AtDesk, response: Response) -> HealthAnswer:
+def ready(deps: Deps, response: Response) -> HealthAnswer:
     """What nothing goes without: the database, the scheduler, the collector; 503 with the reason
     while one of them does not work. A device that is away is no reason: others go on."""
-    return _answer(_checks(desk, vital=True), response)
+    return _answer(_checks(deps, vital=True), response)
 
 
 @router.get("/healthz", responses={503: {"model": HealthAnswer}})
-def health(desk: AtDesk, response: Response) -> HealthAnswer:
+def health(deps: Deps, response: Response) -> HealthAnswer:
     """The database and whatever the service watches; 503 where one of them does not work."""
-    return _answer(_checks(desk, vital=False), response)
+    return _answer(_checks(deps, vital=False), response)
 
 
 def _answer(checks: list[CheckAnswer], response: Response) -> HealthAnswer:
@@ -38,17 +38,17 @@ def _answer(checks: list[CheckAnswer], response: Response) -> HealthAnswer:
     return HealthAnswer(ok=fine, version=__version__, checks=checks)
 
 
-def _checks(desk: Desk, *, vital: bool) -> list[CheckAnswer]:
-    found = desk.site.checks()
+def _checks(deps: Dependencies, *, vital: bool) -> list[CheckAnswer]:
+    found = deps.site.checks()
     wanted = [one for one in found if one.vital or not vital]
-    return [_database(desk)] + [
+    return [_database(deps)] + [
         CheckAnswer(name=one.name, ok=one.ok, says=one.says) for one in wanted
     ]
 
 
-def _database(desk: Desk) -> CheckAnswer:
+def _database(deps: Dependencies) -> CheckAnswer:
     try:
-        desk.open_alerts()
+        deps.open_alerts()
     except StoreError:
         return CheckAnswer(name="database", ok=False, says="the database does not answer")
     return CheckAnswer(name="database", ok=True, says="")

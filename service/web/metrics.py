@@ -18,12 +18,12 @@ from prometheus_client.registry import CollectorRegistry
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.collector.backlog import backlog
+from stemwatch.service.store.administration.figures import NOT_SCREENED, StoreFigures, figures_of
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import RunState
-from stemwatch.service.web.desk import AtDesk, Desk
-from stemwatch.service.web.queries.figures import NOT_SCREENED, Figures, read_figures
+from stemwatch.service.web.dependencies import Dependencies, Deps
 
 PREFIX = "stemwatch_"
 DELIVERY_STATES = ("waiting", "failing", "sent", "given_up")
@@ -45,16 +45,16 @@ router = APIRouter(tags=["health"])
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
-def metrics(desk: AtDesk) -> Response:
+def metrics(deps: Deps) -> Response:
     """The state of the service for Prometheus. While the database is away it is told without
     what stands there, and ``stemwatch_database_up`` is 0."""
-    return Response(metrics_text(desk), media_type=CONTENT_TYPE_LATEST)
+    return Response(metrics_text(deps), media_type=CONTENT_TYPE_LATEST)
 
 
-def metrics_text(desk: Desk) -> bytes:
+def metrics_text(deps: Dependencies) -> bytes:
     """The answer's body."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Told(list(told(desk))))
+    registry.register(_Told(list(told(deps))))
     return generate_latest(registry)
 
 
@@ -69,27 +69,26 @@ class _Told:
         return self._known
 
 
-def told(desk: Desk) -> Iterator[Metric]:
+def told(deps: Dependencies) -> Iterator[Metric]:
     """Every metric, as it stands now."""
     yield _gauge("info", "The version that runs", [({"version": __version__}, 1.0)])
     try:
-        states = desk.store.sources.states()
-        with desk.reading() as session:
-            figures = read_figures(session)
+        states = deps.store.sources.states()
+        figures = figures_of(deps.store)
     except StoreError:
         yield _one("database_up", "1 where the database answers", 0.0)
     else:
         yield _one("database_up", "1 where the database answers", 1.0)
-        yield from _of_devices(_known_devices(desk, states), desk.now)
+        yield from _of_devices(_known_devices(deps, states), deps.now)
         yield from _of_runs(figures)
-        yield from _of_alerts(desk, figures)
-    yield from _of_parts(desk)
-    yield from _of_spool(desk)
+        yield from _of_alerts(deps, figures)
+    yield from _of_parts(deps)
+    yield from _of_spool(deps)
 
 
-def _known_devices(desk: Desk, states: list[SourceState]) -> list[SourceState]:
+def _known_devices(deps: Dependencies, states: list[SourceState]) -> list[SourceState]:
     """The devices that the plant file names; what it named once is no series for ever."""
-    plant = desk.site.plant
+    plant = deps.site.plant
     return [
         one
         for one in states
@@ -127,7 +126,7 @@ def _of_devices(devices: list[SourceState], now: datetime) -> Iterator[Metric]:
     yield _counter("samples_refused", "Samples that the store refused for good", refused)
 
 
-def _of_runs(figures: Figures) -> Iterator[Metric]:
+def _of_runs(figures: StoreFigures) -> Iterator[Metric]:
     runs = _counter("runs", "Runs that are over, by outcome")
     for state in _OVER:
         _add(runs, {"outcome": state.value}, figures.runs.get(state.value, 0))
@@ -148,7 +147,7 @@ def _of_runs(figures: Figures) -> Iterator[Metric]:
     yield _gauge("last_run_valve_seconds", "Work on one valve in that run", valve_s)
 
 
-def _of_alerts(desk: Desk, figures: Figures) -> Iterator[Metric]:
+def _of_alerts(deps: Dependencies, figures: StoreFigures) -> Iterator[Metric]:
     counts = [
         (
             {"kind": kind.value, "severity": severity.value},
@@ -158,7 +157,7 @@ def _of_alerts(desk: Desk, figures: Figures) -> Iterator[Metric]:
         for severity in AlertSeverity
     ]
     yield _gauge("alerts_open", "Open alerts without the false ones", counts)
-    plant = desk.site.plant
+    plant = deps.site.plant
     names = sorted({name for name, _ in figures.deliveries} if plant is None else plant.notifiers)
     states = [
         ({"notifier": name, "state": state}, float(figures.deliveries.get((name, state), 0)))
@@ -168,20 +167,20 @@ def _of_alerts(desk: Desk, figures: Figures) -> Iterator[Metric]:
     yield _gauge("deliveries", "Messages by what became of them", states)
 
 
-def _of_parts(desk: Desk) -> Iterator[Metric]:
+def _of_parts(deps: Dependencies) -> Iterator[Metric]:
     """The vital parts as ``/ready`` sees them."""
-    parts = [({"part": one.name}, float(one.ok)) for one in desk.site.checks() if one.vital]
+    parts = [({"part": one.name}, float(one.ok)) for one in deps.site.checks() if one.vital]
     yield _gauge("part_up", "1 where a vital part of the service works", parts)
 
 
-def _of_spool(desk: Desk) -> Iterator[Metric]:
-    plant = desk.site.plant
+def _of_spool(deps: Dependencies) -> Iterator[Metric]:
+    plant = deps.site.plant
     if plant is None or not plant.devices:
         return
     waits = backlog(plant.beside(plant.service.spool))
     yield _one("spool_bytes", "What waits on disk for the store", waits.size_bytes)
     yield _gauge(
-        "spool_age_seconds", "How long the oldest has waited", [({}, waits.age_s(desk.now))]
+        "spool_age_seconds", "How long the oldest has waited", [({}, waits.age_s(deps.now))]
     )
     yield _counter("spool_lost_samples", "Samples that a full spool dropped", waits.lost_samples)
 

@@ -22,14 +22,14 @@ from sqlalchemy import insert
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.access.sessions import begin_session
-from stemwatch.service.store.accounts.records import Role
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
-from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.accounts.records import UserRole
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.screenings.tables import IndicatorRow, ScreeningRow
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.app import create_app
-from stemwatch.service.web.session_cookie import NAME
+from stemwatch.service.web.auth.session_cookie import NAME
 from stemwatch.service.web.site import Site
 
 NOW = datetime(2026, 3, 30, 12, 0, tzinfo=UTC)
@@ -62,7 +62,7 @@ def fill(store: Store, valves: int, runs: int) -> None:
         store.finish_run(number)
     _indicators(store)
     raised = [
-        Raised(
+        RaisedAlert(
             cause=f"sticky:{name}",
             kind=AlertKind.STICKY,
             severity=AlertSeverity.HIGH,
@@ -155,7 +155,7 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
     """Milliseconds of ``TIMES`` requests for each path, after one that is not counted."""
     transport = httpx.ASGITransport(create_app(site))
     found: dict[str, list[float]] = {}
-    user = site.store.accounts.add("bench", Role.ADMIN, "no hash", by="bench", now=NOW)
+    user = site.store.accounts.add("bench", UserRole.ADMIN, "no hash", by="bench", now=NOW)
     cookies = {NAME: begin_session(site.store, user.id, now=NOW)}
     async with httpx.AsyncClient(
         transport=transport, base_url="http://localhost", cookies=cookies
@@ -173,16 +173,12 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
 
 def thinning(store: Store) -> list[tuple[str, float]]:
     """Milliseconds to thin one tag over an hour, a day, a week."""
-    from stemwatch.service.web.queries.samples import read_drawn, tag_number
-
     found = []
     for name, length in (("1 h", 1 / 24), ("1 d", 1.0), ("7 d", 7.0)):
-        with store.access.reading() as session:
-            number = tag_number(session, SOURCE, "FIC-00001.OP")
-            assert number is not None
-            began = time.perf_counter()
-            read_drawn(session, number, NOW - timedelta(days=length), NOW, 1600)
-            found.append((name, 1e3 * (time.perf_counter() - began)))
+        began = time.perf_counter()
+        start = NOW - timedelta(days=length)
+        assert store.samples.plot_points(SOURCE, "FIC-00001.OP", start, NOW, 1600) is not None
+        found.append((name, 1e3 * (time.perf_counter() - began)))
     return found
 
 

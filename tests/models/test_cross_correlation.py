@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.cross_correlation import lagged_products, quick_length
+from stemwatch.models.cross_correlation import lagged_products
 
 
 @pytest.mark.parametrize("n", [2, 3, 64, 101, 1000])
@@ -19,14 +19,3 @@ def test_each_lag_is_its_sum(n, same):
     for lags in {1, n // 2, n}:
         found = lagged_products(first, second, lags)
         np.testing.assert_allclose(found, sums[:lags], rtol=1e-12, atol=1e-12 * n)
-
-
-@pytest.mark.parametrize("least", [1, 2, 7, 63, 64, 65, 1009, 86_519, 129_599, 999_983])
-def test_a_quick_length_is_a_little_longer_and_smooth(least):
-    """No factor but 2, 3 and 5, never too short, and at most an eighth too long."""
-    length = quick_length(least)
-    assert least <= length <= max(1.125 * least, least + 1)
-    for factor in (2, 3, 5):
-        while length % factor == 0:
-            length //= factor
-    assert 1 == length

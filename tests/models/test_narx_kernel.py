@@ -10,13 +10,13 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.narx import kernel, sensitivities
-from stemwatch.models.narx.batch import blocks, bounds
+from stemwatch.models.narx import kernel, torch_batch
+from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.example import NarxExample, NarxSettings
-from stemwatch.models.narx.network import EDGE
 from stemwatch.models.narx.normal_equations import normal_of
 from stemwatch.models.narx.run_plan import CODES, Indices, Plan, PlanStep, plan_run, segments
 from stemwatch.models.narx.starts import random_starts
+from stemwatch.models.narx.torch_batch import clamps, segment_blocks
 from stemwatch.models.narx.training_record import TrainingRecord, prepare
 from stemwatch.models.recording import Floats
 
@@ -57,7 +57,7 @@ def compiled(
         valve.limits,
         valve.ratio,
         EDGE,
-        sensitivities.LIMIT,
+        torch_batch.LIMIT,
         most,
         out,
     )
@@ -68,9 +68,9 @@ def by_torch(
     valves: list[TrainingRecord], flat: torch.Tensor, horizon: int, hidden: int = 5
 ) -> Floats:
     """The same of a padded batch, as on a device that is no CPU."""
-    pieces, limits = blocks(valves, horizon, 1, "cpu"), bounds(valves, 1, "cpu")
-    split = sensitivities.Weights.split(flat, hidden)
-    return sensitivities.normal_matrix(pieces, split, limits).numpy()
+    pieces, limits = segment_blocks(valves, horizon, 1, "cpu"), clamps(valves, 1, "cpu")
+    split = torch_batch.Weights.split(flat, hidden)
+    return torch_batch.normal_matrix(pieces, split, limits).numpy()
 
 
 @pytest.mark.parametrize("horizon", [1, 20, 300])

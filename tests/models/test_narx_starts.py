@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.models.narx.actuator import NONE, driven
-from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings, StickSlipStart
+from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.architecture import NO_ACTUATOR, StickSlipStart
+from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.training import train
 
@@ -19,7 +20,7 @@ SHAPES = {
     "no offset": (4.0, 4.0),
     "overshoot": (4.0, 5.0),
 }
-ACTUATOR = dict(NONE) | {"dead_time_s": 3.0, "lag_up_s": 6.0, "lag_down_s": 6.0}
+ACTUATOR = dict(NO_ACTUATOR) | {"dead_time_s": 3.0, "lag_up_s": 6.0, "lag_down_s": 6.0}
 
 
 def stick_slip(u: np.ndarray, S: float, J: float) -> np.ndarray:
@@ -45,7 +46,7 @@ def example(
     for at in range(80, N, 160):
         op[at:] += 3 * np.sin(at * (seed + 1))
     start = {"S": S, "J": J} | start
-    passed_on = driven(op, 1.0, start.get("actuator", NONE))
+    passed_on = driven(op, 1.0, start.get("actuator", NO_ACTUATOR))
     return NarxExample(
         valve=f"FV-{seed}",
         op=op,
@@ -167,7 +168,7 @@ def test_a_grey_box_network_comes_back_from_its_bytes() -> None:
         ({"zero": float("inf")}, "S, J and actuator finite and at least 0 expected"),
         ({"gain": 0.0}, "a stem that the command does not move"),
         ({"actuator": {"dead_time_s": 1.0}}, "actuator: .* expected, received"),
-        ({"actuator": dict(NONE) | {"lag_up_s": -1.0}}, "at least 0 expected"),
+        ({"actuator": dict(NO_ACTUATOR) | {"lag_up_s": -1.0}}, "at least 0 expected"),
     ],
 )
 def test_a_start_that_no_valve_has_is_refused(changes: dict[str, object], sentence: str) -> None:

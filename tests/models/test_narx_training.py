@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
-from stemwatch.models.narx.training import train
+from stemwatch.models.narx.stages import train_members
+from stemwatch.models.narx.training import LEAST_ON_GPU, device_for, train
 from stemwatch.models.recording import Recording, Role, Signal
 
 N = 3600
@@ -375,3 +376,62 @@ def test_an_example_of_a_recording_is_its_signals() -> None:
     bare = Recording(valve="V", signals={Role.OP: signals[Role.OP]}, interval_s=2.0)
     with pytest.raises(ValueError, match=r"V: a network needs the valve position"):
         NarxExample.of(bare, 30)
+
+
+SHORT = NarxSettings(seeds=2, horizons=(1, 20), steps=(2, 2))
+
+
+@pytest.mark.parametrize(
+    ("valves", "wanted", "present", "expected"),
+    [
+        (LEAST_ON_GPU, "auto", True, "cuda"),
+        (LEAST_ON_GPU, "auto", False, "cpu"),
+        (LEAST_ON_GPU - 1, "auto", True, "cpu"),
+        (1, "cuda", False, "cuda"),
+        (LEAST_ON_GPU, "cpu", True, "cpu"),
+    ],
+)
+def test_a_gpu_trains_a_batch_that_is_worth_it(
+    monkeypatch: pytest.MonkeyPatch, valves: int, wanted: str, present: bool, expected: str
+) -> None:
+    """A GPU that is there takes batches of several valves, unless another device is asked for."""
+    monkeypatch.setattr("torch.cuda.is_available", lambda: present)
+    assert device_for(valves, wanted) == expected
+
+
+def test_what_a_gpu_works_by_takes_the_steps_of_the_kernel(
+    monkeypatch: pytest.MonkeyPatch, examples: list[NarxExample]
+) -> None:
+    """Torch on all networks at once, the way of a GPU, takes the same steps as the kernel: the same
+    equations, summed in another order."""
+    by_kernel = train(examples[:2], SHORT)
+    monkeypatch.setattr("stemwatch.models.narx.normal_equations.by_kernel", lambda device: False)
+    together = train(examples[:2], SHORT)
+    for one, other in zip(by_kernel, together, strict=True):
+        assert one.log[-1].steps == other.log[-1].steps
+        np.testing.assert_allclose(
+            one.log[-1].trained_rmse, other.log[-1].trained_rmse, rtol=1e-6, atol=0
+        )
+
+
+def test_a_gpu_that_fails_costs_no_network(
+    monkeypatch: pytest.MonkeyPatch, examples: list[NarxExample]
+) -> None:
+    """Where the GPU cannot be used after all, the batch is trained on the CPU, to the same bits."""
+    whole = list(examples)
+    expected = train(whole, SHORT)
+    told: list[str] = []
+
+    def refuse(valves: object, settings: NarxSettings, device: str) -> object:
+        told.append(device)
+        if device == "cuda":
+            raise RuntimeError("CUDA error: out of memory")
+        return train_members(valves, settings, device)
+
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    monkeypatch.setattr("stemwatch.models.narx.training.train_members", refuse)
+    found = train(whole, SHORT)
+    assert told == ["cuda", "cpu"]
+    assert {fit.device for fit in found} == {"cpu"}
+    for one, other in zip(expected, found, strict=True):
+        np.testing.assert_array_equal(weights_of(one), weights_of(other))

@@ -20,7 +20,7 @@ from stemwatch.connectors.connector import Window
 from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.scheduler.work import job_of, screen_jobs
-from stemwatch.service.serve.reading import reader
+from stemwatch.service.serve.page_server import recording_reader
 from stemwatch.service.store.store import open_store
 
 VALVE = "FIC-104"
@@ -163,7 +163,7 @@ def test_scheduled_runs_and_pages_read_it_too(plant_file: Path) -> None:
     ((screening,),) = screen_jobs([job_of(plant, VALVE, window, None)])
     assert screening.verdict.value == "sticky"
     with open_store(f"sqlite:///{plant_file.parent / 'store.db'}") as store:
-        recording = reader(plant, store)(VALVE, window)
+        recording = recording_reader(plant, store)(VALVE, window)
     assert recording is not None
     assert recording.mv is not None
 

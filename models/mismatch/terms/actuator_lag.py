@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm
 from stemwatch.models.recording import Floats
@@ -34,21 +35,42 @@ def lagged(command: Floats, marks: Marks, dt: float, tau_s: float, out: Floats) 
 
 
 class ActuatorLag(CommandTerm):
-    """See the module."""
+    """A first-order lag before the stem: one coordinate, the time constant ``tau`` in seconds."""
 
     slug = "actuator_lag"
     order = 20
     words = Words(
         plain="the actuator or its I/P converter takes seconds to fill or vent",
-        check=(
-            "Check the air supply pressure at the valve, the tubing (length, bore, leaks), the "
-            "I/P converter's nozzle and filter, and the diaphragm or piston seals. Where all is "
-            "well, a volume booster or a positioner with more air capacity shortens it."
-        ),
         decide=(
             "Step OP by 2 % and by 10 %, then ramp it at two speeds: a lag delays the start of "
             "the motion the more, the faster the ramp; grease on the stem (drag) does not delay "
             "it; a dead time delays it by the same time always."
+        ),
+        advice=FieldAdvice(
+            title="actuator slow to fill or vent",
+            steps=check_steps(
+                "look: Read the supply pressure at the valve during a move; it should not fall.",
+                "look: Listen and soap for leaks: tubing, fittings, diaphragm case, vent holes.",
+                (
+                    "manual: Step OP by 10 % and time output pressure and stem: is the air "
+                    "late, or the stem?"
+                ),
+                (
+                    "air: Clean or exchange nozzle and filter of the I/P converter; check bore "
+                    "of the tubing, diaphragm, piston seals."
+                ),
+                "air: Where all is well: a booster, or a positioner with more air.",
+            ),
+            parts=(
+                "I/P converter or its nozzle and filter",
+                "filter element of the air regulator",
+                "tubing and fittings",
+                "volume booster",
+                "diaphragm or piston seals",
+            ),
+            damage="DOP",
+            cause="5.1",
+            part="I/P converter",
         ),
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, number
 from stemwatch.models.recording import Floats
@@ -44,22 +45,43 @@ def lagged_by_direction(
 
 
 class AsymmetricLag(CommandTerm):
-    """See the module."""
+    """A lag that differs by direction: two coordinates, ``tau_up`` and ``tau_down`` in seconds."""
 
     slug = "asymmetric_lag"
     order = 20
     contains: tuple[str, ...] = ("actuator_lag",)
     words = Words(
         plain="the actuator fills faster than it vents, or the other way round",
-        check=(
-            "Check the side that is slow: for venting, the exhaust port, its silencer and a quick "
-            "exhaust valve; for filling, the supply pressure, filter regulator and tubing. Then "
-            "the positioner's relay, a one-way restrictor in the line, and the diaphragm for "
-            "leaks."
-        ),
         decide=(
             "Step OP by 5 % and by 20 % in the slow direction: with a lag the speed grows with "
             "the step, with a speed limit it stays the same."
+        ),
+        advice=FieldAdvice(
+            title="slow one way (lag)",
+            steps=check_steps(
+                (
+                    "desk: See which way is slow (finding above); whether it fills or vents "
+                    "depends on the actuator's action."
+                ),
+                (
+                    "look: Where it vents slowly: exhaust port and silencer, ice, paint, "
+                    "insects. Where it fills slowly: supply pressure during the move."
+                ),
+                "manual: Step OP by 5 % and by 20 % in the slow direction and time both.",
+                (
+                    "air: Clean or exchange silencer, quick exhaust, restrictor or the "
+                    "positioner's relay; look at the diaphragm."
+                ),
+            ),
+            parts=(
+                "quick exhaust valve or silencer",
+                "positioner relay",
+                "filter element",
+                "diaphragm",
+            ),
+            damage="DOP",
+            cause="5.1",
+            part="positioner",
         ),
     )
 

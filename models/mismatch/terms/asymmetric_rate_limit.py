@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, number
 from stemwatch.models.recording import Floats
@@ -47,23 +48,42 @@ def limited_by_direction(
 
 
 class AsymmetricRateLimit(CommandTerm):
-    """See the module."""
+    """A speed limit that differs by direction: two slownesses in seconds per percent."""
 
     slug = "asymmetric_rate_limit"
     order = 30
     contains: tuple[str, ...] = ("rate_limit",)
     words = Words(
         plain="the valve has a top speed in one direction and is faster in the other",
-        check=(
-            "Check what the slow direction alone uses: venting, the exhaust port, its silencer, a "
-            "quick exhaust valve, the booster's bypass needle; filling, the supply pressure, "
-            "filter regulator, volume tank and tubing. Then a one-way speed controller, and the "
-            "bench set where the spring alone drives the slow stroke."
-        ),
         decide=(
             "Step OP by 5 % and by 20 % in the slow direction: with a limit the speed stays the "
             "same, with a lag it grows with the step. On a record, plot that speed against the "
             "size of the error."
+        ),
+        advice=FieldAdvice(
+            title="top speed too low one way",
+            steps=check_steps(
+                (
+                    "desk: See which way is slow (finding above); whether it fills or vents "
+                    "depends on the actuator's action."
+                ),
+                "look: Look for a throttled speed controller, a blocked exhaust, a kinked tube.",
+                "manual: Step OP by 5 % and by 20 % in the slow direction; read the supply gauge.",
+                (
+                    "air: Open or clean what is throttled; check volume tank, booster and its "
+                    "bypass needle."
+                ),
+                "air: Where the spring alone drives the slow stroke: check the bench set.",
+            ),
+            parts=(
+                "quick exhaust valve or silencer",
+                "booster and its bypass needle",
+                "speed controller",
+                "filter element",
+            ),
+            damage="DOP",
+            cause="5.1",
+            part="positioner",
         ),
     )
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -23,22 +24,44 @@ MOST = 0.95
 
 
 class AsymmetricSlip(StemTerm):
-    """See the module."""
+    """Slips that differ by direction: one coordinate, the share ``a`` by which J is uneven."""
 
     slug = "asymmetric_slip"
     order = 20
     contains: tuple[str, ...] = ("zero_shift",)
     words = Words(
         plain="the stem jumps further in one direction than in the other",
-        check=(
-            "Check the packing for one-sided wear (chevron rings fitted upside down, a bent stem "
-            "that leans on its guide), piston seals of lip type, and an actuator that is weak in "
-            "the direction of the larger jump: bench set, spring, balance of the plug."
-        ),
         decide=(
             "Ramp OP slowly up and down over the same 10 % and compare the sizes of ten slips "
             "each way: unequal jumps are this, equal jumps about a shifted middle are a zero "
             "shift."
+        ),
+        advice=FieldAdvice(
+            title="jumps further one way",
+            steps=check_steps(
+                "look: Look at the stem from two sides: is it bent, or does it lean on its guide?",
+                (
+                    "manual: Ramp OP slowly up and down over the same 10 % and note ten jumps "
+                    "each way."
+                ),
+                (
+                    "air: Check bench set, spring and balance of the plug, and the piston seals "
+                    "for lips that grip."
+                ),
+                (
+                    "line: Open the packing box: rings the wrong way up, worn on one side; look "
+                    "at stem and plug."
+                ),
+            ),
+            parts=(
+                "packing set",
+                "stem and guide bushing",
+                "piston seals",
+                "actuator spring",
+            ),
+            damage="FTR",
+            cause="1.6",
+            part="packing",
         ),
     )
 

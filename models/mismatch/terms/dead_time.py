@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch.delay import delayed
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm
@@ -24,21 +25,42 @@ MATERIAL = 0.8  # seconds, and samples
 
 
 class DeadTime(CommandTerm):
-    """See the module."""
+    """A command that arrives late: one coordinate, the delay ``theta`` in seconds."""
 
     slug = "dead_time"
     order = 10
     words = Words(
         plain="the command reaches the valve late, or the clocks of OP and MV differ",
-        check=(
-            "Compare how and when OP and MV are scanned and time-stamped. Then look for a filter "
-            "or a slow scan in the output card, the length and bore of the signal tubing, and a "
-            "positioner with a dead band or a delay in its settings."
-        ),
         decide=(
             "Look whether other valves from the same source show the same delay: then it is the "
-            "clock. Else step OP and watch the stem or the actuator's pressure gauge at the valve "
-            "itself: a real dead time is seen there, a clock skew is not."
+            "clock. Else step OP and watch the stem or the actuator's pressure gauge at the "
+            "valve itself: a real dead time is seen there, a clock skew is not."
+        ),
+        advice=FieldAdvice(
+            title="answers late (delay)",
+            steps=check_steps(
+                (
+                    "desk: Compare with other valves of the same source: the same delay "
+                    "everywhere is the clock, not the valve."
+                ),
+                (
+                    "desk: Look how OP and MV are scanned and time-stamped, and for a filter in "
+                    "the output card."
+                ),
+                (
+                    "look: With a radio: let the operator step OP and see at the stem whether "
+                    "the delay is real."
+                ),
+                "manual: Read dead band and delay in the positioner's settings.",
+                "air: Shorten or widen the signal tubing; put the I/P converter at the valve.",
+            ),
+            parts=(
+                "none before it is clear that the delay is real",
+                "signal tubing, positioner",
+            ),
+            damage="DOP",
+            cause="3.1",
+            part="positioner",
         ),
     )
 

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -42,21 +43,45 @@ def _growth(samples: int, interval_s: float) -> Floats:
 
 
 class DwellDependentBreakaway(StemTerm):
-    """See the module."""
+    """A breakaway that rises with rest: one coordinate, ``b`` in percent per e-fold."""
 
     slug = "dwell_dependent_breakaway"
     order = 20
     words = Words(
         plain="the longer the stem has rested, the harder it is to start",
-        check=(
-            "Check the packing (adhesion of soft rings to the stem, dried lubricant, gland "
-            "torque), elastomer seals and soft seats that stick, and a product that sets or "
-            "crystallises on the stem. A small dither or a regular partial stroke helps."
-        ),
         decide=(
             "Hold OP for 10 s, 1 min and 10 min, three times each, then ramp it slowly: a "
             "breakaway that rises with the hold is dwell, one that varies as much within each "
             "hold is scatter."
+        ),
+        advice=FieldAdvice(
+            title="sticks after a long rest",
+            steps=check_steps(
+                (
+                    "desk: Ask whether product sets or crystallises on the stem, and whether "
+                    "tracing or purge is on."
+                ),
+                (
+                    "manual: Hold OP for 10 s, 1 min and 10 min, then ramp it slowly; note "
+                    "where the stem lets go."
+                ),
+                (
+                    "manual: Lubricate where there is a fitting. A small regular movement keeps "
+                    "it free meanwhile."
+                ),
+                (
+                    "line: Renew packing and soft parts; clean the stem; consider another "
+                    "packing material."
+                ),
+            ),
+            parts=(
+                "packing set of another material",
+                "lubricant that suits the packing",
+                "soft seals and seat",
+            ),
+            damage="FTR",
+            cause="1.6",
+            part="packing",
         ),
     )
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -31,20 +32,36 @@ _TABLE = _shape(stem_number.places())
 
 
 class FlowForce(StemTerm):
-    """See the module."""
+    """The fluid's force on the plug: one coordinate, ``U`` in percent of span."""
 
     slug = "flow_force"
     order = 10
     words = Words(
         plain="the process fluid pushes on the plug, differently at different openings",
-        check=(
-            "Compare the pressure drop with the one the actuator was sized for. Check the flow "
-            "direction (to open or to close), the balance seal of a balanced plug, the bench set, "
-            "and whether a positioner or a stiffer spring is needed."
-        ),
         decide=(
             "Stroke the valve without flow, or at a second pressure drop: a flow force goes or "
             "changes, an error of the reading stays. Over a small travel the two look alike."
+        ),
+        advice=FieldAdvice(
+            title="flow pushes on the plug",
+            steps=check_steps(
+                "desk: Compare the pressure drop of today with the one on the data sheet.",
+                "look: Check that the flow goes through the body the way the arrow says.",
+                "manual: Compare positions at two pressure drops, or without flow.",
+                (
+                    "air: Check the bench set; see whether a stiffer spring or a larger "
+                    "actuator is due."
+                ),
+                "line: Look at the balance seal of a balanced plug.",
+            ),
+            parts=(
+                "balance seal",
+                "spring or actuator of the next size",
+                "positioner, where there is none",
+            ),
+            damage="FTR",
+            cause="1.0",
+            part="actuator",
         ),
     )
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -23,21 +24,36 @@ MATERIAL_PERCENT = 0.2  # of span: growth of a stick band that nobody sees is no
 
 
 class GrowingStiction(StemTerm):
-    """See the module."""
+    """Friction that grows over the record: one coordinate, the share ``g`` of growth."""
 
     slug = "growing_stiction"
     order = 20
     words = Words(
         plain="the friction changed while it was recorded",
-        check=(
-            "Look for what changed during the record: packing tightened, temperature of the "
-            "process or the bonnet, solids or polymer settling, steam tracing lost. Then packing, "
-            "stem and guides for deposits."
-        ),
         decide=(
             "Fit S in windows of an hour or a day, and repeat a slow ramp at one place: growth "
             "shows at the same travel, friction of a place only there, a temperature effect "
             "goes back with the temperature."
+        ),
+        advice=FieldAdvice(
+            title="friction changed in record",
+            steps=check_steps(
+                (
+                    "desk: Ask what happened in that window: packing tightened, tracing off, "
+                    "solids, a change of product or temperature."
+                ),
+                "look: Feel for the bonnet's temperature; look for product on the stem.",
+                "manual: Repeat a slow ramp at one place an hour apart and compare.",
+                "line: Where it stays: renew the packing; clean stem and guide of deposits.",
+            ),
+            parts=(
+                "packing set",
+                "steam tracing or purge",
+                "stem and guide bushing",
+            ),
+            damage="FTR",
+            cause="1.6",
+            part="packing",
         ),
     )
 

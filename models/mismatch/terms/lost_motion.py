@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -23,21 +24,44 @@ MATERIAL_PERCENT = 0.3  # of travel; good linkages have a tenth
 
 
 class LostMotion(StemTerm):
-    """See the module."""
+    """Play between stem and position sensor: one coordinate, its width ``b`` in percent."""
 
     slug = "lost_motion"
     order = 60
     words = Words(
         plain="there is play between the stem and its position sensor",
-        check=(
-            "Move the feedback arm by hand and feel for play: pin and slot of the linkage, "
-            "take-off arm, coupling clamp, cam and follower, the spring that takes up backlash, "
-            "and the transmitter's own shaft or magnet bracket."
-        ),
         decide=(
-            "Step OP upwards in a staircase with holds, then downwards, with a dial gauge on the "
-            "stem: with play the reading loses some motion after each reversal only, with a "
+            "Step OP upwards in a staircase with holds, then downwards, with a dial gauge on "
+            "the stem: with play the reading loses some motion after each reversal only, with a "
             "smaller J it loses none on the gauge."
+        ),
+        advice=FieldAdvice(
+            title="play in the linkage",
+            steps=check_steps(
+                "look: Watch stem and feedback arm at a reversal: does the arm start later?",
+                (
+                    "manual: Move the feedback arm by hand and feel for play: pin and slot, "
+                    "clamp, cam and follower, the spring that takes up backlash, the "
+                    "transmitter's shaft or magnet."
+                ),
+                (
+                    "manual: Step OP up in a staircase with holds, then down, with a dial gauge "
+                    "on the stem."
+                ),
+                (
+                    "air: Renew pins and bushings, tighten the clamp; calibrate zero and span "
+                    "afterwards."
+                ),
+            ),
+            parts=(
+                "pins and bushings of the feedback linkage",
+                "take-off arm",
+                "coupling clamp",
+                "spring that takes up backlash",
+            ),
+            damage="AIR",
+            cause="1.5",
+            part="linkage",
         ),
     )
 

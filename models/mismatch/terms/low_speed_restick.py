@@ -1,7 +1,7 @@
 """Low-speed re-stick: a stem slower than ``v_c`` sticks again. Neutral: ``v_c = 0``.
 
 ``v_c`` in %/s is the speed below which friction climbs back to its static level (Stribeck);
-infinity is He's model (2007), in which the stem sticks at every sample.
+infinity is He's model (2007, doi:10.1021/ie061219a), in which the stem sticks at every sample.
 
 Signature: a staircase on slow ramps, where the canonical element slides smoothly.
 """
@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -24,21 +25,37 @@ MATERIAL_PERCENT_PER_S = 0.15
 
 
 class LowSpeedRestick(ReadingTerm):
-    """See the module."""
+    """A stem that sticks again when slow: one coordinate, the speed ``v_c`` in %/s."""
 
     slug = "low_speed_restick"
     order = 30
     words = Words(
         plain="on a slow command the stem does not slide, it moves in small steps",
-        check=(
-            "Check the packing (material, gland torque, lubrication): graphite packing steps where "
-            "PTFE slides. Then the stem's finish, the guide bushings, piston seals that grip, and "
-            "whether the actuator is small for the friction."
-        ),
         decide=(
             "Ramp OP at 0.02 %/s and at 0.5 %/s in manual: steps on the slow ramp and a smooth "
             "slide on the fast one are re-sticking; steps of one size on both are coarse "
             "commands or recording."
+        ),
+        advice=FieldAdvice(
+            title="steps on a slow command",
+            steps=check_steps(
+                (
+                    "manual: Ramp OP at 0.02 %/s and at 0.5 %/s: steps on the slow ramp and a "
+                    "smooth slide on the fast one confirm it."
+                ),
+                "manual: Check gland torque and lubrication. Graphite steps where PTFE slides.",
+                "air: Check the actuator's size against the friction; look at piston seals.",
+                "line: Renew the packing; look at the stem's finish and the guide bushing.",
+            ),
+            parts=(
+                "packing set of another material",
+                "lubricant that suits the packing",
+                "guide bushing",
+                "piston seals",
+            ),
+            damage="FTR",
+            cause="1.6",
+            part="packing",
         ),
     )
 

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -34,21 +35,33 @@ def add_bump(places: Floats, height: float, place: float, width: float, table: F
 
 
 class PositionDependentFriction(StemTerm):
-    """See the module."""
+    """A tight spot: three coordinates, height, place and width of it in percent."""
 
     slug = "position_dependent_friction"
     order = 20
     words = Words(
         plain="the stem drags in one part of its stroke",
-        check=(
-            "Stroke the valve by hand through that place and feel for it. Look for a scored or "
-            "bent stem, deposits on the plug or cage, a tight spot in the packing, a galled guide "
-            "bushing, and a rubbing coupling or feedback arm."
-        ),
         decide=(
-            "Ramp OP slowly through the place twice, an hour apart: friction that returns at the "
-            "same travel belongs to the place, friction that is higher everywhere the second time "
-            "grows with time."
+            "Ramp OP slowly through the place twice, an hour apart: friction that returns at "
+            "the same travel belongs to the place, friction that is higher everywhere the "
+            "second time grows with time."
+        ),
+        advice=FieldAdvice(
+            title="drags at one place",
+            steps=check_steps(
+                "look: Look at linkage and coupling at that opening: does something rub?",
+                "manual: Ramp OP slowly through the place and back, twice, an hour apart.",
+                "air: With the handwheel, or by hand, feel for the tight place.",
+                "line: Look at stem, guide, plug and cage for scores, galling and deposits.",
+            ),
+            parts=(
+                "stem and guide bushing",
+                "packing set",
+                "plug and cage",
+            ),
+            damage="FTR",
+            cause="1.3",
+            part="stem",
         ),
     )
 

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm
 from stemwatch.models.recording import Floats
@@ -41,21 +42,46 @@ def limited(command: Floats, marks: Marks, dt: float, slowness: float, out: Floa
 
 
 class RateLimit(CommandTerm):
-    """See the module."""
+    """A speed limit of the actuator: one coordinate, the slowness ``1/R`` in s/%."""
 
     slug = "rate_limit"
     order = 30
     words = Words(
         plain="the valve has a top speed and follows large fast commands no faster",
-        check=(
-            "Check the supply pressure and the filter regulator while the valve moves, tubing and "
-            "fittings (bore, kinks), a speed controller or restrictor left throttled, the air "
-            "capacity of positioner and booster, and, with an electric actuator, its set speed."
-        ),
         decide=(
             "Step OP by 5 % and by 20 %: a limit takes four times as long for the large step, a "
-            "lag equally long. Repeat with the supply gauge in view: where the pressure falls, it "
-            "is the supply."
+            "lag equally long. Repeat with the supply gauge in view: where the pressure falls, "
+            "it is the supply."
+        ),
+        advice=FieldAdvice(
+            title="top speed too low",
+            steps=check_steps(
+                (
+                    "look: Look for a speed controller or restrictor left throttled, and for "
+                    "kinked tubes."
+                ),
+                (
+                    "look: Read the supply pressure during a large move: where it falls, it is "
+                    "the supply."
+                ),
+                (
+                    "manual: Step OP by 5 % and by 20 % and time both. With an electric "
+                    "actuator: read its set speed."
+                ),
+                (
+                    "air: Clean or exchange the filter; check bore of tubing and fittings, "
+                    "positioner and booster."
+                ),
+            ),
+            parts=(
+                "filter element of the air regulator",
+                "tubing and fittings",
+                "volume booster",
+                "speed controller",
+            ),
+            damage="DOP",
+            cause="5.1",
+            part="air supply",
         ),
     )
 

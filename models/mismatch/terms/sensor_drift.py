@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -26,20 +27,39 @@ MATERIAL_PERCENT = 0.5  # over the record; what a calibration would find and cor
 
 
 class SensorDrift(StemTerm):
-    """See the module."""
+    """A reading that wanders: a straight drift and three slow waves, percent."""
 
     slug = "sensor_drift"
     order = 70
     words = Words(
         plain="the position reading wanders slowly over the record",
-        check=(
-            "Check the position transmitter: loose clamp, arm or magnet bracket, its temperature "
-            "(hot bonnet, sun), supply voltage, moisture in the terminals, worn potentiometer. "
-            "Then calibrate it at both ends of travel."
-        ),
         decide=(
-            "Read MV with the valve on its seat or against a stop at the beginning and at the end "
-            "of a shift: a drift shows there, a creeping stem or growing friction does not."
+            "Read MV with the valve on its seat or against a stop at the beginning and at the "
+            "end of a shift: a drift shows there, a creeping stem or growing friction does not."
+        ),
+        advice=FieldAdvice(
+            title="position reading drifts",
+            steps=check_steps(
+                "desk: Compare MV at the same OP at the beginning and the end of a shift.",
+                (
+                    "look: Look at clamp, arm or magnet bracket, the supply voltage and a worn "
+                    "potentiometer; at moisture in the terminals; at heat from the bonnet or "
+                    "the sun."
+                ),
+                "manual: Read MV against a mechanical stop, then again some hours later.",
+                (
+                    "air: Calibrate at both ends of travel; exchange the transmitter where it "
+                    "drifts again."
+                ),
+            ),
+            parts=(
+                "position transmitter",
+                "clamp or magnet bracket",
+                "terminals and cable glands",
+            ),
+            damage="AIR",
+            cause="3.3",
+            part="position transmitter",
         ),
     )
 

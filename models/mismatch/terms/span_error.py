@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -21,22 +22,39 @@ MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its m
 
 
 class SpanError(ReadingTerm):
-    """See the module."""
+    """A wrong span of the reading: one coordinate, its gain less 1."""
 
     slug = "span_error"
     order = 80
     contains: tuple[str, ...] = ("zero_shift",)
     words = Words(
         plain="the position reading is stretched or compressed over the stroke",
-        check=(
-            "Calibrate zero and span of the position transmitter and the positioner at both ends "
-            "of travel. Check the feedback arm's length and pin hole, the cam, split-range "
-            "settings, and the spring rate (range of the bench set)."
-        ),
         decide=(
             "Stroke the valve without flow from stop to stop and compare MV with the travel "
-            "scale: an error of the span shows there; a flow force goes without flow, and differs "
-            "at a second pressure; a wrong spring shows on the pressure gauge."
+            "scale: an error of the span shows there; a flow force goes without flow, and "
+            "differs at a second pressure; a wrong spring shows on the pressure gauge."
+        ),
+        advice=FieldAdvice(
+            title="position span is off",
+            steps=check_steps(
+                (
+                    "desk: Check range and split-range settings of OP and MV in control system "
+                    "and historian."
+                ),
+                "look: Compare the travel scale on the yoke with MV.",
+                (
+                    "air: Stroke from stop to stop, and calibrate zero and span of transmitter "
+                    "and positioner; check arm length, pin hole and cam, and the rate of the "
+                    "spring."
+                ),
+            ),
+            parts=(
+                "none; a calibrator",
+                "feedback arm or cam, where it is the wrong one",
+            ),
+            damage="AIR",
+            cause="3.4",
+            part="position transmitter",
         ),
     )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -20,20 +21,40 @@ MATERIAL_PERCENT_PER_S = 0.004  # 1 % of travel in four minutes: a loop has to w
 
 
 class StemCreep(StemTerm):
-    """See the module."""
+    """A stem that moves on at rest: one coordinate, its speed in %/s."""
 
     slug = "stem_creep"
     order = 40
     words = Words(
         plain="the stem creeps while it should rest",
-        check=(
-            "Look for an air leak between positioner and actuator: soap the tubing, fittings and "
-            "diaphragm case, test the piston seals. Then packing that gives, a leaking lock-up or "
-            "solenoid valve, and a handwheel or clamp that slips."
-        ),
         decide=(
-            "Hold OP in manual for ten minutes and watch the stem itself with a dial gauge: a stem "
-            "that moves creeps, one that stands while MV moves has a drifting transmitter."
+            "Hold OP in manual for ten minutes and watch the stem itself with a dial gauge: a "
+            "stem that moves creeps, one that stands while MV moves has a drifting transmitter."
+        ),
+        advice=FieldAdvice(
+            title="stem creeps at rest",
+            steps=check_steps(
+                (
+                    "look: Soap tubing, fittings and diaphragm case; listen at vents; look for "
+                    "a handwheel or clamp that slips."
+                ),
+                (
+                    "manual: Hold OP for ten minutes with a dial gauge on the stem: a stem that "
+                    "stands while MV moves has a drifting transmitter instead."
+                ),
+                (
+                    "air: Test diaphragm or piston seals, lock-up and solenoid valve; tighten "
+                    "or renew."
+                ),
+            ),
+            parts=(
+                "tubing and fittings",
+                "diaphragm or piston seals",
+                "lock-up or solenoid valve",
+            ),
+            damage="SPO",
+            cause="1.1",
+            part="actuator",
         ),
     )
 

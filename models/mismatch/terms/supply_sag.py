@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, grid, number, size
 from stemwatch.models.recording import Floats
@@ -46,21 +47,40 @@ def sagged(
 
 
 class SupplySag(CommandTerm):
-    """See the module."""
+    """A weak air supply: two coordinates, the share that is missing and its recovery in seconds."""
 
     slug = "supply_sag"
     order = 40
     words = Words(
         plain="the air supply cannot keep up with large moves and recovers later",
-        check=(
-            "Watch the supply gauge at the valve during a large move. Check the filter regulator "
-            "(clogged element, set pressure, droop), the isolating valve, the bore and length of "
-            "the supply line, leaks, the volume tank, and other users on the same header."
-        ),
         decide=(
             "Look whether valves on the same header fall short at the same time, and record the "
-            "supply pressure during a full stroke: sag follows the pressure, a speed limit and a "
-            "travel stop do not."
+            "supply pressure during a full stroke: sag follows the pressure, a speed limit and "
+            "a travel stop do not."
+        ),
+        advice=FieldAdvice(
+            title="air supply sags",
+            steps=check_steps(
+                "desk: Look whether valves on the same header fall short at the same time.",
+                (
+                    "look: Watch the supply gauge during a large move; check that isolating "
+                    "valves are fully open; drain the filter."
+                ),
+                "manual: Record supply pressure during a full stroke.",
+                (
+                    "air: Exchange filter element or regulator, whose pressure must not droop; "
+                    "check bore and length of the supply line; add a volume tank."
+                ),
+            ),
+            parts=(
+                "filter element",
+                "filter regulator",
+                "volume tank",
+                "supply tubing of a larger bore",
+            ),
+            damage="DOP",
+            cause="5.1",
+            part="air supply",
         ),
     )
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -25,21 +26,40 @@ SOME = 0.1  # percent; the nearest to an end at which a start puts a stop
 
 
 class TravelStop(StemTerm):
-    """See the module."""
+    """Stops inside the stroke: two coordinates, how far inside each stands, percent."""
 
     slug = "travel_stop"
     order = 50
     words = Words(
         plain="the stem stands on a stop while the command goes on",
-        check=(
-            "Look for a handwheel or a limit stop left engaged, travel limits in the positioner, "
-            "a foreign body or deposits on the seat, wrong stem coupling or bench set, and supply "
-            "pressure too low for the full stroke."
-        ),
         decide=(
             "Drive the valve in manual slowly beyond the place and back: a stop stands at the "
-            "same travel and ends when OP comes back, a tight spot is overcome with more OP; and "
-            "look at the stem: if it goes on while MV stands, the transmitter is saturated."
+            "same travel and ends when OP comes back, a tight spot is overcome with more OP; "
+            "and look at the stem: if it goes on while MV stands, the transmitter is saturated."
+        ),
+        advice=FieldAdvice(
+            title="stem stands on a stop",
+            steps=check_steps(
+                (
+                    "desk: Look for travel limits and cut-off in the settings of positioner and "
+                    "controller."
+                ),
+                "look: Look for a handwheel or a limit stop left on.",
+                (
+                    "look: Look at the stem itself: if it goes on while MV stands, the "
+                    "transmitter is saturated."
+                ),
+                "manual: Drive the valve slowly beyond the place and back; read its air pressure.",
+                "air: Check coupling, bench set and supply pressure for the full stroke.",
+                "line: Look for a foreign body or deposits on the seat.",
+            ),
+            parts=(
+                "none before it is found",
+                "seat and plug, where a foreign body has marked them",
+            ),
+            damage="FTR",
+            cause="1.0",
+            part="actuator",
         ),
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, grid, number
 from stemwatch.models.recording import Floats
@@ -61,21 +62,43 @@ def overshoot(zeta: float) -> float:
 
 
 class UnderdampedPositioner(CommandTerm):
-    """See the module."""
+    """A ringing positioner: natural frequency in rad/s and damping ratio."""
 
     slug = "underdamped_positioner"
     order = 25
     contains: tuple[str, ...] = ("actuator_lag",)
     words = Words(
         plain="the positioner overshoots and rings after each move",
-        check=(
-            "Check the positioner's gain and damping (or run its self-tuning), the feedback "
-            "linkage, arm and cam for wear, a booster without its bypass opened, and whether the "
-            "actuator is small for this positioner."
-        ),
         decide=(
-            "Put the loop in manual and step OP by 5 %: ringing while OP rests is the positioner, "
-            "ringing that ends in manual is the control loop, and a lag does not overshoot."
+            "Put the loop in manual and step OP by 5 %: ringing while OP rests is the "
+            "positioner, ringing that ends in manual is the control loop, and a lag does not "
+            "overshoot."
+        ),
+        advice=FieldAdvice(
+            title="positioner rings",
+            steps=check_steps(
+                "look: Look at feedback arm, pin and cam for wear and play.",
+                (
+                    "manual: Step OP by 5 % with the loop in manual: ringing while OP rests is "
+                    "the positioner."
+                ),
+                (
+                    "manual: Lower its gain, raise its damping, or run its self-tuning; open a "
+                    "booster's bypass."
+                ),
+                (
+                    "air: Check whether the actuator is small for this positioner; exchange the "
+                    "relay where worn."
+                ),
+            ),
+            parts=(
+                "positioner",
+                "feedback linkage",
+                "volume booster",
+            ),
+            damage="FTR",
+            cause="3.4",
+            part="positioner",
         ),
     )
 

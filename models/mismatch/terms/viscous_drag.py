@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -23,21 +24,43 @@ MATERIAL_S = 0.7  # a slip that takes less is how good valves are
 
 
 class ViscousDrag(StemTerm):
-    """See the module."""
+    """Drag on a moving stem: one coordinate, the time constant ``tau_v`` in seconds."""
 
     slug = "viscous_drag"
     order = 30
     words = Words(
         plain="the stem starts on time but slides slowly, as through thick grease",
-        check=(
-            "Check grease and deposits on the stem and in the guides, cold or hardened packing "
-            "lubricant, a product that crystallises or thickens in the bonnet, a hydraulic damper "
-            "or snubber, and a blocked vent of the spring chamber."
-        ),
         decide=(
-            "Ramp OP at two speeds: drag starts the motion at the same OP on both, a lag the later "
-            "the faster the ramp. A gauge at the actuator shows it too: pressure that arrives at "
-            "once while the stem is slow is drag."
+            "Ramp OP at two speeds: drag starts the motion at the same OP on both, a lag the "
+            "later the faster the ramp. A gauge at the actuator shows it too: pressure that "
+            "arrives at once while the stem is slow is drag."
+        ),
+        advice=FieldAdvice(
+            title="stem slides slowly",
+            steps=check_steps(
+                (
+                    "look: Look for old grease, deposits and cold on stem and bonnet; is the "
+                    "tracing on?"
+                ),
+                (
+                    "look: Check that the vent of the spring chamber is open, and a damper or "
+                    "snubber set as meant."
+                ),
+                (
+                    "manual: Step OP by 5 % with a gauge on the actuator: pressure at once and "
+                    "a slow stem is drag."
+                ),
+                "line: Clean stem and guides; renew packing and lubricant.",
+            ),
+            parts=(
+                "lubricant that suits the packing",
+                "packing set",
+                "steam tracing",
+                "vent plug of the spring chamber",
+            ),
+            damage="DOP",
+            cause="5.2",
+            part="stem",
         ),
     )
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
@@ -21,21 +22,37 @@ MATERIAL_PERCENT = 0.4  # of travel; positioners are set to within a quarter of 
 
 
 class ZeroShift(ReadingTerm):
-    """See the module."""
+    """A wrong zero of the reading: one coordinate in percent."""
 
     slug = "zero_shift"
     order = 80
     words = Words(
         plain="the position reading is off by a constant, or the bench set of the spring is",
-        check=(
-            "Calibrate the zero of the position transmitter and the positioner with the valve on "
-            "its seat. Where both are right, check the bench set of the spring, the stem coupling, "
-            "and the flow direction."
-        ),
         decide=(
             "Read MV with the valve on its seat or a mechanical stop: an error of the reading "
-            "shows there, a bias of the force (spring, preload, flow, unequal friction) does not. "
-            "A second process pressure shows a flow force."
+            "shows there, a bias of the force (spring, preload, flow, unequal friction) does "
+            "not. A second process pressure shows a flow force."
+        ),
+        advice=FieldAdvice(
+            title="position zero is off",
+            steps=check_steps(
+                (
+                    "look: Compare the travel scale on the yoke with MV; check that the flow "
+                    "goes through the body the way the arrow says."
+                ),
+                (
+                    "air: With the valve on its seat, calibrate the zero of transmitter and "
+                    "positioner."
+                ),
+                "air: Where both are right: check bench set, spring and stem coupling.",
+            ),
+            parts=(
+                "none; a calibrator",
+                "actuator spring, where the bench set cannot be reached",
+            ),
+            damage="AIR",
+            cause="3.4",
+            part="position transmitter",
         ),
     )
 

@@ -57,7 +57,7 @@ def _drawn(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> 
 
 _SOURCE = (
     "Choudhury, Thornhill and Shah, Modelling valve stiction, Control Engineering Practice 13 "
-    f"(2005) 641-658; {UNREAD}."
+    f"(2005) 641-658, doi:10.1016/j.conengprac.2004.05.005; {UNREAD}."
 )
 _FLOW = (
     "v = sign(x[k] - x[k-1]). The valve sticks where v is 0 or not what it was; x <= 0 and "

@@ -35,8 +35,8 @@ HE2 = KernelModel(
     name="he2",
     source=(
         "He, Wang, Pottmann and Qin, A curve fitting method for detecting valve stiction in "
-        f"oscillating control loops, Ind. Eng. Chem. Res. 46 (2007) 4549-4560; {UNREAD}, and the "
-        "flow agrees with published code."
+        "oscillating control loops, Ind. Eng. Chem. Res. 46 (2007) 4549-4560, "
+        f"doi:10.1021/ie061219a; {UNREAD}, and the flow agrees with published code."
     ),
     parameters=(breakaway(), sliding()),
     text=(

@@ -1,7 +1,7 @@
-"""Intervals by a block bootstrap that never refits: a cloud of candidates, reweighted.
+"""Intervals of any model's parameters by the block bootstrap (``models.block_bootstrap``).
 
-The squared residuals of every candidate of a cloud around the optimum are summed by block of time;
-a replicate draws blocks with replacement, and its estimate is the candidate that is best then.
+The squared residuals of every candidate of one cloud around the optimum are summed by block of
+time.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.search import Cube
 
 REPLICATES = 300
-COVERAGE = (2.5, 97.5)  # percentiles of a 95 % interval
 WIDTHS = (0.002, 0.008, 0.03)  # of the cloud, shares of a parameter's range
 Limits = tuple[float | None, float | None]
 Squares = Callable[[Floats, float], Floats]
@@ -45,11 +45,7 @@ def intervals(
         points += list(cube.bounds.clip(drawn))
     values, sums = _sums(cube, points, squares, block)
     counts = np.bincount(np.unique(block, return_inverse=True)[1])
-    weights = rng.multinomial(counts.size, np.full(counts.size, 1.0 / counts.size), REPLICATES)
-    totals = weights @ sums.T
-    # Candidates between which no slip moves to another sample are equal: any of them may be it.
-    totals += 1e-9 * totals.mean() * rng.random(totals.shape)
-    chosen = values[np.argmin(totals, axis=1)]
+    chosen = cheapest(values, sums, block_weights(counts, REPLICATES, rng), rng)
     chosen += _unseen(cube, step / np.sqrt(1.0 + counts.size), chosen.shape, rng)
     low, high = np.percentile(np.vstack((chosen, values[:1])), COVERAGE, axis=0)
     low = np.maximum(np.minimum(low, values[0]), [p.lower for p in cube.model.parameters])

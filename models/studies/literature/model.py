@@ -54,23 +54,33 @@ class ValveModel(Protocol):
     """
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The name by which a comparison is asked for it."""
+        ...
 
     @property
-    def source(self) -> str: ...
+    def source(self) -> str:
+        """Whose model it is, and how well that is known."""
+        ...
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]: ...
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters (k,), with units, bounds and meaning."""
+        ...
 
     @property
-    def limits(self) -> tuple[str, ...]: ...
+    def limits(self) -> tuple[str, ...]:
+        """What is wrong with it, a sentence each."""
+        ...
 
     @property
     def slow(self) -> bool:
         """Whether a simulation takes milliseconds; a fit then tries fewer candidates."""
         ...
 
-    def equation(self) -> str: ...
+    def equation(self) -> str:
+        """The model in a few lines."""
+        ...
 
     def objection(self, parameters: Floats) -> str | None:
         """Why these parameters (k,) cannot be simulated, in a sentence, or ``None``."""
@@ -108,9 +118,11 @@ class KernelModel:
     slow: bool = False
 
     def equation(self) -> str:
+        """The model in a few lines."""
         return self.text
 
     def objection(self, parameters: Floats) -> str | None:
+        """A wrong number of parameters, one outside its bounds, or what ``relation`` objects to."""
         if parameters.shape != (len(self.parameters),):
             names = ", ".join(p.name for p in self.parameters)
             return f"expected {len(self.parameters)} parameters ({names}), received {parameters}"
@@ -124,6 +136,7 @@ class KernelModel:
 
     def simulate(self, op: Floats, parameters: Floats, interval_s: float, y0: float) -> Floats:
         # Copies: a compiled kernel would be compiled again for arrays that are read-only.
+        """(n,) stem position in percent, by the kernel; as ``ValveModel.simulate`` says."""
         command, chosen = np.array(op, np.float64), np.array(parameters, np.float64)
         problem = self.objection(chosen) or _unusable(command, interval_s, y0)
         if problem is not None:

@@ -48,10 +48,12 @@ class Cube:
 
     @property
     def reach(self) -> float:
+        """How far the zero may lie from its first guess, percent."""
         return max(0.5 * self.swing, 3.0)
 
     @property
     def bounds(self) -> Bounds:
+        """The unit cube: 0 and 1 for each parameter and for the zero."""
         size = len(self.model.parameters) + 1
         return Bounds(np.zeros(size), np.ones(size))
 

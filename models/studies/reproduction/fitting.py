@@ -49,6 +49,7 @@ class Segments:
 
     @property
     def samples(self) -> int:
+        """How many samples are fitted to in all."""
         return (self.u.shape[0] - SEEDS) * self.u.shape[1]
 
 

@@ -229,6 +229,7 @@ class Target:
 
     @property
     def met(self) -> bool:
+        """Whether ``found`` is at most ``limit``."""
         return self.found <= self.limit
 
 

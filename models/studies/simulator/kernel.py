@@ -67,8 +67,9 @@ def bristle_speed(
     stem: StemNumbers,
     packing: PackingNumbers,
 ) -> tuple[float, float, float]:
-    """(speed, deflection, way) after one step of LuGre friction (Canudas de Wit et al. 1995).
+    """(speed, deflection, way) after one step of LuGre friction.
 
+    Canudas de Wit, Olsson, Astrom and Lischinsky (1995), doi:10.1109/9.376053.
     ``z' = v - s0 |v| z / g(v)`` and ``m v' = force - s0 z - s1 z' - c v``, both by the implicit
     Euler rule, in two halves of the step, for the bristles are stiff at a millisecond. ``g`` and
     ``|v|`` come from the last guess of the speed, which three rounds settle.

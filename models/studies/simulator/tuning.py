@@ -25,10 +25,11 @@ def delay_s(process: Process, actuator: Actuator, scan_s: float) -> float:
 
 
 def sound_settings(process: Process, delay: float, slowness: float = 1.5) -> ControllerSettings:
-    """SIMC rules (Skogestad 2003) with a closed-loop time constant of ``slowness`` delays.
+    """SIMC rules with a closed-loop time constant of ``slowness`` delays.
 
     Self-regulating: ``Kc = lag/(K (Tc + delay))``, ``Ti = min(lag, 4 (Tc + delay))``; integrating:
-    ``Kc = 1/(K (Tc + delay))``, ``Ti = 4 (Tc + delay)``.
+    ``Kc = 1/(K (Tc + delay))``, ``Ti = 4 (Tc + delay)``. Skogestad (2003),
+    doi:10.1016/S0959-1524(02)00062-8.
     """
     answer = (1.0 + slowness) * delay
     if process.integrating:

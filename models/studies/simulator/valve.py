@@ -40,10 +40,12 @@ class Actuator:
 
     @property
     def spring_range_n(self) -> float:
+        """The spring's force over the whole stroke, newton."""
         return self.area_m2 * (self.bench_high_pa - self.bench_low_pa)
 
     @property
     def spring_n_per_m(self) -> float:
+        """The spring rate, newton per metre."""
         return self.spring_range_n / self.stroke_m
 
 
@@ -125,6 +127,7 @@ class SimulatedValve:
 
     @property
     def healthy(self) -> bool:
+        """Whether S and J, as read, are no more than a good valve may have."""
         return max(self.S_read, self.J_read) < HEALTHY_BELOW_PERCENT
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.service.presenter.wording import figure, printable
 from stemwatch.service.report.charts.thinning import (
     ThinningGrid,
     bucket_of,
@@ -20,7 +21,6 @@ from stemwatch.service.report.charts.thinning import (
     telling_samples,
 )
 from stemwatch.service.report.charts.typical_stretch import TypicalStretch, typical_stretch_of
-from stemwatch.service.report.wording import figure, printable
 
 # Four digits of what a trace spans: 1/10 pixel of the tallest plot, and half the file size.
 DIGITS_OF_RANGE = 4

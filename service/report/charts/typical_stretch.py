@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stemwatch.models.excitation import ranges, reversals, swing
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.report.wording import figure
+from stemwatch.service.presenter.wording import figure
 
 # Eight reversals are four cycles: enough to see that they repeat, few enough to see each slip.
 MOST_REVERSALS = 8

@@ -19,6 +19,7 @@ import numpy as np
 from stemwatch.models.mismatch.findings import FreeRuns
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.screening_result import Screening
+from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.traces import (
     Chart,
@@ -30,7 +31,6 @@ from stemwatch.service.report.charts.traces import (
     panel,
     series,
 )
-from stemwatch.service.report.wording import printable
 
 # The loop of a whole record is a cloud with an outline; its stretch is drawn sample by sample.
 LOOP_POINTS = 800

@@ -13,12 +13,12 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import Select, func, or_, select, update
+from sqlalchemy import ColumnElement, Select, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import ValveRow
@@ -44,7 +44,7 @@ class AlertSeverity(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Raised:
+class RaisedAlert:
     """Something that was found; ``cause`` is what makes it the same as something found before."""
 
     cause: str
@@ -88,13 +88,28 @@ class StoredAlert:
         return self.false_alarm or self.closed is not None or snoozed
 
 
+MOST_ALERTS = 200  # of one state that are shown
+STATES = ("open", "acknowledged", "snoozed", "closed", "false", "all")
+
+
+def state_of(alert: StoredAlert, now: datetime) -> str:
+    """Which of ``STATES`` an alert is in: a closed one is closed, whatever it was before."""
+    if alert.closed is not None:
+        return "closed"
+    if alert.false_alarm:
+        return "false"
+    if alert.snoozed_until is not None and alert.snoozed_until > now:
+        return "snoozed"
+    return "open" if alert.acknowledged is None else "acknowledged"
+
+
 class Alerts:
     """The alerts in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
-    def raise_all(self, found: Sequence[Raised]) -> list[int]:
+    def raise_all(self, found: Sequence[RaisedAlert]) -> list[int]:
         """Open an alert for each cause that has none open; the numbers of the new ones."""
         with self._access.writing("raising alerts") as session:
             return [number for one in found if (number := _raise(session, one)) is not None]
@@ -160,6 +175,33 @@ class Alerts:
             rows = session.scalars(statement.limit(limit).offset(offset))
             return [stored_alert(row) for row in rows]
 
+    def in_state(
+        self, state: str, now: datetime, *, valve: str | None = None, limit: int = MOST_ALERTS
+    ) -> list[StoredAlert]:
+        """The newest ``limit`` in one of ``STATES``; alerts that are not over by urgency."""
+        statement = _of(valve, None).where(*_in_state(state, now))
+        newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
+        with self._access.reading() as session:
+            found = [stored_alert(row) for row in session.scalars(newest)]
+        if state in ("closed", "all"):
+            return found
+        return sorted(found, key=lambda alert: list(AlertSeverity).index(alert.severity))
+
+    def count_open(self, now: datetime) -> int:
+        """How many alerts are open: not acknowledged, and nobody let them rest."""
+        counted = select(func.count()).select_from(AlertRow).where(*_in_state("open", now))
+        with self._access.reading() as session:
+            return session.scalar(counted) or 0
+
+    def open_by_valve(self, now: datetime) -> dict[str, int]:
+        """How many such alerts each valve has; valves without one are left out."""
+        statement = select(AlertRow.valve, func.count()).where(
+            *_in_state("open", now), AlertRow.valve.is_not(None)
+        )
+        with self._access.reading() as session:
+            found = session.execute(statement.group_by(AlertRow.valve))
+            return {valve: count for valve, count in found if valve is not None}
+
     def counts(self) -> dict[AlertSeverity, int]:
         """How many alerts of each severity are open."""
         statement = (
@@ -202,7 +244,7 @@ def _of(valve: str | None, area: str | None) -> Select[AlertRow]:
     return statement
 
 
-def _raise(session: Session, found: Raised) -> int | None:
+def _raise(session: Session, found: RaisedAlert) -> int | None:
     """The number of the alert that this opened; ``None`` where one of this cause was open."""
     now = datetime.now(UTC)
     if found.valve is not None:
@@ -266,3 +308,19 @@ def stored_alert(row: AlertRow) -> StoredAlert:
         false_alarm=row.false_alarm,
         told=row.told,
     )
+
+
+def _in_state(state: str, now: datetime) -> list[ColumnElement[bool]]:
+    if state == "all":
+        return []
+    if state == "closed":
+        return [AlertRow.closed.is_not(None)]
+    false_ones = AlertRow.false_alarm.is_(state == "false")
+    alive: list[ColumnElement[bool]] = [AlertRow.closed.is_(None), false_ones]
+    if state == "false":
+        return alive
+    if state == "snoozed":
+        return [*alive, AlertRow.snoozed_until > now]
+    awake = or_(AlertRow.snoozed_until.is_(None), AlertRow.snoozed_until <= now)
+    seen = AlertRow.acknowledged
+    return [*alive, awake, seen.is_not(None) if state == "acknowledged" else seen.is_(None)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any, ClassVar
@@ -12,7 +10,7 @@ from sqlalchemy import JSON, DateTime, Dialect, Double, ForeignKey, LargeBinary,
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 from sqlalchemy.types import TypeDecorator
 
-_NOT_STORABLE = re.compile("[\x00\ud800-\udfff]")
+from stemwatch.service.store.storable import clean_text, finite
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -61,16 +59,6 @@ class CleanJson(TypeDecorator[Any]):
         return _clean(value)
 
 
-def clean_text(text: str) -> str:
-    """``text`` with U+FFFD for each character that no database stores."""
-    return _NOT_STORABLE.sub("\ufffd", text)
-
-
-def finite(value: float | None) -> float | None:
-    """``value``, or ``None`` where it is not a finite number."""
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
 def _clean(value: Any) -> Any:
     if isinstance(value, str):
         return clean_text(value)
@@ -91,7 +79,7 @@ _NAMES = {
 }
 
 
-class Base(DeclarativeBase):
+class TableBase(DeclarativeBase):
     """Constraint names are fixed here, so that migrations can drop what they created."""
 
     metadata = MetaData(naming_convention=_NAMES)

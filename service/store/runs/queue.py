@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 from sqlalchemy import ColumnElement, and_, or_, select, update
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access, database_now
+from stemwatch.service.store.database.sessions import Transactions, database_now
 from stemwatch.service.store.runs.tables import RunValveRow
 from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.screenings.rows import stored_run
@@ -28,7 +29,7 @@ _IN_ONE_STATEMENT = 500
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class RunRequest:
     """A run to be queued. ``valves`` empty: what its schedule says, or all.
 
     ``window`` start and stop, either open; ``schedule`` and ``due`` ``None`` where a person asked.
@@ -43,13 +44,20 @@ class Wanted:
     reason: str = ""
 
 
+class SetAside(NamedTuple):
+    """A valve that a run could not screen, and why."""
+
+    valve: str
+    reason: str
+
+
 class RunQueue:
     """The queue of runs. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
-    def put(self, wanted: Wanted, *, software_version: str) -> int | None:
+    def put(self, wanted: RunRequest, *, software_version: str) -> int | None:
         """Queue a run; its number, or ``None`` where this schedule's instant is queued already.
 
         A schedule whose run before still waits or goes on does not run twice at a time: the new
@@ -173,13 +181,20 @@ class RunQueue:
             )
             return list(session.scalars(rows.order_by(RunValveRow.valve)))
 
-    def set_aside(self, run_id: int) -> list[tuple[str, str]]:
-        """(valve, reason) of each valve that was set aside."""
+    def set_aside(self, run_id: int, limit: int | None = None) -> list[SetAside]:
+        """The valves of a run that were set aside, by id; at most ``limit``."""
         with self._access.reading() as session:
             rows = select(RunValveRow.valve, RunValveRow.reason).where(
                 RunValveRow.run_id == run_id, RunValveRow.state == ValveState.SET_ASIDE.value
             )
-            return [(valve, reason) for valve, reason in session.execute(rows)]
+            found = session.execute(rows.order_by(RunValveRow.valve).limit(limit))
+            return [SetAside(valve=valve, reason=reason) for valve, reason in found]
+
+    def find(self, run_id: int) -> StoredRun | None:
+        """The run of this number, ``None`` where there is none."""
+        with self._access.reading() as session:
+            row = session.get(RunRow, run_id)
+            return None if row is None else stored_run(row)
 
     def finish(
         self, run_id: int, state: RunState, *, reason: str = "", report: str | None = None

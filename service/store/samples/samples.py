@@ -1,8 +1,9 @@
-"""``Samples``: what live sources and watched folders delivered, each sample once."""
+"""``SampleStore``: what live sources and watched folders delivered, each sample once."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TypeVarTuple
@@ -14,19 +15,26 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Floats, QualityCodes
-from stemwatch.service.store.database.columns import clean_text
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
-from stemwatch.service.store.samples.partitions import DAY_US, Layout
+from stemwatch.service.store.samples.instants import instant_of, microseconds
+from stemwatch.service.store.samples.partitions import DAY_US, SampleLayout
+from stemwatch.service.store.samples.plot_points import PlotPoints, read_plot_points
 from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
+from stemwatch.service.store.samples.tag_quality import (
+    BadSamples,
+    LastGood,
+    read_bad,
+    read_dead_tags,
+    read_last_good,
+)
+from stemwatch.service.store.storable import clean_text
 
 log = logging.getLogger(__name__)
 
-EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_MICRO = timedelta(microseconds=1)
 _IN_ONE_STATEMENT = 300
 
 Row = TypeVarTuple("Row")
@@ -43,7 +51,7 @@ class StoredTag:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
+class TagSamples:
     """Samples of one tag in order of time: (n,) microseconds since 1970, values, quality."""
 
     at_us: NDArray[np.int64]
@@ -51,13 +59,13 @@ class Stretch:
     quality: QualityCodes
 
 
-class Samples:
+class SampleStore:
     """The samples in the store; a ``SampleSink``. Methods raise ``StoreError``.
 
     ``write`` may be called by one thread at a time; several processes may write.
     """
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
         self._tags: dict[tuple[str, str], int] = {}
         self._reasons: dict[str, int] = {}
@@ -102,7 +110,7 @@ class Samples:
 
     def read(
         self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
-    ) -> Stretch:
+    ) -> TagSamples:
         """The samples of a tag from ``start`` (inclusive) to ``stop`` (exclusive)."""
         statement = _window(
             select(SampleRow.at_us, SampleRow.value, SampleRow.quality), source, tag, start, stop
@@ -110,7 +118,7 @@ class Samples:
         with self._access.reading() as session:
             rows = session.execute(statement.order_by(SampleRow.at_us)).all()
         at, values, quality = zip(*rows, strict=True) if rows else ((), (), ())
-        return Stretch(
+        return TagSamples(
             at_us=np.array(at, dtype=np.int64),
             values=np.array(values, dtype=np.float64),  # None becomes NaN
             quality=np.array(quality, dtype=np.uint8),
@@ -126,12 +134,49 @@ class Samples:
 
     def bounds(self, source: str, tag: str) -> tuple[datetime, datetime] | None:
         """The instants of a tag's first and last sample."""
-        statement = _window(
-            select(func.min(SampleRow.at_us), func.max(SampleRow.at_us)), source, tag, None, None
-        )
+        # One statement each: SQLite seeks the end of an index for min or max alone, not for both.
+        first = _window(select(func.min(SampleRow.at_us)), source, tag, None, None)
+        last = _window(select(func.max(SampleRow.at_us)), source, tag, None, None)
         with self._access.reading() as session:
-            first, last = session.execute(statement).one()
-        return None if first is None else (EPOCH + first * _MICRO, EPOCH + last * _MICRO)
+            first_us, last_us = session.scalar(first), session.scalar(last)
+        if first_us is None or last_us is None:
+            return None
+        return instant_of(first_us), instant_of(last_us)
+
+    def has_tag(self, source: str, tag: str) -> bool:
+        """Whether the tag ever had a sample, or a unit, in the store."""
+        with self._access.reading() as session:
+            return _tag_number(session, source, tag) is not None
+
+    def plot_points(
+        self, source: str, tag: str, start: datetime, stop: datetime, points: int
+    ) -> PlotPoints | None:
+        """A tag from ``start`` to ``stop`` in about ``points`` points at most; ``None`` where the
+        store does not know it."""
+        with self._access.reading() as session:
+            number = _tag_number(session, source, tag)
+            return (
+                None if number is None else read_plot_points(session, number, start, stop, points)
+            )
+
+    def bad(self, source: str, tag: str, start: datetime, stop: datetime) -> BadSamples | None:
+        """How many samples of a tag are not good, and why; ``None`` for a tag that the store does
+        not know."""
+        with self._access.reading() as session:
+            number = _tag_number(session, source, tag)
+            return None if number is None else read_bad(session, number, tag, start, stop)
+
+    def dead_tags(self, source: str, limit: timedelta, now: datetime) -> dict[str, int]:
+        """The tags of ``source`` whose samples of the last ``limit`` are all bad, one of the last
+        minute among them, with their numbers."""
+        with self._access.reading() as session:
+            return read_dead_tags(session, source, limit, now)
+
+    def last_good(self, tags: Sequence[int], since: datetime) -> dict[int, LastGood]:
+        """Of each tag, by its number: its last good sample after ``since``, and why its newest
+        sample is bad."""
+        with self._access.reading() as session:
+            return {number: read_last_good(session, number, since) for number in tags}
 
     def reasons(
         self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
@@ -147,7 +192,7 @@ class Samples:
         """Make PostgreSQL's partitions of the coming days and of ``days``; how many were new."""
         wanted = partitions.wanted_days(days, now or datetime.now(UTC))
         with self._access.writing("making partitions of samples") as session:
-            if partitions.layout_of(session.connection()) is not Layout.PARTITIONS:
+            if partitions.layout_of(session.connection()) is not SampleLayout.PARTITIONS:
                 return 0
             return partitions.make_days(session.connection(), wanted)
 
@@ -229,11 +274,6 @@ class Samples:
         return known
 
 
-def microseconds(instant: datetime) -> int:
-    """Microseconds since 1970 UTC."""
-    return (instant - EPOCH) // _MICRO
-
-
 def _columns(batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]) -> SampleColumns:
     count = len(batch)
     reason = (reasons.get(words, 0) for words in batch.reasons)
@@ -248,15 +288,20 @@ def _columns(batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]) 
 
 def _remove_days(connection: Connection, before_us: int) -> int:
     layout = partitions.layout_of(connection)
-    if layout is Layout.PARTITIONS:
+    if layout is SampleLayout.PARTITIONS:
         return partitions.drop_days(connection, before_us // DAY_US)
-    if layout is not Layout.HYPERTABLE:
+    if layout is not SampleLayout.HYPERTABLE:
         return 0
     whole_us = before_us - before_us % DAY_US
     rows = select(func.count()).select_from(SampleRow).where(SampleRow.at_us < whole_us)
     gone = connection.execute(rows).scalar_one()
     connection.execute(text(partitions.drop_chunks(whole_us)))
     return gone
+
+
+def _tag_number(session: Session, source: str, tag: str) -> int | None:
+    wanted = (TagRow.source == source, TagRow.name == clean_text(tag))
+    return session.scalar(select(TagRow.id).where(*wanted))
 
 
 def _window(

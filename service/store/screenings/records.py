@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from typing import Protocol
@@ -15,7 +15,7 @@ from stemwatch.models.screening_result import DataQuality, Residual
 from stemwatch.models.verdict import Shape, Verdict
 
 
-class ValveFacts(Protocol):
+class DescribedValve(Protocol):
     """What the store keeps of a valve; a plant file's ``Valve`` is one."""
 
     @property
@@ -129,6 +129,41 @@ class StoredScreening:
     baseline_id: int | None = None
     mismatch: Mismatch | None = None
     held_back: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedScreening:
+    """What the rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
+
+    ``named``: an effect beside S and J has a name and stands among all valves of the run;
+    ``mismatch`` holds its words, of the newest screening alone.
+    """
+
+    id: int
+    run_id: int
+    window: tuple[datetime | None, datetime | None]
+    verdict: Verdict
+    advice: str
+    severity: float
+    S: Estimate
+    J: float | None
+    named: bool = False
+    mismatch: Mismatch | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecentOfValve:
+    """The last screenings of one valve, newest first, with what they are compared with.
+
+    ``at_baseline`` is S in the baseline's window, percent of OP span; ``indicator`` one indicator
+    of each screening that has it, by the screening's id; ``worked_at`` when the valve was worked
+    on.
+    """
+
+    screenings: Sequence[JudgedScreening] = ()
+    at_baseline: Estimate | None = None
+    indicator: Mapping[int, float] = field(default_factory=dict)
+    worked_at: Sequence[datetime] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,13 +1,21 @@
-"""What is stored of a screening, as the nouns that reports are made from."""
+"""Stored screenings as ``Screening``, the noun that reports and pages are made from."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
+from sqlalchemy import ColumnElement, select
+from sqlalchemy.orm import Session, defer
+
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.screening_result import Indicator, Screening
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.screenings.records import StoredScreening
+from stemwatch.service.store.screenings.rows import stored_screening
+from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,3 +57,35 @@ def screening_of(
         seconds=stored.seconds,
         stored_window=stored.window,
     )
+
+
+def read_of_run(session: Session, run_id: int) -> list[Restored]:
+    """Every screening of a run, by valve."""
+    return _restored(session, ScreeningRow.run_id == run_id)
+
+
+def read_latest_of_each(session: Session) -> list[Restored]:
+    """Each valve's latest screening, by valve."""
+    newest = select(latest_screening_id()).select_from(ValveRow)
+    return _restored(session, ScreeningRow.id.in_(newest))
+
+
+def _restored(session: Session, which: ColumnElement[bool]) -> list[Restored]:
+    statement = select(ScreeningRow).options(defer(ScreeningRow.mismatch)).where(which)
+    rows = session.scalars(statement.order_by(ScreeningRow.valve, ScreeningRow.id))
+    return [_of_row(row) for row in rows]
+
+
+def _of_row(row: ScreeningRow) -> Restored:
+    """The row as a screening. A healthy valve on which nothing was named gets no page: of its
+    mismatch only the verdict counts, and reading all of it for thousands takes long."""
+    if row.verdict != Verdict.HEALTHY.value or row.mismatch_slugs:
+        return screening_of(stored_screening(row))
+    light = screening_of(stored_screening(row, with_mismatch=False))
+    if row.mismatch_finding is None:
+        return light
+    numbers = Stiction(S=light.S, J=light.J)
+    found = Mismatch(
+        finding=Finding(row.mismatch_finding), sentence="", naive=numbers, restated=numbers
+    )
+    return replace(light, mismatch=found)

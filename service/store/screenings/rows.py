@@ -11,8 +11,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.store.database.columns import clean_text, finite
-from stemwatch.service.store.screenings.held_back import remark_of
+from stemwatch.service.store.screenings.false_discoveries import remark_of
 from stemwatch.service.store.screenings.mismatch_json import mismatch_json, mismatch_of
 from stemwatch.service.store.screenings.records import (
     RunState,
@@ -21,6 +20,7 @@ from stemwatch.service.store.screenings.records import (
     StoredValve,
 )
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
+from stemwatch.service.store.storable import clean_text, finite
 
 
 def window_key(screening: Screening) -> str:

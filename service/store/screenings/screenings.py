@@ -12,11 +12,10 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import (
+    DescribedValve,
     Ranked,
     StoredScreening,
     StoredValve,
-    TrendPoint,
-    ValveFacts,
 )
 from stemwatch.service.store.screenings.rows import (
     indicator_columns,
@@ -59,7 +58,7 @@ def ensure_valve(session: Session, valve: str) -> None:
     session.execute(upsert(session, ValveRow, [values], ("id",), update=False))
 
 
-def write_valves(session: Session, valves: Iterable[ValveFacts]) -> None:
+def write_valves(session: Session, valves: Iterable[DescribedValve]) -> None:
     """Keep what the plant file says of each valve now; the last one of several with one id."""
     values = {
         valve.id: {
@@ -79,6 +78,17 @@ def write_valves(session: Session, valves: Iterable[ValveFacts]) -> None:
 def read_valves(session: Session) -> list[StoredValve]:
     """Every valve, by id."""
     return [stored_valve(row) for row in session.scalars(select(ValveRow).order_by(ValveRow.id))]
+
+
+def is_known(session: Session, valve: str) -> bool:
+    """Whether there is a valve of this id."""
+    return session.scalar(select(ValveRow.id).where(ValveRow.id == valve)) is not None
+
+
+def read_valve(session: Session, valve: str) -> StoredValve | None:
+    """The valve of this id."""
+    row = session.get(ValveRow, valve)
+    return None if row is None else stored_valve(row)
 
 
 def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:
@@ -153,22 +163,6 @@ def read_latest(session: Session, area: str | None, limit: int | None) -> list[R
             valve=stored_valve(valve), screening=stored_screening(screening, with_mismatch=False)
         )
         for valve, screening in session.execute(statement)
-    ]
-
-
-def read_history(
-    session: Session, valve: str, indicator: str, since: datetime | None
-) -> list[TrendPoint]:
-    """One indicator of one valve over time, oldest first."""
-    statement = select(IndicatorRow).where(
-        IndicatorRow.valve == valve, IndicatorRow.name == indicator
-    )
-    if since is not None:
-        statement = statement.where(IndicatorRow.at >= since)
-    rows = session.scalars(statement.order_by(IndicatorRow.at, IndicatorRow.screening_id))
-    return [
-        TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
-        for row in rows
     ]
 
 

@@ -10,11 +10,11 @@ from argon2 import PasswordHasher
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.service.access import throttle
+from stemwatch.service.access import login
 from stemwatch.service.access.login import WRONG, LoginRefused, TooMany, confirm, sign_in
-from stemwatch.service.access.sessions import visitor_of_cookie
-from stemwatch.service.store.accounts.audit import Wanted
-from stemwatch.service.store.accounts.records import Role, User
+from stemwatch.service.access.sessions import user_of_cookie
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import User, UserRole
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW, PASSWORD
 
@@ -24,15 +24,19 @@ HERE = "192.0.2.7"
 def test_name_and_password_open_a_session(store: Store, ann: User) -> None:
     """Capitals and blanks of the name do not matter; the cookie finds the user again."""
     user, cookie = sign_in(store, "  ann BERG ", PASSWORD, now=NOW, address=HERE)
-    assert (user.name, user.role) == ("Ann Berg", Role.ENGINEER)
-    visitor = visitor_of_cookie(store, cookie, NOW)
-    assert (visitor.name, visitor.role, visitor.how) == ("Ann Berg", Role.ENGINEER, "session")
+    assert (user.name, user.role) == ("Ann Berg", UserRole.ENGINEER)
+    current_user = user_of_cookie(store, cookie, NOW)
+    assert (current_user.name, current_user.role, current_user.how) == (
+        "Ann Berg",
+        UserRole.ENGINEER,
+        "session",
+    )
     assert store.accounts.find("Ann Berg").last_login == NOW
 
 
 def test_every_refusal_says_the_same(store: Store, ann: User) -> None:
     """A wrong password, a name that nobody has, a user who is disabled: one sentence."""
-    store.accounts.add("Off", Role.VIEWER, "no hash", by="test", now=NOW)
+    store.accounts.add("Off", UserRole.VIEWER, "no hash", by="test", now=NOW)
     store.accounts.disable(store.accounts.find("Off").id, NOW)
     said = set()
     for name, password in (("Ann Berg", "x"), ("nobody", PASSWORD), ("Off", "x"), ("", "")):
@@ -80,7 +84,7 @@ def test_a_name_is_throttled_whether_or_not_somebody_has_it(
 
 def test_an_address_is_throttled_whatever_names_it_tries(store: Store, ann: User, monkeypatch):
     """And a name that is not tried from there is not kept out elsewhere."""
-    monkeypatch.setattr(throttle, "FREE_OF_ADDRESS", 3)
+    monkeypatch.setattr(login, "FREE_OF_ADDRESS", 3)
     tried = [fail(store, f"name {number}", 1)[0] for number in range(5)]
     assert tried == [0, 0, 0, 1, 1]
     assert sign_in(store, ann.name, PASSWORD, now=NOW, address="198.51.100.9")
@@ -90,15 +94,15 @@ def test_many_attempts_at_once_are_many_attempts(store: Store, ann: User) -> Non
     """Of twelve in the same instant no more passwords are tried than one after the other."""
     with ThreadPoolExecutor(12) as pool:
         waits = list(pool.map(lambda _: fail(store, ann.name, 1)[0], range(12)))
-    assert waits.count(0) == throttle.FREE_OF_NAME
+    assert waits.count(0) == login.FREE_OF_NAME
 
 
 @given(st.integers(0, 10_000))
 def test_the_wait_grows_up_to_a_bound(count: int) -> None:
     """Never negative, never less after more, never beyond the bound."""
     for wait, longest in (
-        (throttle.of_name, throttle.LONGEST_OF_NAME),
-        (throttle.of_address, throttle.LONGEST_OF_ADDRESS),
+        (login.of_name, login.LONGEST_OF_NAME),
+        (login.of_address, login.LONGEST_OF_ADDRESS),
     ):
         assert timedelta(0) <= wait(count) <= wait(count + 1) <= longest
 
@@ -116,14 +120,14 @@ def test_the_wait_grows_up_to_a_bound(count: int) -> None:
 )
 def test_one_machine_is_one_address(one: str, other: str, same: bool) -> None:
     """Of IPv6 the whole network that a machine may pick from."""
-    assert (throttle.key_of_address(one) == throttle.key_of_address(other)) is same
+    assert (login.key_of_address(one) == login.key_of_address(other)) is same
 
 
 def test_the_store_keeps_no_name_that_was_tried(store: Store) -> None:
     """A password typed into the field of the name is in no table."""
     fail(store, "my secret password", 1)
-    assert "secret" not in throttle.key_of_name("my secret password")
-    (entry,) = store.audit.read(Wanted())
+    assert "secret" not in login.key_of_name("my secret password")
+    (entry,) = store.audit.read(AuditFilter())
     assert (entry.who, entry.about) == ("", "a name that nobody has")
     assert entry.outcome.value == "refused"
 
@@ -132,14 +136,14 @@ def test_good_and_bad_logins_are_in_the_audit_log(store: Store, ann: User) -> No
     """With name, address and outcome."""
     fail(store, ann.name, 1)
     sign_in(store, ann.name, PASSWORD, now=NOW, address="198.51.100.9")
-    found = [(one.who, one.address, one.outcome.value) for one in store.audit.read(Wanted())]
+    found = [(one.who, one.address, one.outcome.value) for one in store.audit.read(AuditFilter())]
     assert found == [("Ann Berg", "198.51.100.9", "done"), ("Ann Berg", HERE, "refused")]
 
 
 def test_a_dated_hash_is_renewed_by_a_login(store: Store) -> None:
     """Parameters can be raised without anybody choosing a new password."""
     weak = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1).hash(PASSWORD)
-    store.accounts.add("Old", Role.VIEWER, weak, by="test", now=NOW)
+    store.accounts.add("Old", UserRole.VIEWER, weak, by="test", now=NOW)
     sign_in(store, "Old", PASSWORD, now=NOW, address=HERE)
     assert store.accounts.password_of("Old")[1].startswith("$argon2id$v=19$m=65536,t=3,p=4$")
     assert sign_in(store, "Old", PASSWORD, now=NOW, address=HERE)

@@ -40,13 +40,13 @@ def test_a_weak_password_is_refused_with_what_is_expected(password: str, said: s
     "password", [PASSWORD, "Föhn über dem Kühlturm", "猫が弁の上で眠っている夜です"]
 )
 def test_several_words_are_taken_in_any_script(password: str) -> None:
-    """No rule about capitals, digits or signs."""
+    """No rule about capitals, digits or special characters."""
     check_password(password, "Karl Berg")
 
 
 @given(st.text(max_size=SHORTEST - 1))
 def test_nothing_short_is_taken(password: str) -> None:
-    """Whatever its signs."""
+    """Whatever its characters."""
     with pytest.raises(WeakPassword):
         check_password(password, "")
 

@@ -15,7 +15,7 @@ from stemwatch.models.recording import Quality
 from stemwatch.service.alerts.silent_sources import BACK, JOINED, watch_sources
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
-from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 

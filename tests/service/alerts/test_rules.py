@@ -13,7 +13,6 @@ from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.rules import (
     AlertDecision,
-    JudgedScreening,
     ValveRecord,
     alert_decision,
     apply_rules,
@@ -21,7 +20,7 @@ from stemwatch.service.alerts.rules import (
 )
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
-from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
 NOW = datetime(2026, 3, 2, tzinfo=UTC)
 RULES = AlertRules()

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import ValveHistory
-from stemwatch.service.maintenance.advice import catalogue
+from stemwatch.service.presenter.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
 from stemwatch.service.store.screenings.records import Remark
 from tests.service.made_mismatch import named

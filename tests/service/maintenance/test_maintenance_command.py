@@ -17,7 +17,7 @@ from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.scheduler.runner import Runner
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import BLIND, STICKY
 from tests.service.maintenance.made_book import BACKGROUND, context, longest, mixed
@@ -58,7 +58,7 @@ def test_screening_leaves_the_report_and_the_command_makes_it_again(stemwatch, s
     again = tmp_path / "again"
     done = stemwatch("maintenance-report", "--plant", stroked, "--out", again)
     assert done.status == 0
-    assert "2 valves need work, 1 does not." in done.out
+    assert "1 of 3 valves needs work; 1 cannot be judged (1 with a work order" in done.out
     assert orders(again / "work-orders.xlsx").keys() == first.keys()
     assert orders(again / "work-orders.xlsx")[STICKY]["reference"] == first[STICKY]["reference"]
 
@@ -77,7 +77,7 @@ def test_a_scheduled_run_writes_it_beside_its_report(stroked):
     stroked.write_text(f"[service]\nworkers = 1\nreport_valves = 1\n{text}", encoding="utf-8")
     plant = load_plant(stroked, environment={})
     with open_store(plant.storage) as store:
-        number = store.queue.put(Wanted(who="Ann"), software_version="1")
+        number = store.queue.put(RunRequest(who="Ann"), software_version="1")
         assert Runner(store, plant).once(threading.Event())
         folder = Path(store.run(number).report)
         assert background_of(store, plant, number).run == number

@@ -72,7 +72,10 @@ def test_valves_with_work_have_a_page_in_the_order_of_priority(whole):
     codes = [(sheet.priority.code, -sheet.priority.score) for sheet in whole.sheets]
     assert codes == sorted(codes)
     assert len(work) + len(whole.others) == len(mixed())
-    assert whole.counts == "5 valves need work, 10 do not."
+    assert whole.counts == (
+        "4 of 15 valves need work; 1 to watch, 2 cannot be judged (1 with a work order to find out "
+        "why), 8 without work."
+    )
 
 
 def test_with_all_every_valve_has_a_page_and_only_those_with_work_an_order():
@@ -80,7 +83,7 @@ def test_with_all_every_valve_has_a_page_and_only_those_with_work_an_order():
     every = book(mixed(), everything=True)
     assert len(every.sheets) == len(mixed())
     assert len(rows(every)) == 5
-    assert not every.sheets[-1].needs_work
+    assert not every.sheets[-1].has_order
     assert every.sheets[-1].title == "nothing to do" or "verdict" in every.sheets[-1].title
 
 
@@ -127,9 +130,9 @@ def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
 def test_an_empty_run_is_a_report_that_says_so(tmp_path):
     """No valve, no page, no order, four files."""
     files = write_maintenance([], context([]), tmp_path / "new")
-    assert files.book.counts == "No valve needs work, 0 do not."
+    assert files.book.counts == "No valve was screened."
     assert pages(files.pdf.read_bytes()) == 1
-    assert "No valve needs work" in files.html.read_text("utf-8")
+    assert "No valve was screened" in files.html.read_text("utf-8")
     assert list(openpyxl.load_workbook(files.xlsx)["Work orders"].values)[1:] == []
     assert len(files.csv.read_text("utf-8-sig").splitlines()) == 1
 

@@ -14,13 +14,10 @@ from hypothesis import strategies as st
 
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance import finding_kinds as k
 from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
 from stemwatch.service.maintenance.priority import (
     CLASSES,
     DAYS,
-    OTHER_SEVERITY,
-    SEVERITY_OF,
     WEIGHT_OF_CRITICALITY,
     WEIGHT_OF_TREND,
     priority,
@@ -31,22 +28,22 @@ from stemwatch.service.maintenance.work_sheet import (
     FALSE_EFFECT_SCATTERED,
     FALSE_STICKY,
 )
+from stemwatch.service.presenter import work_decision as k
+from stemwatch.service.presenter.work_decision import OTHER_SEVERITY, SEVERITY_OF, decide
 from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.store.screenings.records import Remark
 from tests.service.report.conftest import screening
 
 REPOSITORY = Path(__file__).parents[3]
 DAY = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
-STUCK = ("stiction_undershoot",)
 SAME = Change(direction="same", words="no change")
 WORSE = Change(direction="worse", words="worse, S +1.20")
 BASE = screening("FV-1", samples=60)
 
 
-def code(severity=80.0, criticality="3", trend=SAME, kinds=STUCK, verdict=Verdict.STICKY) -> int:
+def code(severity=80.0, criticality="3", trend=SAME) -> int:
     """The class of a finding."""
-    found = replace(BASE, severity=severity, verdict=verdict)
-    return priority(found, kinds, criticality, trend).code
+    return priority(severity, criticality, trend).code
 
 
 def test_the_classes_are_those_that_are_published():
@@ -70,23 +67,26 @@ def test_worse_is_never_less_urgent(severities, criticality):
 
 def test_a_stem_that_may_be_stuck_fast_stands_beside_the_worst_sticky_ones():
     """The screening ranks it low because it could measure nothing; somebody has to look."""
-    blind = {"severity": 15.0, "kinds": (k.FROZEN,), "verdict": Verdict.UNDETERMINED}
-    assert [code(criticality=one, **blind) for one in "321"] == [1, 2, 3]
+    why = "Cannot tell: the position did not change by one digit while OP moved."
+    blind = replace(BASE, verdict=Verdict.UNDETERMINED, severity=15.0, shape=None, reason=why)
+    decided = decide(blind, stands=None)
+    assert decided.kinds == (k.FROZEN,)
+    assert [code(decided.severity, criticality=one) for one in "321"] == [1, 2, 3]
 
 
 def test_the_reason_names_all_three_factors_and_what_the_plant_left_out():
     """A planner can disagree with a factor, not with a number."""
-    said = priority(replace(BASE, severity=80.0), STUCK, "A", WORSE).reason
+    said = priority(80.0, "A", WORSE).reason
     assert said == (
         "criticality 2 of 3 (plant says 'A'), severity 80 of 100, trend: worse, S +1.20"
     )
-    assert "(none is given)" in priority(BASE, STUCK, "", SAME).reason
+    assert "(none is given)" in priority(50.0, "", SAME).reason
 
 
 def test_the_end_date_is_a_day_of_the_plant():
     """Shortly before midnight in UTC it is tomorrow in Berlin."""
     late = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
-    found = priority(replace(BASE, severity=90.0), STUCK, "3", SAME)
+    found = priority(90.0, "3", SAME)
     assert found.due(late, ZoneInfo("Europe/Berlin")).isoformat() == "2026-03-09"
     assert found.due(late, UTC).isoformat() == "2026-03-08"
 

@@ -13,8 +13,6 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.from_store import report_of_store
 from stemwatch.service.maintenance.stored import (
     background_of,
-    latest_screenings,
-    screenings_of_run,
 )
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import StoredValve
@@ -126,11 +124,11 @@ def test_a_stored_screening_is_whole_where_it_gets_a_page(store):
         replace(STICKY, mismatch=found),
         replace(HEALTHY, mismatch=nothing),
     )
-    sticky, healthy = screenings_of_run(store, number)
+    sticky, healthy = store.screenings_of_run(number)
     assert sticky.mismatch.effects == found.effects
     assert sticky.window == (START, START + timedelta(seconds=60))
     assert healthy.mismatch.finding is Finding.NONE
-    assert latest_screenings(store) == [sticky, healthy]
+    assert store.latest_screenings() == [sticky, healthy]
 
 
 def test_a_recording_without_dates_is_not_its_own_past(store):

@@ -15,8 +15,8 @@ import pytest
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.explain.explain_json import to_json
 from stemwatch.service.explain.explained import Explained
+from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.report import to_contracts, write_report
-from stemwatch.service.report.false_discoveries import discoveries
 from tests.service.made_mismatch import named, of_every_kind
 
 SCHEMA = json.loads(

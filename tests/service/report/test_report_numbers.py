@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.report import wording as words
+from stemwatch.service.presenter import wording as words
 from stemwatch.service.report.bars import gauge, gauge_top
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.report.charts.thinning import (

@@ -11,7 +11,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.task import Chunk, InStore, StoredBaseline, Task, screen_chunk
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 
 
 def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
@@ -22,7 +22,7 @@ def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
 
 def test_a_worker_makes_no_database(tmp_path: Path) -> None:
     """A worker on another machine sees no SQLite file: it says so and makes none."""
-    address = Address(f"sqlite:///{tmp_path / 'stemwatch.db'}")
+    address = DatabaseUrl(f"sqlite:///{tmp_path / 'stemwatch.db'}")
     stored = InStore(address=address, source="plc-1")
     (found,) = screen_chunk(
         Chunk(tasks=(task(tmp_path / "plc-1", stored=stored),), limits=Limits())

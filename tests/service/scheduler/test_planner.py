@@ -10,12 +10,12 @@ import pytest
 import time_machine
 
 from stemwatch.service.scheduler import Alarm, Planner
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 
 START = datetime(2026, 3, 2, 12, 0, 30, tzinfo=UTC)
-HOURLY = Schedule(name="hourly", cron="0 * * * *", window_s=7200.0)
+HOURLY = ScreeningSchedule(name="hourly", cron="0 * * * *", window_s=7200.0)
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_an_instant_during_a_run_is_accounted_for(store: Store, planner: Planner
 
 def test_a_resting_schedule_owes_nothing(store: Store, planner: Planner, clock) -> None:
     """What passes while a schedule is off is not made up for when it is on again."""
-    resting = Schedule(name="hourly", cron="0 * * * *", window_s=7200.0, enabled=False)
+    resting = ScreeningSchedule(name="hourly", cron="0 * * * *", window_s=7200.0, enabled=False)
     store.schedules.take_from_file([resting])
     clock.shift(timedelta(hours=5))
     assert planner.plan() == []
@@ -97,7 +97,7 @@ def test_a_resting_schedule_owes_nothing(store: Store, planner: Planner, clock) 
 def test_a_changed_rhythm_begins_now(store: Store, planner: Planner, clock) -> None:
     """A schedule with another rhythm in the file owes no instants from before the change."""
     clock.shift(timedelta(hours=5))
-    store.schedules.take_from_file([Schedule(name="hourly", every_s=600.0)])
+    store.schedules.take_from_file([ScreeningSchedule(name="hourly", every_s=600.0)])
     assert planner.plan() == []
     clock.shift(timedelta(minutes=10))
     assert len(planner.plan()) == 1
@@ -114,7 +114,7 @@ def test_the_alarm_wakes_for_schedules_that_come_and_go(tmp_path: Path) -> None:
         alarm = Alarm(store, planner, "UTC", queued.set, look_again_s=0.2)
         alarm.start()
         try:
-            store.schedules.save(Schedule(name="quick", every_s=1.0, origin="Ann"))
+            store.schedules.save(ScreeningSchedule(name="quick", every_s=1.0, origin="Ann"))
             assert queued.wait(timeout=20)
             store.schedules.remove("quick")
             alarm.look()

@@ -19,7 +19,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import Plant
 from stemwatch.service.scheduler import Runner
 from stemwatch.service.scheduler.run import UNKNOWN
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
 
@@ -37,7 +37,7 @@ if __name__ == "__main__":
 
 
 def put(store: Store, **wanted) -> int:
-    number = store.queue.put(Wanted(**wanted), software_version="1")
+    number = store.queue.put(RunRequest(**wanted), software_version="1")
     assert number is not None
     return number
 

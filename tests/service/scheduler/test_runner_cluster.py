@@ -15,7 +15,7 @@ from sqlalchemy import text
 from stemwatch.service.config import load_plant
 from stemwatch.service.run import chunking
 from stemwatch.service.scheduler import Runner
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 from tests.service.clusters import Cluster
@@ -50,7 +50,7 @@ def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         loaded = load_plant(file, environment={})
         with open_store(loaded.storage) as store:
             store.schedules.take_from_file(loaded.schedules)
-            number = store.queue.put(Wanted(schedule="hourly"), software_version="1")
+            number = store.queue.put(RunRequest(schedule="hourly"), software_version="1")
             assert number is not None
             assert Runner(store, loaded).once(threading.Event())
             done = store.run(number)

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
+import multiprocessing
 import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -20,7 +28,7 @@ from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import Chunk, screen_chunk
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.store import Store, open_store
-from stemwatch.service.watch import WatchedFolder
+from stemwatch.service.watch import WatchedFolder, take_in
 
 STICKY = "FIC-104"
 
@@ -214,3 +222,122 @@ def test_a_folder_that_cannot_be_used_is_said_and_looked_at_again(
     drop(folder, "a.csv", export.read_bytes())
     assert len(twice(folder)) == 1
     assert store.sources.states()[0].connected
+
+
+HEAD = b"Time;FIC-104.OP\n"
+ROW = b"2026-03-02 06:00:00;1,5\n"
+
+
+def packed(megabytes: int) -> bytes:
+    """A small archive that holds ``megabytes`` of one row."""
+    return gzip.compress(HEAD + ROW * (megabytes * 2**20 // len(ROW)))
+
+
+def test_an_archive_that_unpacks_beyond_all_measure_is_rejected(
+    folder: WatchedFolder, store: Store, export: Path
+) -> None:
+    """As one that is made to fill the memory does; the next file is taken in."""
+    drop(folder, "bomb.csv.gz", packed(260))
+    drop(folder, "monday.csv", export.read_bytes())
+    bomb, monday = twice(folder)
+    assert not bomb.accepted
+    assert "unpacks to more than 200 times its size" in bomb.note
+    assert monday.accepted
+
+
+def test_a_file_that_takes_more_memory_than_is_left_is_rejected(
+    watched: Plant, store: Store, export: Path
+) -> None:
+    """It is read in a process that may take no more; this one does not grow by it."""
+    (source,) = watched.sources
+    folder = WatchedFolder(watched, source, store, quiet=timedelta(0), memory_bytes=150 << 20)
+    drop(folder, "large.csv.gz", packed(100))
+    drop(folder, "monday.csv", export.read_bytes())
+    large, monday = twice(folder)
+    assert not large.accepted
+    assert "reading it takes more than the 150 MB of memory that are left for it" in large.note
+    assert monday.accepted
+    assert not list(folder.folder.glob("*.gz"))
+
+
+SERVICE = """
+    import os, signal, sys
+    from datetime import timedelta
+    from stemwatch.service.config import load_plant
+    from stemwatch.service.store.store import open_store
+    from stemwatch.service.watch import WatchedFolder, folder as watch
+
+    def dies(path, *given):
+        if path.name == "bad.csv":
+            os.kill(os.getpid(), signal.SIGKILL)  # what a system does that is out of memory
+        return take_in(path, *given)
+
+    take_in, watch.take_in = watch.take_in, dies
+    plant = load_plant(sys.argv[1], environment={})
+    with open_store(plant.storage) as store:
+        folder = WatchedFolder(plant, *plant.sources, store, quiet=timedelta(0))
+        print([(file.name, file.accepted) for file in [*folder.look(), *folder.look()]])
+"""
+
+
+def test_a_file_that_kills_the_service_twice_is_rejected_at_the_third_start(
+    folder: WatchedFolder, watched: Plant, export: Path
+) -> None:
+    """The attempt is noted before it is made; the other files are taken in then."""
+    drop(folder, "bad.csv", b"\x00" * 99)
+    drop(folder, "monday.csv", export.read_bytes())
+    command = [sys.executable, "-c", textwrap.dedent(SERVICE), str(watched.file)]
+    starts = [subprocess.run(command, capture_output=True, text=True) for _ in range(3)]
+    assert [start.returncode for start in starts] == [-9, -9, 0], starts[2].stderr
+    assert starts[2].stdout.strip() == "[('bad.csv', False), ('monday.csv', True)]"
+    note = (folder.folder / "rejected" / "bad.csv.why.txt").read_text(encoding="utf-8")
+    assert "begun 2 times and the process that read it came to no end" in note
+
+
+def test_a_reader_that_is_killed_is_tried_once_more(
+    folder: WatchedFolder, export: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once is an accident, and the file is taken in; twice is the file."""
+    from stemwatch.service.watch import folder as module
+    from stemwatch.service.watch.limited_reader import ReaderDied
+
+    deaths = ["it ended with -9"]
+    real = take_in
+
+    def killed(*given):
+        if deaths:
+            raise ReaderDied(deaths.pop())
+        return real(*given)
+
+    monkeypatch.setattr(module, "take_in", killed)
+    drop(folder, "monday.csv", export.read_bytes())
+    assert [*twice(folder)] == []
+    (taken,) = folder.look()
+    assert taken.accepted
+    deaths += ["it ended with -9"] * 2
+    drop(folder, "other.csv", export.read_bytes() + b"\n")
+    assert [*twice(folder)] == []
+    (rejected,) = folder.look()
+    assert not rejected.accepted
+    assert "came to no end" in rejected.note
+    assert "it ended with -9" in rejected.note
+
+
+def test_a_reading_process_that_is_killed_is_noticed(watched: Plant, tmp_path: Path) -> None:
+    """Nothing of it is waited for."""
+    from stemwatch.service.watch.limited_reader import Export, ReaderDied, limited_reading
+
+    large = tmp_path / "large.csv"
+    large.write_bytes(HEAD + ROW * 400_000)
+    export = Export(path=large, options=ReadOptions(zone="UTC"), source="s", wanted={"x": False})
+
+    def kill() -> None:
+        while not (started := multiprocessing.active_children()):
+            time.sleep(0.01)
+        os.kill(started[0].pid, signal.SIGKILL)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    with pytest.raises(ReaderDied, match="ended with -9"), limited_reading(export):
+        pass
+    thread.join()

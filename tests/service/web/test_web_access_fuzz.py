@@ -16,11 +16,11 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
-from stemwatch.service.access.rights import Operation, Visitor
-from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.access.permissions import CurrentUser, Operation
+from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.app import create_app
-from stemwatch.service.web.permits import PERMITS
+from stemwatch.service.web.auth.route_permissions import ROUTE_OPERATIONS
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import NOW, fill
 from tests.service.web.signed_in import bearer_of
@@ -33,7 +33,7 @@ CHECKS = [
     response_schema_conformance,
 ]
 HOST = {"host": "localhost"}
-OPERATIONS = [name for name in PERMITS if name.startswith(("GET /api/v1", "POST /api/v1"))]
+OPERATIONS = [name for name in ROUTE_OPERATIONS if name.startswith(("GET /api/v1", "POST /api/v1"))]
 OTHERS = ["GET /health", "GET /healthz", "GET /ready", "GET /metrics"]
 FEW = settings(
     max_examples=4,
@@ -47,8 +47,8 @@ class Api:
     """The API of a small plant, and the headers by which each role is let in."""
 
     def __init__(self, site: Site) -> None:
-        self.bearers = {role: bearer_of(site, role) for role in Role}
-        headers = {**HOST, **self.bearers[Role.ADMIN]}
+        self.bearers = {role: bearer_of(site, role) for role in UserRole}
+        headers = {**HOST, **self.bearers[UserRole.ADMIN]}
         self.schema = schemathesis.openapi.from_asgi(
             "/api/openapi.json", create_app(site), headers=headers
         )
@@ -89,12 +89,12 @@ def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
 
 
 @pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
-@pytest.mark.parametrize("role", Role)
-def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: Role) -> None:
+@pytest.mark.parametrize("role", UserRole)
+def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: UserRole) -> None:
     """No failure, no undescribed status, no field of another shape; and whoever lacks the right
     is refused whatever is sent."""
     found = api.ask(name, api.bearers[role])
-    allowed = Visitor(name="", role=role, how="").may(PERMITS[name])
+    allowed = CurrentUser(name="", role=role, how="").may(ROUTE_OPERATIONS[name])
     assert (found == {403}) is not allowed
 
 
@@ -103,4 +103,4 @@ def test_without_credentials_no_operation_gives_anything(api: Api, name: str) ->
     """401 to whatever is sent, as described; only the supervisors' questions are answered."""
     for headers in ({}, {"authorization": "Bearer stw_" + "x" * 43}):
         found = api.ask(name, headers)
-        assert found == ({200} if PERMITS[name] is Operation.OPEN else {401})
+        assert found == ({200} if ROUTE_OPERATIONS[name] is Operation.OPEN else {401})

@@ -11,13 +11,13 @@ import pytest
 from fastapi import FastAPI
 from starlette.routing import BaseRoute
 
-from stemwatch.service.access.rights import RIGHTS, Operation, Visitor
-from stemwatch.service.access.sessions import mark_of
+from stemwatch.service.access.permissions import PERMISSIONS, CurrentUser, Operation
+from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.access.tokens import BEGINS
-from stemwatch.service.store.accounts.audit import Wanted
-from stemwatch.service.store.accounts.records import Role, Scope
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import Scope, UserRole
 from stemwatch.service.web.app import create_app
-from stemwatch.service.web.permits import PERMITS
+from stemwatch.service.web.auth.route_permissions import ROUTE_OPERATIONS
 from tests.service.web.made_plant import STICKY
 from tests.service.web.signed_in import NAMES, bearer_of, cookie_of, user_of
 
@@ -65,19 +65,19 @@ def app(live) -> FastAPI:
 def test_every_route_declares_its_right(app):
     """A route without a line in the table fails here; so does a line without a route."""
     found = {f"{method} {path}" for method, path in routes_of(app.routes)}
-    assert sorted(found) == sorted(PERMITS)
-    assert {*PERMITS.values()} == {*Operation} - {Operation.UNDECLARED}
+    assert sorted(found) == sorted(ROUTE_OPERATIONS)
+    assert {*ROUTE_OPERATIONS.values()} == {*Operation} - {Operation.UNDECLARED}
 
 
 def test_a_route_that_was_forgotten_is_shut(live, monkeypatch):
     """Without a declared right even an admin's token gets nothing, and a viewer less."""
-    from stemwatch.service.web import permits
+    from stemwatch.service.web.auth import route_permissions as permits
 
-    forgotten = {name: what for name, what in PERMITS.items() if name != "GET /alerts"}
-    monkeypatch.setattr(permits, "PERMITS", forgotten)
+    forgotten = {name: what for name, what in ROUTE_OPERATIONS.items() if name != "GET /alerts"}
+    monkeypatch.setattr(permits, "ROUTE_OPERATIONS", forgotten)
     app = create_app(live)
     assert ask(app, "GET", "/alerts", headers=bearer_of(live)).status_code == 403
-    answer = ask(app, "GET", "/alerts", cookies=cookie_of(live, Role.ENGINEER))
+    answer = ask(app, "GET", "/alerts", cookies=cookie_of(live, UserRole.ENGINEER))
     assert answer.status_code == 403
     assert STICKY not in answer.text
 
@@ -93,48 +93,48 @@ def request_for(name: str) -> tuple[str, str, dict[str, Any]]:
     return method, path, {"data": FORM}
 
 
-def let_in(live, role: Role, way: str) -> tuple[Visitor | None, dict[str, Any]]:
+def let_in(live, role: UserRole, way: str) -> tuple[CurrentUser | None, dict[str, Any]]:
     """Who asks in this way, and what the request carries for it."""
     if way == "session":
         cookies = cookie_of(live, role)
-        mark = mark_of(*cookies.values())
-        return Visitor(name="", role=role, how=""), {"cookies": cookies, "mark": mark}
+        mark = form_token_of(*cookies.values())
+        return CurrentUser(name="", role=role, how=""), {"cookies": cookies, "mark": mark}
     if way == "token":
-        visitor = Visitor(name="", role=role, how="", scopes=frozenset(Scope))
-        return visitor, {"headers": bearer_of(live, role), "mark": ""}
+        current_user = CurrentUser(name="", role=role, how="", scopes=frozenset(Scope))
+        return current_user, {"headers": bearer_of(live, role), "mark": ""}
     return None, {"mark": ""}
 
 
-def expected(name: str, visitor: Visitor | None, *, is_form: bool) -> set[int]:
+def expected(name: str, current_user: CurrentUser | None, *, is_form: bool) -> set[int]:
     """The statuses of refusal that are due: none where the right is there."""
-    operation = PERMITS[name]
-    if RIGHTS[operation].least is None:
+    operation = ROUTE_OPERATIONS[name]
+    if PERMISSIONS[operation].least is None:
         return set()
-    if visitor is None:
+    if current_user is None:
         return {401}
-    by_token = visitor.scopes is not None
-    return set() if visitor.may(operation) and not (by_token and is_form) else {403}
+    by_token = current_user.scopes is not None
+    return set() if current_user.may(operation) and not (by_token and is_form) else {403}
 
 
 @pytest.mark.parametrize("way", ["session", "token", "nobody"])
-@pytest.mark.parametrize("role", Role)
+@pytest.mark.parametrize("role", UserRole)
 def test_nobody_gets_what_the_table_does_not_allow(live, app, role, way):
     """Every route: let in where the right is there, else refused with nothing in the answer."""
-    visitor, carried = let_in(live, role, way)
-    for name, operation in PERMITS.items():
+    current_user, carried = let_in(live, role, way)
+    for name, operation in ROUTE_OPERATIONS.items():
         if way == "session":  # some routes end the session they were asked in
-            visitor, carried = let_in(live, role, way)
+            current_user, carried = let_in(live, role, way)
         what = {key: value for key, value in carried.items() if key != "mark"}
         method, path, sent = request_for(name)
-        if "data" in sent and RIGHTS[operation].least is not None:
+        if "data" in sent and PERMISSIONS[operation].least is not None:
             sent["data"] = {**sent["data"], "mark": carried["mark"]}
         answer = ask(app, method, path, **what, **sent)
-        due = expected(name, visitor, is_form="data" in sent)
+        due = expected(name, current_user, is_form="data" in sent)
         if due:
             assert answer.status_code in due, name
             others = {one for mine, one in NAMES.items() if mine is not role}
             assert not [data for data in (STICKY, *others) if data in answer.text], name
-        elif RIGHTS[operation].least is not None:
+        elif PERMISSIONS[operation].least is not None:
             assert answer.status_code not in (401, 403), name
         assert answer.status_code != 500, name
 
@@ -156,7 +156,7 @@ def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, s
     """Though its user is admin: a scope is no ladder."""
     method, place = path.split()
     what = {"json": {"text": "x"}} if method == "POST" else {}
-    headers = bearer_of(live, Role.ADMIN, scopes)
+    headers = bearer_of(live, UserRole.ADMIN, scopes)
     answer = ask(app, method, place, params={"id": STICKY}, headers=headers, **what)
     assert answer.status_code == status
 
@@ -176,9 +176,9 @@ def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, s
 )
 def test_no_spelling_of_an_address_gets_around_the_table(live, app, path):
     """What the application would answer is what the door looked at."""
-    answer = ask(app, "GET", path, cookies=cookie_of(live, Role.VIEWER))
+    answer = ask(app, "GET", path, cookies=cookie_of(live, UserRole.VIEWER))
     assert answer.status_code in (307, 403, 404)
-    assert NAMES[Role.ADMIN] not in answer.text
+    assert NAMES[UserRole.ADMIN] not in answer.text
 
 
 @pytest.mark.parametrize("method", ["HEAD", "OPTIONS", "PUT", "DELETE", "PATCH", "TRACE"])
@@ -204,21 +204,21 @@ def test_who_opens_a_page_is_led_to_the_login_and_back(live, app):
 
 def test_whoever_is_refused_is_told_what_is_missing(live, app):
     """The role that is needed and the one that is there; or the scope."""
-    answer = ask(app, "GET", "/users", cookies=cookie_of(live, Role.ENGINEER))
-    assert f"needs the role admin; {NAMES[Role.ENGINEER]} is engineer" in answer.text
-    headers = bearer_of(live, Role.ADMIN, (Scope.READ,))
+    answer = ask(app, "GET", "/users", cookies=cookie_of(live, UserRole.ENGINEER))
+    assert f"needs the role admin; {NAMES[UserRole.ENGINEER]} is engineer" in answer.text
+    headers = bearer_of(live, UserRole.ADMIN, (Scope.READ,))
     answer = ask(app, "GET", "/api/v1/audit", headers=headers)
     assert "needs the scope admin" in answer.json()["detail"]
 
 
 def test_a_role_holds_from_the_next_request_on(live, app):
     """Taken or given, for sessions and tokens alike."""
-    cookies, headers = cookie_of(live, Role.ENGINEER), bearer_of(live, Role.ENGINEER)
-    user_of(live, Role.ADMIN)
-    user = live.store.accounts.find(NAMES[Role.ENGINEER])
-    live.store.accounts.set_role(user.id, Role.ADMIN)
+    cookies, headers = cookie_of(live, UserRole.ENGINEER), bearer_of(live, UserRole.ENGINEER)
+    user_of(live, UserRole.ADMIN)
+    user = live.store.accounts.find(NAMES[UserRole.ENGINEER])
+    live.store.accounts.set_role(user.id, UserRole.ADMIN)
     assert ask(app, "GET", "/users", cookies=cookies).status_code == 200
-    live.store.accounts.set_role(user.id, Role.VIEWER)
+    live.store.accounts.set_role(user.id, UserRole.VIEWER)
     assert ask(app, "GET", "/users", cookies=cookies).status_code == 403
     note = {"params": {"id": STICKY}, "json": {"text": "x"}}
     assert ask(app, "POST", "/api/v1/valve/note", headers=headers, **note).status_code == 403
@@ -226,17 +226,17 @@ def test_a_role_holds_from_the_next_request_on(live, app):
 
 def test_every_change_and_every_refusal_is_in_the_audit_log(live, app):
     """Who, how, from where, what, about what, and what became of it; reading is not in it."""
-    cookies = cookie_of(live, Role.ENGINEER)
+    cookies = cookie_of(live, UserRole.ENGINEER)
     ask(app, "GET", "/", cookies=cookies)
     ask(app, "GET", "/users", cookies=cookies)
     params = {"id": STICKY}
-    headers = bearer_of(live, Role.ENGINEER)
+    headers = bearer_of(live, UserRole.ENGINEER)
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": "s"}, headers=headers)
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": ""}, headers=headers)
     ask(app, "POST", "/api/v1/runs", json={}, headers={"authorization": f"Bearer {BEGINS}x"})
-    found = live.store.audit.read(Wanted())[::-1]
+    found = live.store.audit.read(AuditFilter())[::-1]
     said = [(one.who, one.how, one.action, one.about, one.outcome.value) for one in found]
-    me = NAMES[Role.ENGINEER]
+    me = NAMES[UserRole.ENGINEER]
     assert said == [
         (me, "session", "manage users", "", "refused"),
         (me, "token test", "add a note", f"id {STICKY}", "done"),
@@ -250,4 +250,4 @@ def test_strangers_cannot_fill_the_audit_log(live, app):
     """A hundred bad tokens from one address within a minute are one entry."""
     for number in range(100):
         ask(app, "GET", "/api/v1/runs", headers={"authorization": f"Bearer {number}"})
-    assert len(live.store.audit.read(Wanted())) == 1
+    assert len(live.store.audit.read(AuditFilter())) == 1

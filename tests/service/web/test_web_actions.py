@@ -6,14 +6,14 @@ from datetime import timedelta
 
 import pytest
 
-from stemwatch.service.access.sessions import mark_of
-from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.access.sessions import form_token_of
+from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
-from stemwatch.service.web.forms import COOKIE
+from stemwatch.service.web.auth.forms import COOKIE
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
 
-ME = NAMES[Role.ADMIN]  # whoever is signed in signs; no form asks for a name
+ME = NAMES[UserRole.ADMIN]  # whoever is signed in signs; no form asks for a name
 JSON = {"content-type": "application/json"}
 
 
@@ -125,10 +125,10 @@ def test_a_run_is_queued_seen_and_cancelled(live, send, client):
 
 def test_progress_and_time_left_are_seen(live, client):
     """What is done, what was set aside with its reason, and how long it will still take."""
-    from stemwatch.service.store.runs.queue import Wanted
+    from stemwatch.service.store.runs.queue import RunRequest
     from stemwatch.service.store.screenings.records import ValveState
 
-    number = live.store.queue.put(Wanted(who="K"), software_version="0.1")
+    number = live.store.queue.put(RunRequest(who="K"), software_version="0.1")
     live.store.queue.claim("worker")
     live.store.queue.plan(number, [STICKY, WATCH, HEALTHY, HOSTILE])
     live.store.queue.mark(number, STICKY, ValveState.DONE)
@@ -158,7 +158,7 @@ def test_a_form_without_its_mark_changes_nothing(live, client, path):
     assert client.post(path, data=fields).status_code == 403
     assert client.post(path, data={"mark": "0" * 64, **fields}).status_code == 403
     client.cookies.set(COOKIE, "made-up")
-    made_up = mark_of("made-up")
+    made_up = form_token_of("made-up")
     assert client.post(path, data={"mark": made_up, **fields}).status_code == 403
     assert len(live.store.notes(STICKY)) == 1
     assert live.store.queue.going() == []

@@ -10,7 +10,7 @@ from importlib.resources import files
 import pytest
 
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.web.settings_page import shown
+from stemwatch.service.web.pages.settings_page import shown
 from stemwatch.service.web.site import Check, Site
 from tests.service.web.made_plant import HOSTILE, STICKY
 
@@ -48,7 +48,7 @@ def test_an_unforeseen_failure_is_a_page_with_the_headers_too(live, client, monk
     def fail(*_):
         raise RuntimeError("geheim")
 
-    monkeypatch.setattr("stemwatch.service.web.ranking_page.read_ranking", fail)
+    monkeypatch.setattr("stemwatch.service.web.pages.ranking_page.read_ranking", fail)
     with caplog.at_level(logging.ERROR):
         answer = client.get("/")
     assert answer.status_code == 500
@@ -158,11 +158,11 @@ def test_a_body_that_is_too_long_is_not_read(client):
 
 def test_settings_show_no_secret(store, client_of, tmp_path):
     """The database's password and secrets of sources are masked."""
-    from stemwatch.service.store.database_url import Address
+    from stemwatch.service.store.database_url import DatabaseUrl
     from tests.service.web.made_plant import plant_of
 
     plant = plant_of(tmp_path, store)
-    store.address = Address("postgresql://plant:geheim@db/stemwatch")
+    store.address = DatabaseUrl("postgresql://plant:geheim@db/stemwatch")
     text = client_of(Site(store=store, plant=plant)).get("/settings").text
     assert "geheim" not in text
     assert "***" in text

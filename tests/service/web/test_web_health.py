@@ -16,7 +16,7 @@ import pytest
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.scheduler import Alarm, Planner
 from stemwatch.service.serve.checks import checks
-from stemwatch.service.serve.waiting import REASON, WaitingRoom
+from stemwatch.service.serve.startup_server import REASON, StartupServer
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.site import Check, Site
@@ -131,7 +131,7 @@ def test_while_the_store_is_waited_for_the_reason_is_told() -> None:
     """Alive and not ready; and the socket is there for the pages afterwards."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
-        with WaitingRoom(listening):
+        with StartupServer(listening):
             assert ask(port, "/health")[0] == 200
             for path in ("/ready", "/healthz", "/", "/metrics"):
                 status, answer = ask(port, path)

@@ -20,7 +20,7 @@ from starlette.routing import Route
 
 from stemwatch.service.serve import http_server
 from stemwatch.service.serve.http_server import Rarely, connection_limit
-from stemwatch.service.web.guard import LARGEST_BODY, Guard
+from stemwatch.service.web.middleware import LARGEST_BODY, SecurityMiddleware
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import serving, serving_app
 
@@ -95,7 +95,7 @@ def test_bytes_are_counted_as_they_come_whatever_the_headers_say() -> None:
     limit."""
     taken = 0
 
-    class OpenDoor:
+    class LetsAllIn:
         async def admit(self, scope: Any) -> None:
             return None
 
@@ -115,9 +115,11 @@ def test_bytes_are_counted_as_they_come_whatever_the_headers_say() -> None:
     async def read_all(request: Request) -> Response:
         return Response(await request.body())
 
-    door: Any = OpenDoor()
+    authentication: Any = LetsAllIn()
     inner = Starlette(routes=[Route("/login", read_all, methods=["POST"])])
-    app = Guard(inner, hosts=("*",), door=door, failed=lambda _: Response("failed", 500))
+    app = SecurityMiddleware(
+        inner, hosts=("*",), authentication=authentication, failed=lambda _: Response("failed", 500)
+    )
     headers = [(b"host", b"x"), (b"content-length", b"10")]
     scope = {"type": "http", "method": "POST", "path": "/login", "headers": headers}
     asyncio.run(app({**scope, "query_string": b""}, receive, send))

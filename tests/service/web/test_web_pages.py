@@ -230,7 +230,16 @@ type = "UINT16"
     assert plant.problems == ()
     page = client_of(Site(store=store, plant=plant)).get("/settings").text
     _, plc, bus = re.split("Source <bdi>", page)
-    common = {"registers", "every_s", "timeout_s", "retries", "pause_s", "max_words", "max_gap"}
+    common = {
+        "registers",
+        "every_s",
+        "timeout_s",
+        "retries",
+        "pause_s",
+        "max_words",
+        "max_gap",
+        "latest_answer_s",
+    }
     serial = {"serial_port", "baudrate", "bytesize", "parity", "stopbits"}
     keys = r"<dt><code>(\w+)</code>"
     assert set(re.findall(keys, plc)) == {"type", "host", "port"} | common

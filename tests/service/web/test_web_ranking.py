@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.ranking import SORTS, RankingFilter
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
-from stemwatch.service.web.queries.ranking import SORTS, Wanted, read_ranking
-from stemwatch.service.web.ranking_page import bar_top, link, wanted_of
+from stemwatch.service.web.pages.ranking_page import bar_top, link, wanted_of
 from tests.service.web.made_plant import (
     BLIND,
     HEALTHY,
@@ -28,8 +28,7 @@ from tests.service.web.made_plant import (
 
 def names(store, **wanted) -> list[str]:
     """The valves of one page."""
-    with store.access.reading() as session:
-        return [line.valve for line in read_ranking(session, Wanted(**wanted)).lines]
+    return [line.valve for line in store.ranking(RankingFilter(**wanted)).lines]
 
 
 def test_the_worst_valve_stands_first(filled):
@@ -73,8 +72,7 @@ def test_a_valve_that_was_never_screened_is_there(filled):
     filled.save_valves([StoredValve(id="NEW-1")])
     assert names(filled)[-1] == "NEW-1"
     assert names(filled, verdicts=("none",)) == ["NEW-1"]
-    with filled.access.reading() as session:
-        found = read_ranking(session, Wanted(verdicts=("none",)))
+    found = filled.ranking(RankingFilter(verdicts=("none",)))
     assert found.counts["none"] == found.total == 1
     assert found.lines[0].verdict is None
 
@@ -84,16 +82,14 @@ def test_pages_divide_the_ranking_without_gap_or_overlap(filled):
     pages = [names(filled, page=page, size=2) for page in (1, 2, 3, 4)]
     assert [len(page) for page in pages] == [2, 2, 1, 0]
     assert [name for page in pages for name in page] == names(filled)
-    with filled.access.reading() as session:
-        second = read_ranking(session, Wanted(page=2, size=2))
+    second = filled.ranking(RankingFilter(page=2, size=2))
     assert [line.place for line in second.lines] == [3, 4]
     assert second.total == 5
 
 
 def test_the_screening_before_is_the_newest_older_one(filled):
     """The trend compares with the last run, not with any other and not with itself."""
-    with filled.access.reading() as session:
-        line = read_ranking(session, Wanted(text=STICKY)).lines[0]
+    line = filled.ranking(RankingFilter(text=STICKY)).lines[0]
     assert line.at == NOW
     assert line.previous.verdict is Verdict.STICKY
     assert line.previous.S == pytest.approx(line.S.value * 5 / 6)
@@ -109,8 +105,7 @@ def test_the_same_answers_come_from_postgresql(postgres_url):
         assert names(store, sort="S", descending=True)[-1] == BLIND
         assert names(store, sort="S")[-1] == BLIND
         assert names(store, verdicts=("none",)) == []
-        with store.access.reading() as session:
-            lines = read_ranking(session, Wanted(text=STICKY)).lines
+        lines = store.ranking(RankingFilter(text=STICKY)).lines
         assert lines[0].previous is not None
 
 
@@ -130,7 +125,7 @@ def test_an_address_says_all_of_what_is_wanted(
     text, areas, verdicts, levels, sort, descending, page
 ):
     """From a view to its address and back nothing is lost, whatever is written in it."""
-    wanted = Wanted(
+    wanted = RankingFilter(
         text=text,
         areas=tuple(areas),
         verdicts=tuple(verdicts),
@@ -156,7 +151,7 @@ def test_an_address_that_makes_no_sense_is_the_plain_ranking(fields):
 
 def test_a_new_filter_begins_at_the_first_page():
     """Sorting or clearing from page 7 does not end on a page that is not there."""
-    address = link(Wanted(page=7, text="x"), q="", page="")
+    address = link(RankingFilter(page=7, text="x"), q="", page="")
     assert parse_qs(urlsplit(address).query) == {}
 
 

@@ -12,21 +12,21 @@ from hypothesis import strategies as st
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.screening import Case, screen
-from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.instants import microseconds
+from stemwatch.service.store.samples.plot_points import with_holes
+from stemwatch.service.store.screenings.records import TrendPoint
 from stemwatch.service.store.store import open_store
-from stemwatch.service.web.fitted import fitted_run
-from stemwatch.service.web.indicator_words import MEANINGS
-from stemwatch.service.web.phase import loop_of
-from stemwatch.service.web.queries.samples import read_bad, read_drawn, tag_number, with_holes
-from stemwatch.service.web.signals import Asked, signals_of
+from stemwatch.service.web.api.loop import fitted_run, loop_of
+from stemwatch.service.web.api.signals import SignalWindow, signals_of
+from stemwatch.service.web.pages.valve_page import indicator_of
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import J_MADE, NOW, S_MADE, SOURCE, STICKY, reader_of
 
 START = datetime(2026, 3, 1, tzinfo=UTC)
 
 
-def keep(store, at_s, values, quality=None, reasons=None) -> int:
-    """Store samples of one tag at seconds since ``START``; the tag's number."""
+def keep(store, at_s, values, quality=None, reasons=None) -> str:
+    """Store samples of one tag at seconds since ``START``; the tag's name."""
     count = len(values)
     store.samples.write(
         SampleBatch(
@@ -38,20 +38,19 @@ def keep(store, at_s, values, quality=None, reasons=None) -> int:
             reasons=("",) * count if reasons is None else tuple(reasons),
         )
     )
-    with store.access.reading() as session:
-        return tag_number(session, SOURCE, "T")
+    return "T"
 
 
-def drawn(store, number, length_s, points):
+def drawn(store, tag, length_s, points):
     """A tag from ``START`` on."""
-    with store.access.reading() as session:
-        return read_drawn(session, number, START, START + timedelta(seconds=length_s), points)
+    stop = START + timedelta(seconds=length_s)
+    return store.samples.plot_points(SOURCE, tag, START, stop, points)
 
 
 def test_few_samples_are_drawn_as_they_are(store):
     """Below the number of points every sample is a point at its own instant."""
-    number = keep(store, range(100), np.arange(100.0))
-    found = drawn(store, number, 100, 200)
+    tag = keep(store, range(100), np.arange(100.0))
+    found = drawn(store, tag, 100, 200)
     assert found.bucket_s == 0.0
     np.testing.assert_array_equal(found.values, np.arange(100.0))
     np.testing.assert_allclose(found.at_s - START.timestamp(), np.arange(100))
@@ -61,8 +60,8 @@ def spike_is_kept(store) -> None:
     """A sample that lasted a second stands out of a day of thinned ones, in its place."""
     values = np.zeros(20_000)
     values[12_345] = 7.0
-    number = keep(store, range(20_000), values)
-    found = drawn(store, number, 20_000, 400)
+    tag = keep(store, range(20_000), values)
+    found = drawn(store, tag, 20_000, 400)
     assert found.at_s.size <= 402
     assert np.nanmax(found.values) == 7.0
     at = found.at_s[np.nanargmax(found.values)] - START.timestamp()
@@ -92,8 +91,8 @@ def test_thinned_extremes_are_those_of_the_samples(tmp_path_factory, values, poi
     """Whatever the samples, lowest and highest survive any thinning."""
     path = tmp_path_factory.mktemp("thin") / "store.db"
     with open_store(f"sqlite:///{path}") as store:
-        number = keep(store, range(len(values)), values)
-        found = drawn(store, number, len(values), points)
+        tag = keep(store, range(len(values)), values)
+        found = drawn(store, tag, len(values), points)
     assert np.nanmin(found.values) == min(values)
     assert np.nanmax(found.values) == max(values)
 
@@ -102,8 +101,8 @@ def test_thinned_extremes_are_those_of_the_samples(tmp_path_factory, values, poi
 def test_no_line_is_drawn_over_a_hole(store, points):
     """Ten minutes without samples break the line, thinned or not."""
     at = [*range(1000), *range(1600, 2600)]
-    number = keep(store, at, np.ones(len(at)))
-    found = drawn(store, number, 2600, points)
+    tag = keep(store, at, np.ones(len(at)))
+    found = drawn(store, tag, 2600, points)
     since = found.at_s - START.timestamp()
     inside = (since > 1000) & (since < 1600)
     assert np.isnan(found.values[inside]).any()
@@ -116,11 +115,10 @@ def test_bad_samples_are_no_points_and_are_counted_with_their_reasons(store):
     quality[40:50] = 2
     reasons = ["no answer within 1 s" if bad else "" for bad in quality]
     values = np.where(quality > 0, np.nan, 1.0)
-    number = keep(store, range(100), values, quality, reasons)
-    found = drawn(store, number, 100, 1000)
+    tag = keep(store, range(100), values, quality, reasons)
+    found = drawn(store, tag, 100, 1000)
     assert np.isnan(found.values[40:50]).all()
-    with store.access.reading() as session:
-        bad = read_bad(session, number, "T", START, START + timedelta(seconds=100))
+    bad = store.samples.bad(SOURCE, tag, START, START + timedelta(seconds=100))
     assert (bad.samples, bad.bad, bad.reasons) == (100, 10, (("no answer within 1 s", 10),))
 
 
@@ -132,9 +130,8 @@ def test_jitter_is_no_hole():
 
 def signals(site, hours=1.0):
     """The sticky valve's signals up to ``NOW``."""
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=hours), stop=NOW)
-    with site.store.access.reading() as session:
-        return signals_of(site, session, asked)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=hours), stop=NOW)
+    return signals_of(site, asked)
 
 
 def test_the_position_is_shown_in_percent(live):
@@ -149,9 +146,10 @@ def test_the_position_is_shown_in_percent(live):
 
 def test_an_empty_window_says_so(live):
     """A year ago there was nothing, and a sentence says it."""
-    asked = Asked(valve=STICKY, start=START - timedelta(days=400), stop=START - timedelta(days=399))
-    with live.store.access.reading() as session:
-        assert "no samples" in signals_of(live, session, asked).says
+    asked = SignalWindow(
+        valve=STICKY, start=START - timedelta(days=400), stop=START - timedelta(days=399)
+    )
+    assert "no samples" in signals_of(live, asked).says
 
 
 def test_without_a_plant_file_the_page_says_why_there_are_no_signals(filled):
@@ -166,7 +164,7 @@ def test_a_source_that_cannot_be_read_says_why(live):
         raise ConnectorError("exports/a.csv: not there; export the tags again")
 
     site = Site(store=live.store, plant=live.plant, read=read)
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
     assert loop_of(site, asked, {}).says == "exports/a.csv: not there; export the tags again"
 
 
@@ -179,21 +177,21 @@ def missed(loop) -> float:
 def test_the_fitted_loop_lies_on_the_recorded_one(live):
     """With the S and J that made the samples, the model's run is the recording, jumps and all."""
     numbers = {"S_percent": S_MADE, "J_percent": J_MADE}
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
     assert missed(loop_of(live, asked, numbers)) < 0.1
     assert missed(loop_of(live, asked, numbers | {"S_percent": 8.0})) > 0.5
 
 
 def test_without_S_there_is_no_fitted_loop(live):
     """A model that was not fitted is not drawn."""
-    asked = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
     assert [trace.role for trace in loop_of(live, asked, {}).traces] == ["recorded"]
 
 
 def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
     """A real fit, reduced to what the store keeps, follows MV as well as the fit itself did."""
     read = reader_of(live.store)
-    window = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
+    window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
     recording = read(STICKY, window)
     (found,) = screen([Case(recording=recording)])
     numbers = {name: one.value for name, one in found.indicators.items()}
@@ -203,12 +201,18 @@ def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
 
 
 def test_every_indicator_of_a_screening_has_its_words(live):
-    """The words here are those of the models: meaning and worse direction agree."""
+    """A number that comes back from the store means what it meant when it was found."""
     read = reader_of(live.store)
-    window = Asked(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
+    window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
     (screened,) = screen([Case(recording=read(STICKY, window))])
     found = screened.indicators
     assert len(found) > 12
+    restored = {
+        name: indicator_of(
+            name, TrendPoint(at=NOW, value=one.value, low=one.low, high=one.high, unit=one.unit)
+        )
+        for name, one in found.items()
+    }
     assert {name: (one.meaning, one.worse) for name, one in found.items()} == {
-        name: MEANINGS[name] for name in found
+        name: (again.meaning, again.worse) for name, again in restored.items()
     }

@@ -29,7 +29,8 @@ class OurNarx:
 
     def learn(self, lesson: Lesson) -> Learned:
         """Train on the samples before ``train_until``; the ensemble's mean free run."""
-        from stemwatch.models.narx.example import NarxExample, StickSlipStart
+        from stemwatch.models.narx.architecture import StickSlipStart
+        from stemwatch.models.narx.example import NarxExample
         from stemwatch.models.narx.training import train  # torch takes two seconds to import
 
         S, J = (lesson.element.parameters[name].value or 0.0 for name in ("S", "J"))

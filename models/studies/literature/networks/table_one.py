@@ -54,6 +54,7 @@ class TableOne:
 
     @property
     def limits(self) -> tuple[str, ...]:
+        """What is wrong with it, a sentence each: its own first, then what both columns share."""
         return self.own_limits + SHARED_LIMITS
 
     def equation(self) -> str:

@@ -35,7 +35,8 @@ def lugre(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERC
         name="lugre",
         source=(
             "Canudas de Wit, Olsson, Astrom and Lischinsky, A new model for control of systems "
-            f"with friction, IEEE Trans. Automatic Control 40 (1995); {SECTION}, {UNREAD}."
+            "with friction, IEEE Trans. Automatic Control 40 (1995), doi:10.1109/9.376053; "
+            f"{SECTION}, {UNREAD}."
         ),
         parameters=friction_parameters(valve),
         text=(

@@ -18,7 +18,7 @@ from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_P
 from stemwatch.models.studies.reproduction.layers import NARX, NARX_INPUTS, ThreeLayers
 from stemwatch.models.studies.reproduction.step import LIMIT
 from stemwatch.models.verdict import Shape
-from stemwatch.service.comparison.compare_models import NETWORKS
+from stemwatch.service.studies.comparison.compare_models import NETWORKS
 
 DOCS = Path(__file__).parents[4] / "docs"
 PAGE = re.sub(r"\s+", " ", (DOCS / "models.md").read_text("utf-8"))

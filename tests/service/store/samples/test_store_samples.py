@@ -21,7 +21,7 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Quality, Role
 from stemwatch.service.store.samples.connector import StoredSamples
-from stemwatch.service.store.samples.samples import microseconds
+from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.store import Store
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)

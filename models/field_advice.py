@@ -1,0 +1,67 @@
+"""What to do about one kind of finding: steps from the cheapest to the dearest, parts, codes.
+
+A term of physics brings its own; kinds that are no term stand in a data file of the service. All of
+it is advice by kind of finding. It knows neither the plant nor its rules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class IsolationLevel(IntEnum):
+    """How far one must go for a step, from the cheapest to the dearest."""
+
+    DESK = 0  # control room and office
+    LOOK = 1  # at the valve, in service
+    MANUAL = 2  # loop in manual
+    AIR = 3  # supply shut and vented
+    LINE = 4  # isolated and depressurised
+
+
+@dataclass(frozen=True)
+class CheckStep:
+    """One thing to check or do."""
+
+    level: IsolationLevel
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldAdvice:
+    """What maintenance reads of one kind of finding.
+
+    ``title`` has at most 30 letters; ``damage`` and ``cause`` are codes of ISO 14224 (failure mode,
+    failure mechanism); ``part`` is the object part that is suspected first, ``parts`` what to have
+    at hand; ``otherwise`` says what looks alike, a sentence each.
+    """
+
+    title: str
+    steps: tuple[CheckStep, ...]
+    parts: tuple[str, ...]
+    damage: str
+    cause: str
+    part: str
+    otherwise: tuple[str, ...] = ()
+
+    @property
+    def check(self) -> str:
+        """All steps in their order, as one paragraph."""
+        return " ".join(step.text for step in self.steps)
+
+
+def check_steps(*texts: str) -> tuple[CheckStep, ...]:
+    """Steps written as ``"look: Read the gauge."``: a level of ``IsolationLevel``, then the words.
+
+    Raises ``ValueError`` where a text does not begin with a level.
+    """
+    return tuple(_step(text) for text in texts)
+
+
+def _step(text: str) -> CheckStep:
+    level, colon, said = text.partition(": ")
+    if not colon or level.upper() not in IsolationLevel.__members__:
+        known = ", ".join(one.lower() for one in IsolationLevel.__members__)
+        raise ValueError(f"{text!r}: a step begins with how far one must go ({known}) and a colon")
+    return CheckStep(IsolationLevel[level.upper()], said)

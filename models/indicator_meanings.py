@@ -1,0 +1,52 @@
+"""What each health indicator is, in words, and which direction is worse.
+
+The one table of it: for screenings that are made (``models.indicators``), and for numbers that come
+back from a database, which keeps no words.
+"""
+
+from __future__ import annotations
+
+_MODELS = {
+    "stiction": "the stick-slip model",
+    "narx": "the NARX network",
+    "baseline": "the baseline network",
+}
+
+MEANINGS: dict[str, tuple[str, str]] = {
+    "op_swing_percent": ("Range of OP, 1st to 99th percentile", "none"),
+    "op_reversals": ("Times OP turned round", "up"),
+    "usable_percent": ("Share of samples a fit could use", "down"),
+    "loop_period_s": ("Period of OP's oscillation", "none"),
+    "loop_regularity": ("Regularity of OP's oscillation, above 1 is regular", "up"),
+    "slip_count": ("Jumps of the stem from rest", "up"),
+    "slips_per_hour": ("Jumps of the stem per hour", "up"),
+    "jumped_percent": ("Share of its way made in jumps", "up"),
+    "mv_reversals": ("Times the stem turned round", "up"),
+    "travel_percent": ("Way of the stem, noise left out", "up"),
+    "travel_per_hour_percent": ("Way of the stem per hour", "up"),
+    "position_noise_percent": ("Noise of the position", "none"),
+    "S_percent": ("Deadband plus stickband, percent of OP span", "up"),
+    "J_percent": ("Slip jump, percent of OP span", "up"),
+    "S_of_swing_percent": ("S in percent of OP's own swing", "up"),
+    "dead_band_percent": ("Dead band, S - J", "up"),
+    "naive_S_percent": ("S of S and J alone", "none"),
+    "naive_J_percent": ("J of S and J alone", "none"),
+    "position_zero_percent": ("Position minus OP, at rest", "none"),
+    "dead_time_s": ("Command to stem, or a clock skew", "up"),
+    "lag_rising_s": ("Actuator lag, position rising", "up"),
+    "lag_falling_s": ("Actuator lag, position falling", "up"),
+    "speed_rising_percent_per_s": ("Top speed of the stem, position rising", "down"),
+    "speed_falling_percent_per_s": ("Top speed of the stem, position falling", "down"),
+    "baseline_ratio": ("Residual of the baseline network against its own window", "up"),
+}
+for _key, _model in _MODELS.items():
+    _held_out = f"of {_model}, free run, held out"
+    MEANINGS[f"{_key}_rmse_percent"] = (f"Residual {_held_out}", "up")
+    MEANINGS[f"{_key}_fit_percent"] = (f"Fit {_held_out}", "down")
+    MEANINGS[f"{_key}_one_step_rmse_percent"] = (f"Residual of {_model}, one step ahead", "up")
+
+
+def meaning_of(name: str) -> tuple[str, str]:
+    """What an indicator is, and "up", "down" or "none": the direction that is worse. Of a name that
+    is not known, from an older version perhaps, the name itself."""
+    return MEANINGS.get(name, (name.replace("_", " "), "none"))

@@ -1,0 +1,104 @@
+"""The rights: what may be done here, and the least role that may do it. This is the one table.
+
+A role may do whatever the roles below it may. A token may do what its scope allows, and never more
+than its user may at that moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+from stemwatch.service.store.accounts.records import Scope, UserRole
+
+
+class Operation(StrEnum):
+    """What somebody wants to do; the audit log says it in these words."""
+
+    OPEN = "open"  # sign in, use a one-time link, load styles, ask whether the service works
+    READ = "read"
+    METRICS = "read metrics"
+    OWN = "own account"  # password, sessions and tokens of oneself
+    LOG_OUT = "log out"
+    ALERT = "settle an alert"
+    NOTE = "add a note"
+    MAINTENANCE = "record maintenance"
+    BASELINE = "set a baseline"
+    RUN = "begin a run"
+    CANCEL = "cancel a run"
+    USERS = "manage users"
+    TOKENS = "manage tokens"
+    AUDIT = "read the audit log"
+    UNDECLARED = "use a route without a declared right"  # a mistake of ours, kept shut
+
+
+@dataclass(frozen=True)
+class Permission:
+    """Who may: from ``least`` upwards, or anybody where it is ``None``. What is to be done
+    ``in_person`` needs a session: a token that was stolen must not outlive itself."""
+
+    least: UserRole | None
+    in_person: bool = False
+
+
+PERMISSIONS: Mapping[Operation, Permission] = MappingProxyType(
+    {
+        Operation.OPEN: Permission(None),
+        Operation.READ: Permission(UserRole.VIEWER),
+        Operation.METRICS: Permission(UserRole.VIEWER),
+        Operation.OWN: Permission(UserRole.VIEWER, in_person=True),
+        Operation.LOG_OUT: Permission(UserRole.VIEWER, in_person=True),
+        Operation.ALERT: Permission(UserRole.ENGINEER),
+        Operation.NOTE: Permission(UserRole.ENGINEER),
+        Operation.MAINTENANCE: Permission(UserRole.ENGINEER),
+        Operation.BASELINE: Permission(UserRole.ENGINEER),
+        Operation.RUN: Permission(UserRole.ENGINEER),
+        Operation.CANCEL: Permission(UserRole.ENGINEER),
+        Operation.USERS: Permission(UserRole.ADMIN, in_person=True),
+        Operation.TOKENS: Permission(UserRole.ADMIN, in_person=True),
+        Operation.AUDIT: Permission(UserRole.ADMIN),
+        Operation.UNDECLARED: Permission(UserRole.ADMIN, in_person=True),
+    }
+)
+SCOPE_OF: Mapping[UserRole, Scope] = MappingProxyType(
+    {UserRole.VIEWER: Scope.READ, UserRole.ENGINEER: Scope.ACT, UserRole.ADMIN: Scope.ADMIN}
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurrentUser:
+    """Who asks. ``scopes`` is ``None`` for a session; ``user`` is the number of the user, 0 for
+    the token of the environment. ``session`` is the digest of the session, ``form_token`` what its
+    forms carry."""
+
+    name: str
+    role: UserRole
+    how: str
+    user: int = 0
+    scopes: frozenset[Scope] | None = None
+    session: str = ""
+    form_token: str = ""
+
+    def may(self, operation: Operation) -> bool:
+        """Whether the rights allow it."""
+        right = PERMISSIONS[operation]
+        if right.least is None:
+            return True
+        if self.role.rank < right.least.rank:
+            return False
+        if self.scopes is None:
+            return True
+        return not right.in_person and SCOPE_OF[right.least] in self.scopes
+
+    def signature(self, said: str = "") -> str:
+        """What is signed with: the user's own name; where a program says for whom it acts,
+        both."""
+        said = " ".join(said.split())
+        return f"{said} (through {self.name})" if said and said != self.name else self.name
+
+
+def scopes_of(role: UserRole) -> tuple[Scope, ...]:
+    """The scopes that a token of somebody with this role may have."""
+    return tuple(scope for one, scope in SCOPE_OF.items() if one.rank <= role.rank)

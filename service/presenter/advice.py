@@ -1,0 +1,124 @@
+"""What to check, in which order, with which parts and behind which isolation.
+
+A term of physics brings its advice with its other words; stiction, signals that cannot be trusted
+and all other kinds of finding have theirs in ``advice.toml``. It is advice by kind of finding: it
+knows neither the plant nor its rules, and says so.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel, check_steps
+
+if TYPE_CHECKING:
+    from stemwatch.models.mismatch.term import Words
+
+MOST_STEPS = 9  # a page holds no more, and nobody reads more at the valve
+LEVEL_NAME = {
+    IsolationLevel.DESK: "desk",
+    IsolationLevel.LOOK: "at the valve, in service",
+    IsolationLevel.MANUAL: "loop in manual",
+    IsolationLevel.AIR: "air off",
+    IsolationLevel.LINE: "line isolated",
+}
+HINT = (
+    "Hints by kind of finding, not a work permit: the permit, lock-out and line-breaking rules of "
+    "the site and the instructions of the makers decide."
+)
+ISOLATION = {
+    IsolationLevel.DESK: "No isolation: this is work at the desk.",
+    IsolationLevel.LOOK: (
+        "Valve in service: it may move at any time and without warning. Keep hands and tools out "
+        "of yoke, stem and linkage."
+    ),
+    IsolationLevel.MANUAL: (
+        "Loop in manual, agreed with the control room; think of cascades, interlocks and what a "
+        "move of 5 % does to the process; somebody stands at the bypass where it bears none."
+    ),
+    IsolationLevel.AIR: (
+        "Air shut and vented, locked and tagged: the valve goes to its fail position, so agree on "
+        "bypass or safe state first. Volume tanks, boosters and lock-up valves keep pressure. The "
+        "actuator's spring holds energy: release it as the maker says before anything is opened, "
+        "and never hang on the coupling to hold the plug."
+    ),
+    IsolationLevel.LINE: (
+        "Pressure boundary: bypass open, block valves before and after the valve shut, locked and "
+        "tagged; depressurise, drain, flush, and prove it at vent and bonnet. Medium may be "
+        "trapped between the block valves, in the bonnet and behind the packing; mind heat and "
+        "hazardous medium. Gland nuts only when no pressure is left; leak test before it goes back."
+    ),
+}
+
+
+@cache
+def catalogue() -> Mapping[str, FieldAdvice]:
+    """The advice for every kind of finding, by its name."""
+    from stemwatch.models.mismatch.terms import catalogue as terms  # its kernels take a second
+
+    text = files("stemwatch.service.presenter").joinpath("advice.toml").read_text("utf-8")
+    kinds = {kind: _advice(table) for kind, table in tomllib.loads(text).items()}
+    return kinds | {slug: term.words.advice for slug, term in terms().items()}
+
+
+def advice_for(kind: str) -> FieldAdvice:
+    """The advice for ``kind``; that for an unknown movement where a newer version named it."""
+    known = catalogue()
+    return known.get(kind, known["unknown"])
+
+
+def term_words(slug: str) -> Words | None:
+    """The words of a term of physics; ``None`` where this version does not know it."""
+    from stemwatch.models.mismatch.terms import catalogue as terms
+
+    term = terms().get(slug)
+    return None if term is None else term.words
+
+
+def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:
+    """The steps of several kinds together, the cheapest first, none twice, ``MOST_STEPS`` at most.
+
+    All of the first kind's are there; the others fill what room is left, in turn.
+    """
+    first, *queues = ([*advice_for(kind).steps] for kind in kinds)
+    taken = first
+    while any(queues) and len(taken) < MOST_STEPS:
+        for queue in queues:
+            step = queue.pop(0) if queue else None
+            if step is not None and step not in taken and len(taken) < MOST_STEPS:
+                taken.append(step)
+    return tuple(sorted(taken, key=lambda step: step.level))
+
+
+def parts_for(kinds: Iterable[str]) -> tuple[str, ...]:
+    """What to have at hand for several kinds, none twice; "none" only where it stands alone."""
+    every = list(dict.fromkeys(part for kind in kinds for part in advice_for(kind).parts))
+    needed = [part for part in every if not part.startswith("none")]
+    return tuple(needed or every[:1])
+
+
+def isolation_for(steps: Iterable[CheckStep]) -> tuple[tuple[IsolationLevel, str], ...]:
+    """What each level that ``steps`` reach asks for, the cheapest first; the desk only alone."""
+    levels = sorted({step.level for step in steps})
+    beyond = [level for level in levels if level > IsolationLevel.DESK]
+    return tuple((level, ISOLATION[level]) for level in beyond or levels)
+
+
+def _advice(table: Mapping[str, object]) -> FieldAdvice:
+    steps, parts, alike = table["steps"], table["parts"], table.get("otherwise", [])
+    assert isinstance(steps, list)
+    assert isinstance(parts, list)
+    assert isinstance(alike, list)
+    return FieldAdvice(
+        title=str(table["title"]),
+        parts=tuple(map(str, parts)),
+        damage=str(table["damage"]),
+        cause=str(table["cause"]),
+        part=str(table["object"]),
+        steps=check_steps(*map(str, steps)),
+        otherwise=tuple(map(str, alike)),
+    )

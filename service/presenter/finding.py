@@ -1,0 +1,178 @@
+"""``present``: a finding in the words that every reader gets, whatever the way it comes.
+
+HTML, PDF, work orders, tables, JSON, mail and terminal lay these texts out; none makes its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.advice import advice_for, term_words
+from stemwatch.service.presenter.beside_friction import beside_friction, without_them
+from stemwatch.service.presenter.false_discoveries import Discoveries
+from stemwatch.service.presenter.physics_words import effect_name, effect_names, others
+from stemwatch.service.presenter.wording import VERDICT_MEANING, beyond, figure, finite, share
+from stemwatch.service.presenter.work_decision import WorkDecision, decide
+
+MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
+MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresentedEffect:
+    """One effect beside friction. ``instead`` names those that the recording cannot tell from it,
+    ``decide`` is the test that would; both empty where there is none."""
+
+    slug: str
+    name: str
+    sentence: str
+    where: str
+    check: str
+    instead: str
+    decide: str
+    evidence: str
+
+    @property
+    def in_short(self) -> str:
+        """What was found and what to check."""
+        return f"{self.sentence} {self.check}".strip()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PresentedFinding:
+    """What is said of one valve. Texts are as they came; who lays them out makes them printable.
+
+    ``title`` has at most 30 letters; ``found`` is what was found, a sentence or two each;
+    ``still_seen`` what can be seen where there is no verdict; ``next_step`` what to do next;
+    ``beside_friction`` what delays or slows the stem; ``otherwise`` what else it could be;
+    ``held_back`` why what was named does not stand, empty where it does.
+    """
+
+    decision: WorkDecision
+    title: str
+    meaning: str
+    found: tuple[str, ...]
+    still_seen: tuple[str, ...]
+    next_step: str
+    beside_friction: str
+    effects: tuple[PresentedEffect, ...]
+    otherwise: tuple[str, ...]
+    held_back: str
+
+    @property
+    def reason(self) -> str:
+        """What was found, as one paragraph."""
+        return " ".join(self.found)
+
+    @property
+    def in_full(self) -> str:
+        """The same, with what can still be seen where there is no verdict."""
+        return " ".join((*self.found, *self.still_seen[:MOST_STILL_SEEN]))
+
+
+def present(
+    screening: Screening, *, stands: bool | None, run: Discoveries | None = None
+) -> PresentedFinding:
+    """The words of ``screening``.
+
+    ``stands`` is whether its effects stand among all valves of the run, ``run`` what was found in
+    all of it.
+    """
+    decision = decide(screening, stands=stands)
+    found = screening.mismatch
+    return PresentedFinding(
+        decision=decision,
+        title=advice_for(decision.kinds[0]).title,
+        meaning=VERDICT_MEANING[screening.verdict],
+        found=_found(screening, decision),
+        still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
+        next_step=_next_step(screening, decision),
+        beside_friction=" ".join(
+            one for one in (beside_friction(screening), without_them(screening)) if one
+        ),
+        effects=() if found is None else present_effects(found),
+        otherwise=_otherwise(found, decision.kinds, stands),
+        held_back=run.remark if run is not None and stands is False else "",
+    )
+
+
+def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
+    """The effects of a mismatch in words, strongest first."""
+    return tuple(present_effect(one) for one in mismatch.effects)
+
+
+def present_effect(effect: Effect) -> PresentedEffect:
+    """One effect in words. What to check and the test that tells stand with its term; a term of
+    another version is said as it was stored."""
+    words = term_words(effect.slug)
+    alike = others(effect)
+    decide = effect.decide if words is None else words.decide
+    return PresentedEffect(
+        slug=effect.slug,
+        name=effect_name(effect.slug),
+        sentence=effect.sentence,
+        where=effect.where,
+        check=effect.check if words is None else words.check,
+        instead=effect_names(alike),
+        decide=decide if alike else "",
+        evidence=_evidence(effect),
+    )
+
+
+def _evidence(effect: Effect) -> str:
+    """What speaks for the effect: how much it removes where nothing was fitted."""
+    found = effect.evidence
+    t = "" if finite(found.t) is None else f" (t {figure(found.t, 2)})"
+    removed = f"It removes {share(found.share)} of the squared residual on blocks it was not fitted"
+    return f"{removed} to{t}. {found.note}".rstrip()
+
+
+def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
+    """The screening's reason, and each effect that stands."""
+    said = [screening.reason]
+    said += beyond((one.sentence for one in decision.effects), screening.reason)
+    found = screening.mismatch
+    if found is not None and found.finding is Finding.UNKNOWN:
+        said += beyond([found.sentence], screening.reason)
+    return tuple(said)
+
+
+def _next_step(screening: Screening, decision: WorkDecision) -> str:
+    """The screening's advice. A stem that follows but has an effect that wants work gets that
+    effect's: to look for the cause elsewhere would be wrong."""
+    if screening.verdict is Verdict.HEALTHY and decision.effects:
+        return present_effect(decision.effects[0]).check
+    return screening.advice
+
+
+def _otherwise(
+    found: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
+) -> tuple[str, ...]:
+    """What else it could be: what looks alike, what this recording cannot tell apart, what was
+    held back, what it could not have shown."""
+    said = list(advice_for(kinds[0]).otherwise)
+    if found is None:
+        return tuple(said)
+    for effect in present_effects(found):
+        said += _alternatives(effect, held_back=stands is False)
+    if found.not_testable:
+        named = effect_names(one.slug for one in found.not_testable[:MOST_UNTESTABLE])
+        more = len(found.not_testable) - MOST_UNTESTABLE
+        said.append(
+            f"Not testable in this recording: {named}{f' and {more} more' if more > 0 else ''}; "
+            f"the first because {found.not_testable[0].reason.rstrip('.')}."
+        )
+    return tuple(said)
+
+
+def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
+    if held_back:
+        return [f"Perhaps {effect.name}, which is held back: chance alone may have named it."]
+    if not effect.instead:
+        return []
+    text = f"Instead of {effect.name}: {effect.instead}; this recording cannot tell them."
+    return [f"{text} {effect.decide}".rstrip()]

@@ -1,0 +1,125 @@
+"""How numbers, times and verdicts are written for a reader."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from datetime import datetime, timedelta, tzinfo
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.verdict import Verdict
+
+NOTHING = "–"
+
+# A symbol beside each word, so that no meaning hangs on colour alone.
+VERDICT_SYMBOL = {
+    Verdict.STICKY: "■",
+    Verdict.WATCH: "▲",
+    Verdict.UNDETERMINED: "?",
+    Verdict.HEALTHY: "✓",
+}
+VERDICT_MEANING = {
+    Verdict.STICKY: "the stem sticks; plan the work",
+    Verdict.WATCH: "some sticking; look again soon",
+    Verdict.UNDETERMINED: "the recording does not allow a verdict; the reason is given",
+    Verdict.HEALTHY: "the stem follows the controller",
+}
+# Undetermined stands before healthy: nobody knows yet that such a valve is well.
+
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
+
+
+def printable(text: str) -> str:
+    """``text`` with control characters and lone surrogates (undecodable file names) as U+FFFD.
+
+    HTML, XLSX and UTF-8 each refuse some of them; a report must not fail on a tag's spelling.
+    """
+    return _UNPRINTABLE.sub("�", str(text))
+
+
+def finite(value: float | None) -> float | None:
+    """``value`` as a plain float, or ``None`` where it is missing, NaN or infinite."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(value)
+
+
+def sortable(value: float | None) -> str:
+    """A number as a script compares it; empty, and so last, where there is none."""
+    number = finite(value)
+    return "" if number is None else repr(number)
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` significant digits and no exponent in the everyday range."""
+    number = finite(value)
+    if number is None:
+        return NOTHING
+    if number == 0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(number)))
+    if magnitude < -5 or magnitude > 9:
+        return f"{number:.{digits - 1}e}".replace("-", "−")
+    return f"{number:.{max(0, digits - 1 - magnitude)}f}".replace("-", "−")
+
+
+def span_percent(value: float | None) -> str:
+    """S and J: two decimals below ten, one above, so that a column of them lines up."""
+    number = finite(value)
+    if number is None:
+        return NOTHING
+    return f"{number:.2f}" if abs(number) < 10 else f"{number:.1f}"
+
+
+def share(value: float | None) -> str:
+    """A share of one as whole percent."""
+    number = finite(value)
+    return NOTHING if number is None else f"{100 * number:.0f} %"
+
+
+def interval(estimate: Estimate) -> str:
+    """The 95 % interval in words, empty where there is none."""
+    low, high = finite(estimate.low), finite(estimate.high)
+    if low is None or high is None:
+        return ""
+    return f"{span_percent(low)} to {span_percent(high)}"
+
+
+def instant(when: datetime | None, zone: tzinfo) -> str:
+    """A time to the minute in ``zone``, which the caller names."""
+    return NOTHING if when is None else when.astimezone(zone).strftime("%Y-%m-%d %H:%M")
+
+
+def prose(text: str) -> str:
+    """A sentence whose percent signs stay on the line of their number."""
+    return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(text))
+
+
+def beyond(sentences: Iterable[str], said: str) -> list[str]:
+    """Those of ``sentences`` that ``said`` does not already contain, word for word."""
+    known = said.casefold()
+    return [one for one in sentences if one.strip(" .").casefold() not in known]
+
+
+def duration(seconds: float) -> str:
+    """A duration in the one or two units in which people say it."""
+    if seconds < 120:
+        return f"{figure(seconds)} s"
+    whole = timedelta(seconds=round(seconds))
+    hours, minutes = whole.seconds // 3600, whole.seconds % 3600 // 60
+    if whole.days:
+        return f"{whole.days} d {hours} h" if hours else f"{whole.days} d"
+    if hours:
+        return f"{hours} h {minutes} min" if minutes else f"{hours} h"
+    return f"{minutes} min"
+
+
+def window(start: datetime | None, end: datetime | None, zone: tzinfo, zone_name: str) -> str:
+    """A window in the plant's zone, the second date left out where it is the first's."""
+    if start is None or end is None:
+        return "time of day not known"
+    first, last = instant(start, zone), instant(end, zone)
+    if first[:10] == last[:10]:
+        last = last[11:]
+    return f"{first} to {last} ({zone_name})"

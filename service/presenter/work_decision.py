@@ -1,0 +1,240 @@
+"""What a screening asks of maintenance: what is wrong, what to act on first, how bad it is, and
+whether the valve needs work. Every output asks here: report, tables, pages, PDF, mail, terminal.
+
+A valve needs work where its stem sticks, or where a material effect beside friction was named that
+stands among all valves of its run. Valves to watch and those that cannot be judged are counted
+apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from stemwatch.models.mismatch.findings import Effect, Finding
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.service.presenter.wording import finite
+
+# A kind of finding is a key of the advice: stiction by its shape, an effect by its slug, a way in
+# which the position cannot be trusted.
+STICTION = {
+    Shape.DEADBAND: "stiction_deadband",
+    Shape.UNDERSHOOT: "stiction_undershoot",
+    Shape.NO_OFFSET: "stiction_no_offset",
+    Shape.OVERSHOOT: "stiction_overshoot",
+}
+HEALTHY, RECORDING, WATCH, DEPARTED = "healthy", "recording", "watch", "departed"
+UNKNOWN, UNEXPLAINED = "unknown", "unexplained"
+NO_POSITION, FROZEN = "no_position", "frozen_transmitter"
+WRONG, BAD = "wrong_position", "bad_signal"
+SIGNAL = frozenset({NO_POSITION, FROZEN, WRONG, BAD})
+WITHOUT_PAGE = frozenset({HEALTHY, RECORDING, WATCH})
+
+# What an undetermined verdict's reason says, as the models word it: a stored screening keeps the
+# sentence and not the obstacle. A test holds them together.
+SAID_OF = (
+    ("there is no valve position in this recording", NO_POSITION),
+    ("the position did not change by one digit", FROZEN),
+    ("the position shows nothing but its noise", FROZEN),
+    ("the position reading was frozen for", FROZEN),
+    ("repeats OP sample for sample", WRONG),
+    ("the position falls when OP rises", WRONG),
+    ("the position does not go with OP", WRONG),
+    ("so OP and position cannot be compared", WRONG),
+    ("of the samples are missing or marked bad", BAD),
+    ("so S and J would mean nothing", UNEXPLAINED),
+)
+
+# A stem that may be stuck fast stands beside the worst sticky ones until somebody has looked.
+SEVERITY_OF = {FROZEN: 90.0, UNEXPLAINED: 45.0}
+OTHER_SEVERITY = 35.0  # an effect beside friction, or a position that tells nothing
+
+
+class WorkState(StrEnum):
+    """Where a valve stands with maintenance, worst first."""
+
+    NEEDS_WORK = "needs work"
+    WATCH = "watch"
+    NOT_JUDGED = "cannot be judged"
+    NO_WORK = "no work"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkDecision:
+    """The decision on one screening.
+
+    ``kinds`` has the kind to act on first at its front; ``severity`` is 0 to 100 (NaN: not known);
+    ``effects`` are those that work may be planned on.
+    """
+
+    state: WorkState
+    kinds: tuple[str, ...]
+    severity: float
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def needs_work(self) -> bool:
+        """Whether somebody should go to the valve and mend it."""
+        return self.state is WorkState.NEEDS_WORK
+
+    @property
+    def has_page(self) -> bool:
+        """Whether maintenance gets a page of it: there is something to look at or to find out."""
+        return bool(set(self.kinds) - WITHOUT_PAGE)
+
+    @property
+    def has_order(self) -> bool:
+        """Whether it makes a work order: on the valve, or on what keeps it from being judged."""
+        return self.needs_work or (self.has_page and self.state is WorkState.NOT_JUDGED)
+
+
+def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
+    """The decision on ``screening``.
+
+    ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
+    named): effects that are held back are no finding.
+    """
+    found = screening.mismatch
+    effects = () if found is None or stands is False else found.effects
+    kinds = _kinds(screening, effects)
+    return WorkDecision(
+        state=work_state(screening.verdict, named=bool(effects)),
+        kinds=kinds,
+        severity=_severity(screening, kinds),
+        effects=effects,
+    )
+
+
+def work_state(verdict: Verdict, *, named: bool) -> WorkState:
+    """The state by the verdict and by whether an effect beside friction was ``named`` and stands.
+
+    All that ``needs work`` means stands in this function.
+    """
+    if verdict is Verdict.STICKY or named:
+        return WorkState.NEEDS_WORK
+    if verdict is Verdict.WATCH:
+        return WorkState.WATCH
+    return WorkState.NOT_JUDGED if verdict is Verdict.UNDETERMINED else WorkState.NO_WORK
+
+
+def obstacle_kind(reason: str) -> str:
+    """The kind of an undetermined verdict by its ``reason``; ``recording`` for all that no work
+    at the valve would mend."""
+    return next((kind for said, kind in SAID_OF if said in reason), RECORDING)
+
+
+def _kinds(screening: Screening, effects: tuple[Effect, ...]) -> tuple[str, ...]:
+    """Every kind that ``screening`` holds, the one to act on first at the front."""
+    named = tuple(one.slug for one in effects)
+    found = screening.mismatch
+    unknown = (UNKNOWN,) if found is not None and found.finding is Finding.UNKNOWN else ()
+    if screening.verdict is Verdict.STICKY:
+        shape = screening.shape or Shape.UNDERSHOOT
+        return (STICTION[shape], *named, *unknown)
+    if screening.verdict is Verdict.WATCH:
+        return (*named, *unknown, DEPARTED if screening.shape is None else WATCH)
+    if screening.verdict is Verdict.HEALTHY:
+        # A difference that nothing explains, on a stem that follows, is no reason to go there.
+        return named or (HEALTHY,)
+    first = obstacle_kind(screening.reason)
+    return named or (first,) if first == RECORDING else (first, *named)
+
+
+def _severity(screening: Screening, kinds: tuple[str, ...]) -> float:
+    """The worst of what was judged and of what ``kinds`` are worth by themselves.
+
+    Severity is the screening's own where S and J were judged; a position that cannot be trusted
+    and an effect beside friction have one of their own, because the screening ranks them by what
+    it could not measure.
+    """
+    own = [SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)]
+    judged = finite(screening.severity)
+    if judged is not None and (screening.verdict is not Verdict.UNDETERMINED or not own):
+        own.append(judged)
+    return min(max(own), 100.0) if own else math.nan
+
+
+def _has_own_severity(kind: str) -> bool:
+    return kind not in WITHOUT_PAGE and kind not in STICTION.values()
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkCounts:
+    """How many valves stand where. ``recordings`` is more than ``valves`` where a tag has several.
+
+    ``orders`` of the valves that cannot be judged make a work order to find out why.
+    """
+
+    recordings: int
+    needs_work: int
+    watch: int
+    not_judged: int
+    no_work: int
+    orders: int = 0
+
+    @property
+    def valves(self) -> int:
+        """All valves."""
+        return self.needs_work + self.watch + self.not_judged + self.no_work
+
+    @property
+    def headline(self) -> str:
+        """How many valves need work: "4 of 15 valves need work"."""
+        needs = "needs" if self.needs_work <= 1 else "need"
+        return f"{self.needs_work or 'None'} of {_valves(self.valves)} {needs} work"
+
+    @property
+    def rest(self) -> str:
+        """The other valves, those that cannot be judged among them; empty where there are none."""
+        said = []
+        if self.watch:
+            said.append(f"{self.watch} to watch")
+        if self.not_judged:
+            why = f" ({self.orders} with a work order to find out why)" if self.orders else ""
+            said.append(f"{self.not_judged} cannot be judged{why}")
+        if self.no_work:
+            said.append(f"{self.no_work} without work")
+        return ", ".join(said)
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one sentence: the same in report, PDF, work orders and terminal."""
+        if not self.valves:
+            return "No valve was screened."
+        text = f"{self.headline}; {self.rest}" if self.rest else self.headline
+        if self.recordings > self.valves:
+            text += f" ({self.recordings} recordings)"
+        return f"{text}."
+
+
+def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
+    """Valves by their state, each valve once by its tag.
+
+    Where a tag has several recordings, one that shows work counts, then one to watch; it cannot be
+    judged only where none of them allows a verdict.
+    """
+    rank = (WorkState.NEEDS_WORK, WorkState.WATCH, WorkState.NO_WORK, WorkState.NOT_JUDGED)
+    states: dict[str, WorkState] = {}
+    ordered: set[str] = set()
+    recordings = 0
+    for valve, one in decided:
+        recordings += 1
+        states[valve] = min(states.get(valve, one.state), one.state, key=rank.index)
+        if one.has_order and not one.needs_work:
+            ordered.add(valve)
+    many = {state: [v for v, one in states.items() if one is state] for state in WorkState}
+    return WorkCounts(
+        recordings=recordings,
+        needs_work=len(many[WorkState.NEEDS_WORK]),
+        watch=len(many[WorkState.WATCH]),
+        not_judged=len(many[WorkState.NOT_JUDGED]),
+        no_work=len(many[WorkState.NO_WORK]),
+        orders=len(ordered.intersection(many[WorkState.NOT_JUDGED])),
+    )
+
+
+def _valves(count: int) -> str:
+    return f"{count} valve" if count == 1 else f"{count} valves"

@@ -1,0 +1,154 @@
+"""The collector in a process of its own, so that pages and fits cost no poll its time."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import multiprocessing
+import signal
+import threading
+from datetime import UTC, datetime, timedelta
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from stemwatch.connectors.modbus import SampleBatch
+from stemwatch.connectors.modbus.state import DeviceState
+from stemwatch.service.collector import Collector, Spool, collect
+from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.process_lifecycle import quiet_start, take_signals
+from stemwatch.service.serve.plant_secrets import hide_secrets, set_up_logs
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.samples.instants import EPOCH
+from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.store import Store, open_store
+
+log = logging.getLogger(__name__)
+
+SAY_S = 5.0  # how often the states of the devices are noted
+_AGAIN_S = 5.0
+_END_S = 20.0
+
+
+class StoreWhenReady:
+    """A ``SampleSink`` that opens the store when it is first needed, and again where it was not
+    there: samples wait in the spool meanwhile."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._store: Store | None = None
+        self._guard = threading.Lock()
+
+    def store(self) -> Store:
+        """The store. Raises ``StoreError`` while it is away."""
+        with self._guard:
+            if self._store is None:
+                store = open_store(self._plant.storage)
+                for device in self._plant.devices.values():
+                    units = {register.tag: register.unit for register in device.registers}
+                    store.samples.describe(device.name, units)
+                self._store = store
+            return self._store
+
+    def write(self, batch: SampleBatch) -> None:
+        """Store the samples."""
+        self.store().samples.write(batch)
+
+
+class CollectorProcess:
+    """Keeps the collector's process alive while ``watch`` runs."""
+
+    def __init__(self, plant_file: Path, *, logs_as_json: bool = False) -> None:
+        self._file, self._json = plant_file, logs_as_json
+        self.restarts = 0
+
+    def watch(self, stop: threading.Event) -> None:
+        """Start the process, start it again when it ends, and end it when ``stop`` is set."""
+        context = multiprocessing.get_context("spawn")
+        while not stop.is_set():
+            ours, theirs = context.Pipe()
+            process = context.Process(
+                target=run_collector, args=(self._file, theirs, self._json), name="collector"
+            )
+            with quiet_start():
+                process.start()
+            theirs.close()
+            _until_over(process, stop)
+            ours.close()  # tells it to end
+            process.join(timeout=_END_S)
+            if process.is_alive():
+                log.error("the collector did not end in %g s and is killed", _END_S)
+                process.kill()
+                process.join()
+            if not stop.is_set():
+                self.restarts += 1
+                log.error("the collector ended with status %s; again", process.exitcode)
+                stop.wait(_AGAIN_S)
+
+
+def run_collector(plant_file: Path, parent: Connection, logs_as_json: bool) -> None:
+    """The life of the collector's process: collect until the parent closes its end or dies."""
+    take_signals(ignore=(signal.SIGINT, signal.SIGTERM))  # the parent says when to end
+    set_up_logs(as_json=logs_as_json, process="collector")
+    plant = load_plant(plant_file)
+    hide_secrets(plant)
+    late = StoreWhenReady(plant)
+    stop = threading.Event()
+    threading.Thread(target=_until_closed, args=(parent, stop), daemon=True).start()
+    spool = Spool(plant.beside(plant.service.spool))
+    try:
+        collector = Collector(plant.devices.values(), late, spool)
+        saying = threading.Thread(target=_say_states, args=(collector, late, stop), daemon=True)
+        saying.start()
+        collect(collector, stop)
+    finally:
+        spool.close()
+
+
+def state_of(device: DeviceState, collector: Collector) -> SourceState:
+    """A device's state as the store keeps it."""
+    figures: dict[str, float] = {
+        "polls": device.polls,
+        "good": device.good,
+        "bad": device.bad,
+        "missed": device.missed,
+        "reconnects": device.reconnects,
+        "refused_tags": len(device.refused),
+        "dropped": collector.dropped,
+        "store_refused": collector.store.refused,
+    }
+    for name, value in (("late_p99_s", device.lateness_s()), ("poll_p99_s", device.duration_s())):
+        if value is not None:
+            figures[name] = round(value, 4)
+    last = device.last_good_us
+    return SourceState(
+        source=device.name,
+        kind="modbus",
+        address=device.link,
+        updated=datetime.now(UTC),
+        last_good=None if last is None else EPOCH + timedelta(microseconds=last),
+        connected=device.connected,
+        fault=device.fault,
+        figures=figures,
+    )
+
+
+def _until_over(process: BaseProcess, stop: threading.Event) -> None:
+    while process.is_alive() and not stop.wait(0.2):
+        pass
+
+
+def _until_closed(parent: Connection, stop: threading.Event) -> None:
+    with contextlib.suppress(EOFError, OSError):
+        parent.recv()
+    stop.set()
+
+
+def _say_states(collector: Collector, late: StoreWhenReady, stop: threading.Event) -> None:
+    while not stop.wait(SAY_S):
+        try:
+            store = late.store()
+            for device in collector.states:
+                store.sources.note(state_of(device, collector))
+        except StoreError as error:
+            log.warning("the states of the devices are not noted: %s", error)

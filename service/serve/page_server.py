@@ -1,0 +1,160 @@
+"""The pages and the API on a socket of their own, in a thread of their own."""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import os
+import socket
+import threading
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from stemwatch.connectors.connector import ArchiveConnector, ConnectorError, ValveTags, Window
+from stemwatch.connectors.historian import ReadOptions
+from stemwatch.models.recording import Recording
+from stemwatch.service.config import Plant
+from stemwatch.service.run.task import open_archive, open_file
+from stemwatch.service.store.samples.connector import StoredSamples
+from stemwatch.service.store.store import Store
+from stemwatch.service.web.actions import Actions
+
+if TYPE_CHECKING:
+    from stemwatch.service.web.site import Check
+
+log = logging.getLogger(__name__)
+
+_END_S = 10  # answers that are being made, and the end of the thread
+
+
+class CannotListen(OSError):
+    """The address cannot be listened on; the text says why and what to do."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens. Raises ``CannotListen``; warns where other machines reach it, since
+    what they send travels as it is."""
+    if not _is_loopback(host):
+        log.warning(
+            "%s is reached by other machines, and passwords travel to it as they are: put a proxy "
+            "with TLS before it, or listen on 127.0.0.1",
+            host,
+        )
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(128)
+    except OSError as error:
+        listening.close()
+        raise CannotListen(
+            f"cannot listen on {host} port {port}: {error.strerror or error}; choose another with "
+            "--host and --port"
+        ) from None
+    return listening
+
+
+class PageServer:
+    """Serves the pages on ``listening`` until ``stop``."""
+
+    def __init__(
+        self,
+        store: Store,
+        plant: Plant,
+        listening: socket.socket,
+        *,
+        checks: Callable[[], Sequence[Check]],
+        wake: Callable[[], None],
+        hosts: Sequence[str] = (),
+    ) -> None:
+        from stemwatch.service.access.tokens import ENVIRONMENT
+        from stemwatch.service.serve.http_server import http_server
+        from stemwatch.service.web.app import create_app
+        from stemwatch.service.web.site import LOOPBACK, Site
+
+        own = (listening.getsockname()[0], socket.gethostname().lower(), *LOOPBACK)
+        site = Site(
+            store=store,
+            plant=plant,
+            read=recording_reader(plant, store),
+            actions=Actions(store, wake),
+            checks=checks,
+            hosts=tuple(dict.fromkeys((*hosts, *own))),
+            token=os.environ.get(ENVIRONMENT, ""),
+        )
+        self._server = http_server(create_app(site))
+        self._listening = listening
+        self._thread = threading.Thread(target=self._run, name="pages")
+
+    def start(self) -> None:
+        """Begin to serve."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Answer what was asked, then serve no more."""
+        self._server.should_exit = True
+        self._thread.join(timeout=_END_S)
+
+    def _run(self) -> None:
+        self._server.run(sockets=[self._listening])
+
+
+def address_of(listening: socket.socket, *, for_people: bool = False) -> str:
+    """Where the pages are; ``for_people`` by this machine's name where every address of it is
+    listened on."""
+    host, port = listening.getsockname()[:2]
+    if for_people and ipaddress.ip_address(host).is_unspecified:
+        host = socket.gethostname().lower()
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def recording_reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | None]:
+    """A function that gives the recording of a valve in a window, or ``None`` where there is
+    none. It raises ``ConnectorError`` for a valve that the plant file does not describe."""
+
+    def read(valve: str, window: Window) -> Recording | None:
+        if valve not in plant.valves:
+            raise ConnectorError(f"the plant file does not describe the valve {valve!r}")
+        if plant.is_live(valve):
+            source = StoredSamples(store.samples, plant.valves[valve].source)
+            try:
+                return source.read(plant.valve_tags(valve), window)
+            except ConnectorError:
+                return None  # nothing was collected in this window
+        address = plant.archive_of(valve)
+        return (
+            _in_files(plant, valve, window)
+            if address is None
+            else _archived(open_archive(address), plant.valve_tags(valve), window)
+        )
+
+    return read
+
+
+def _archived(archive: ArchiveConnector, tags: ValveTags, window: Window) -> Recording | None:
+    try:
+        return archive.read(archive.present(tags), window)
+    except ConnectorError:
+        return None  # the archive has nothing in this window
+
+
+def _in_files(plant: Plant, valve: str, window: Window) -> Recording | None:
+    """From the newest of the source's files that has samples in the window."""
+    source = plant.source_of(valve)
+    options = ReadOptions(**plant.read_options(source))
+    for path in reversed(plant.source_files(source)):
+        try:
+            return open_file(str(path), options).read(plant.valve_tags(valve), window)
+        except ConnectorError:
+            continue
+    return None

@@ -1,0 +1,118 @@
+"""One valve over time: the numbers of a screening, S and J over months, its baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.baselines import BASELINE
+from stemwatch.service.store.screenings.records import TrendPoint
+from stemwatch.service.store.screenings.tables import (
+    IndicatorRow,
+    NetworkRow,
+    ScreeningRow,
+)
+
+MOST_POINTS = 3000
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryPoint:
+    """S and J of one screening, each (value, low, high) in percent of OP span."""
+
+    id: int
+    at: datetime
+    verdict: Verdict
+    S: tuple[float | None, float | None, float | None]
+    J: tuple[float | None, float | None, float | None]
+    severity: float
+    grade: str
+    run: int
+    baseline: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineMark:
+    """A baseline that the valve has or had, without its network. ``at`` ends its window."""
+
+    id: int
+    at: datetime
+    window: tuple[datetime | None, datetime | None]
+    created: datetime
+    reason: str
+    active: bool
+
+
+def read_indicators(session: Session, screening: int) -> Mapping[str, TrendPoint]:
+    """The indicators of one screening, by name."""
+    rows = select(IndicatorRow).where(IndicatorRow.screening_id == screening)
+    return {
+        row.name: TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
+        for row in session.scalars(rows.order_by(IndicatorRow.name))
+    }
+
+
+def read_trend(
+    session: Session, valve: str, indicator: str, since: datetime | None
+) -> list[TrendPoint]:
+    """One indicator of one valve over time, oldest first."""
+    statement = select(IndicatorRow).where(
+        IndicatorRow.valve == valve, IndicatorRow.name == indicator
+    )
+    if since is not None:
+        statement = statement.where(IndicatorRow.at >= since)
+    rows = session.scalars(statement.order_by(IndicatorRow.at, IndicatorRow.screening_id))
+    return [
+        TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
+        for row in rows
+    ]
+
+
+def read_history(session: Session, valve: str, since: datetime | None = None) -> list[HistoryPoint]:
+    """S and J over time, oldest first; the newest ``MOST_POINTS`` of them."""
+    one = ScreeningRow
+    columns = (one.id, one.at, one.verdict, one.severity, one.grade, one.run_id, one.baseline_id)
+    S = (one.s_percent, one.s_low_percent, one.s_high_percent)
+    J = (one.j_percent, one.j_low_percent, one.j_high_percent)
+    statement = select(*columns, *S, *J).where(one.valve == valve)
+    if since is not None:
+        statement = statement.where(one.at >= since)
+    rows = session.execute(statement.order_by(one.at.desc(), one.id.desc()).limit(MOST_POINTS))
+    found = [
+        HistoryPoint(
+            id=row.id,
+            at=row.at,
+            verdict=Verdict(row.verdict),
+            S=(row.s_percent, row.s_low_percent, row.s_high_percent),
+            J=(row.j_percent, row.j_low_percent, row.j_high_percent),
+            severity=row.severity,
+            grade=row.grade,
+            run=row.run_id,
+            baseline=row.baseline_id,
+        )
+        for row in rows
+    ]
+    return found[::-1]
+
+
+def read_baseline_marks(session: Session, valve: str) -> list[BaselineMark]:
+    """Every baseline of the valve, oldest first."""
+    one = NetworkRow
+    columns = (one.id, one.window_start, one.window_end, one.created, one.reason, one.active)
+    statement = select(*columns).where(one.valve == valve, one.kind == BASELINE)
+    return [
+        BaselineMark(
+            id=row.id,
+            at=row.window_end or row.created,
+            window=(row.window_start, row.window_end),
+            created=row.created,
+            reason=row.reason,
+            active=row.active,
+        )
+        for row in session.execute(statement.order_by(one.id))
+    ]

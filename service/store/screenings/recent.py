@@ -1,0 +1,171 @@
+"""The last screenings of many valves at once: a few queries for hundreds of valves, and of each
+valve's years no more than is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import and_, select
+from sqlalchemy.orm import Session
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.recording import PERCENT
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.baselines import BASELINE
+from stemwatch.service.store.screenings.false_discoveries import remark_column
+from stemwatch.service.store.screenings.mismatch_json import mismatch_of
+from stemwatch.service.store.screenings.records import JudgedScreening, RecentOfValve
+from stemwatch.service.store.screenings.screenings import latest_screening_id, read_indicator
+from stemwatch.service.store.screenings.tables import (
+    MaintenanceRow,
+    NetworkRow,
+    NoteRow,
+    ScreeningRow,
+    ValveRow,
+)
+
+_NAMED = Finding.NAMED.value
+_COLUMNS = (
+    ScreeningRow.id,
+    ScreeningRow.valve,
+    ScreeningRow.run_id,
+    ScreeningRow.window_start,
+    ScreeningRow.window_end,
+    ScreeningRow.verdict,
+    ScreeningRow.advice,
+    ScreeningRow.severity,
+    ScreeningRow.s_percent,
+    ScreeningRow.s_low_percent,
+    ScreeningRow.s_high_percent,
+    ScreeningRow.s_reason,
+    ScreeningRow.j_percent,
+    ScreeningRow.mismatch_finding,
+    remark_column(),
+)
+
+
+def read_recent(
+    session: Session, valves: Sequence[str], depth: int, indicator: str
+) -> dict[str, RecentOfValve]:
+    """The last ``depth`` screenings of each of ``valves``; a few hundred valves at a time, since
+    one statement names all of them."""
+    judged = _last(session, valves, depth)
+    before = _at_baseline(session, valves)
+    numbers = [one.id for many in judged.values() for one in many]
+    values = read_indicator(session, indicator, numbers)
+    worked_at = _worked_at(session, valves)
+    return {
+        valve: RecentOfValve(
+            screenings=(many := judged.get(valve, [])),
+            at_baseline=before.get(valve),
+            indicator={one.id: values[one.id] for one in many if one.id in values},
+            worked_at=worked_at.get(valve, ()),
+        )
+        for valve in valves
+    }
+
+
+def read_work_without_note(session: Session, valves: Sequence[str], writer: str) -> list[str]:
+    """Those of ``valves`` whose last maintenance has no note of ``writer`` at its instant."""
+    work = select(MaintenanceRow.valve, MaintenanceRow.at).order_by(MaintenanceRow.at)
+    rows = session.execute(work.where(MaintenanceRow.valve.in_(valves)))
+    last = {valve: at for valve, at in rows}  # of several the last one stays
+    notes = select(NoteRow.valve, NoteRow.at).where(
+        NoteRow.who == writer, NoteRow.valve.in_(list(last))
+    )
+    said = {(valve, at) for valve, at in session.execute(notes)} if last else set()
+    return [valve for valve in valves if valve in last and (valve, last[valve]) not in said]
+
+
+def _worked_at(session: Session, valves: Sequence[str]) -> dict[str, list[datetime]]:
+    """When each of ``valves`` was worked on, where it was."""
+    found: dict[str, list[datetime]] = {}
+    work = select(MaintenanceRow.valve, MaintenanceRow.at).where(MaintenanceRow.valve.in_(valves))
+    for valve, at in session.execute(work):
+        found.setdefault(valve, []).append(at)
+    return found
+
+
+def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list[JudgedScreening]]:
+    """The last ``depth`` screenings of each valve, newest first.
+
+    Their numbers come from the index, one short look for each, so that the time does not grow with
+    the years stored; what they name is read of the newest alone.
+    """
+    looks = [latest_screening_id(before=n).label(f"back_{n}") for n in range(depth)]
+    found = session.execute(select(ValveRow.id, *looks).where(ValveRow.id.in_(valves)))
+    order = {valve: [one for one in ids if one is not None] for valve, *ids in found}
+    numbers = [one for ids in order.values() for one in ids]
+    rows = select(*_COLUMNS).where(ScreeningRow.id.in_(numbers))
+    by_number = {row.id: row for row in session.execute(rows)}
+    many = {
+        valve: [by_number[one] for one in ids if one in by_number] for valve, ids in order.items()
+    }
+    named = _named(session, [newest for rows in many.values() if (newest := _newest(rows))])
+    return {
+        valve: [_judged(row, named.get(row.id)) for row in rows] for valve, rows in many.items()
+    }
+
+
+def _newest(rows: Sequence[Any]) -> int | None:
+    """The newest screening with a verdict, where it names something."""
+    for row in rows:
+        if row.verdict != Verdict.UNDETERMINED.value:
+            return int(row.id) if row.mismatch_finding == _NAMED else None
+    return None
+
+
+def _named(session: Session, numbers: Sequence[int]) -> dict[int, Mismatch]:
+    if not numbers:
+        return {}
+    rows = select(ScreeningRow.id, ScreeningRow.mismatch).where(ScreeningRow.id.in_(numbers))
+    read = ((number, mismatch_of(stored)) for number, stored in session.execute(rows))
+    return {number: mismatch for number, mismatch in read if mismatch is not None}
+
+
+def _judged(row: Any, mismatch: Mismatch | None) -> JudgedScreening:
+    return JudgedScreening(
+        id=row.id,
+        run_id=row.run_id,
+        window=(row.window_start, row.window_end),
+        verdict=Verdict(row.verdict),
+        advice=row.advice,
+        severity=row.severity,
+        S=_percent(row),
+        J=row.j_percent,
+        named=row.mismatch_finding == _NAMED and not row.held_back,
+        mismatch=mismatch,
+    )
+
+
+def _percent(row: Any) -> Estimate:
+    return Estimate(
+        value=row.s_percent,
+        low=row.s_low_percent,
+        high=row.s_high_percent,
+        unit=PERCENT,
+        reason=row.s_reason,
+    )
+
+
+def _at_baseline(session: Session, valves: Sequence[str]) -> dict[str, Estimate]:
+    """S in the window that each valve's baseline was fitted to."""
+    same = and_(
+        ScreeningRow.valve == NetworkRow.valve,
+        ScreeningRow.at == NetworkRow.window_end,  # has an index; it is the end of the window
+        ScreeningRow.window_end == NetworkRow.window_end,
+        ScreeningRow.window_start == NetworkRow.window_start,
+    )
+    columns = (
+        ScreeningRow.valve,
+        ScreeningRow.s_percent,
+        ScreeningRow.s_low_percent,
+        ScreeningRow.s_high_percent,
+        ScreeningRow.s_reason,
+    )
+    rows = select(*columns).select_from(NetworkRow).join(ScreeningRow, same)
+    rows = rows.where(NetworkRow.valve.in_(valves), NetworkRow.kind == BASELINE, NetworkRow.active)
+    return {row.valve: _percent(row) for row in session.execute(rows)}

@@ -1,0 +1,221 @@
+"""Reading an export in a process of its own, whose memory is limited.
+
+A file that is dropped into a folder is somebody else's. What it unpacks to, or what its text takes
+to be read, may be more than this machine has; then the reading process fails, and the service goes
+on.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stemwatch.connectors.connector import ConnectorError, UnknownTag
+from stemwatch.connectors.historian import ReadOptions
+from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.opened_file import OpenedFile, open_file
+from stemwatch.connectors.historian.recordings import find_tag
+from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.models.recording import Quality
+from stemwatch.service.process_lifecycle import begin_child, quiet_start, worker_context
+
+BATCH = 20_000  # samples in one message, and in one transaction of the store
+_SHARE = 0.75  # of the memory that is free now
+_LEAST = 256 << 20  # bytes; below this no export can be read
+_SHOWN = 8
+_MB = 1 << 20
+
+
+class Rejected(Exception):
+    """The file cannot be taken in; the text says why and what to do."""
+
+
+class ReaderDied(Exception):
+    """The reading process ended without a word, killed by the system or by somebody."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """A file to read: the tags that are wanted, and whether each is a controller's mode."""
+
+    path: Path
+    options: ReadOptions
+    source: str
+    wanted: Mapping[str, bool]
+
+
+@contextmanager
+def limited_reading(
+    export: Export, memory_bytes: int | None = None
+) -> Iterator[tuple[Mapping[str, str], Iterator[SampleBatch]]]:
+    """The wanted tags that ``export`` has with their units, and their samples.
+
+    ``memory_bytes`` is how much the reading may take; three quarters of what is free where left
+    out. Raises ``Rejected`` for a file that cannot be read or needs more, and ``ReaderDied``; both
+    may also come with the samples.
+    """
+    limit = memory_bytes or max(_LEAST, int(_SHARE * free_memory()))
+    context = worker_context()
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_serve, args=(theirs, export, limit), daemon=True)
+    with quiet_start():
+        process.start()
+    theirs.close()
+    try:
+        yield _received(ours, process), iter(lambda: _received(ours, process), None)
+    finally:
+        process.terminate()
+        process.join()
+        ours.close()
+
+
+def _received(ours: Connection, process: Any) -> Any:
+    try:
+        message = ours.recv()
+    except EOFError:
+        process.join()
+        raise ReaderDied(f"the process that read it ended with {process.exitcode}") from None
+    if isinstance(message, str):
+        raise Rejected(message)
+    return message
+
+
+def _serve(theirs: Connection, export: Export, memory_bytes: int) -> None:
+    """What the reading process does: units, batches of samples, and ``None`` at the end; or a
+    sentence why the file is rejected."""
+    begin_child()
+    limit_memory(memory_bytes)
+    try:
+        for message in _read(export):
+            theirs.send(message)
+        theirs.send(None)
+    except Rejected as error:
+        theirs.send(str(error))
+    except MemoryError:
+        theirs.send(
+            f"reading it takes more than the {memory_bytes // _MB} MB of memory that are left for "
+            "it; split the export, or give the service more memory"
+        )
+
+
+def _read(export: Export) -> Iterator[Mapping[str, str] | SampleBatch]:
+    opened = _opened(export)
+    columns = dict(_columns(opened, export.wanted))
+    if not columns:
+        raise Rejected(_no_tags(opened, export))
+    yield {tag: column.unit for tag, column in columns.items()}
+    for tag, column in columns.items():
+        yield from _batches(export.source, tag, column)
+
+
+def _opened(export: Export) -> OpenedFile:
+    try:
+        opened = open_file(export.path, export.options)
+    except ConnectorError as error:
+        # The connector's sentence without the path: the note lies beside the file.
+        raise Rejected(str(error).removeprefix(f"{export.path}: ")) from None
+    except (OSError, ValueError) as error:
+        raise Rejected(f"{type(error).__name__}: {error}") from None
+    if not opened.instants.known:
+        raise Rejected(
+            f"the times have no zone; give one to the source {export.source!r} in the plant file, "
+            'such as zone = "Europe/Berlin"'
+        )
+    return opened
+
+
+def _columns(opened: OpenedFile, wanted: Mapping[str, bool]) -> Iterator[tuple[str, Column]]:
+    for tag, as_mode in wanted.items():
+        try:
+            there = find_tag(opened, tag)
+        except UnknownTag:
+            continue
+        yield tag, opened.column(there, as_mode=as_mode)
+
+
+def _batches(source: str, tag: str, column: Column) -> Iterator[SampleBatch]:
+    good = column.quality == Quality.GOOD
+    for first in range(0, column.ns.size, BATCH):
+        part = slice(first, first + BATCH)
+        count = column.ns[part].size
+        yield SampleBatch(
+            source=source,
+            tags=(tag,) * count,
+            at_us=np.asarray(column.ns[part] // 1000, dtype=np.int64),
+            values=column.values[part],
+            quality=column.quality[part],
+            reasons=tuple("" if ok else "marked so in the export" for ok in good[part]),
+        )
+
+
+def _no_tags(opened: OpenedFile, export: Export) -> str:
+    there = [column.tag for column in opened.table.columns]
+    wanted = sorted(export.wanted)
+    return (
+        f"none of the {len(wanted)} tags that valves of {export.source!r} name is in it "
+        f"({', '.join(wanted[:_SHOWN]) or 'no valve has this source'}); its tags are "
+        f"{', '.join(there[:_SHOWN])}{' ...' if len(there) > _SHOWN else ''}"
+    )
+
+
+def limit_memory(more_bytes: int) -> None:
+    """Let this process take ``more_bytes`` beyond what it has; then there is a ``MemoryError``.
+
+    Not on Windows, which has no such limit, nor on macOS, which does not keep it.
+    """
+    if sys.platform != "linux":
+        return
+    import resource
+
+    limit = _in_status("VmData") + more_bytes
+    _, hardest = resource.getrlimit(resource.RLIMIT_DATA)
+    if hardest != resource.RLIM_INFINITY:
+        limit = min(limit, hardest)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, hardest))
+
+
+def free_memory() -> int:
+    """Bytes that this machine, or the group of processes that this one belongs to, has left."""
+    if sys.platform != "linux":
+        return 4 << 30  # of no consequence: nothing limits a process there
+    free = [_in_kilobytes(Path("/proc/meminfo"), "MemAvailable")]
+    for group in _control_groups():
+        try:
+            highest = (group / "memory.max").read_text().strip()
+            used = int((group / "memory.current").read_text())
+        except (OSError, ValueError):
+            continue
+        if highest != "max":
+            free.append(int(highest) - used)
+    return max(0, min(free))
+
+
+def _control_groups() -> Iterator[Path]:
+    """The control group of this process (version 2) and those above it, each of which may limit."""
+    root = Path("/sys/fs/cgroup")
+    try:
+        lines = Path("/proc/self/cgroup").read_text().splitlines()
+    except OSError:
+        return
+    for line in lines:
+        if line.startswith("0::/"):
+            own = root / line.removeprefix("0::/")
+            yield from (group for group in (own, *own.parents) if group.is_relative_to(root))
+
+
+def _in_status(name: str) -> int:
+    return _in_kilobytes(Path("/proc/self/status"), name)
+
+
+def _in_kilobytes(path: Path, name: str) -> int:
+    for line in path.read_text().splitlines():
+        if line.startswith(f"{name}:"):
+            return int(line.split()[1]) * 1024
+    raise ValueError(f"{path} has no {name}")

@@ -1,0 +1,113 @@
+"""MV against OP over a window, with the loop of the fitted model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import timedelta
+
+import numpy as np
+
+from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
+from stemwatch.service.web.api.schemas import LoopAnswer, LoopTrace
+from stemwatch.service.web.api.signals import SignalWindow, json_numbers, read_recording
+from stemwatch.service.web.site import Site
+
+_NEUTRAL = {
+    "dead_time_s": 0.0,
+    "lag_rising_s": 0.0,
+    "lag_falling_s": 0.0,
+    "speed_rising_percent_per_s": np.inf,
+    "speed_falling_percent_per_s": np.inf,
+    "position_zero_percent": 0.0,
+}
+
+
+def fitted_run(recording: Recording, indicators: Mapping[str, float]) -> Floats | None:
+    """(n,) free run of MV in percent, NaN where OP or MV is not known; ``None`` where S, J or MV is
+    missing, or MV is not in percent.
+
+    The element is that of ``models.stickslip.kernel`` in its canonical form, with the stored S, J,
+    dead time, lags, speed limits and zero; it starts from the measurement and after each hole.
+    """
+    mv = recording.mv
+    S, J = indicators.get("S_percent"), indicators.get("J_percent")
+    if mv is None or S is None or J is None or mv.unit != recording.op.unit:
+        return None
+    usable = recording.usable
+    if usable.sum() < 2:
+        return None
+    from stemwatch.models.stickslip.problem import make_problem  # compiled: loaded when asked for
+
+    known = {name: indicators.get(name, default) for name, default in _NEUTRAL.items()}
+    q = np.array([S, J, *known.values(), 1.0, 0.0])
+    return np.where(usable, make_problem(recording).simulate(q), np.nan)
+
+
+LONGEST_LOOP = timedelta(hours=12)
+LOOP_POINTS = 1500
+LABELS = (("recorded", "recorded"), ("stiction", "stick-slip model"))
+
+
+def loop_of(site: Site, asked: SignalWindow, indicators: Mapping[str, float]) -> LoopAnswer:
+    """MV against OP with the fitted loop; of a long window a typical stretch, sample by sample.
+
+    Without MV, PV stands in, and includes the process.
+    """
+    asked = asked.at_most(LONGEST_LOOP)
+    recording, says = read_recording(site, asked)
+    if recording is None:
+        return _empty(asked, says)
+    vertical = recording.mv or recording.get(Role.PV)
+    if vertical is None:
+        return _empty(asked, "Neither MV nor PV is recorded for this valve.")
+    fitted = fitted_run(recording, indicators)
+    part, why = _typical(recording, fitted)
+    drawn = [
+        trace[part] for trace in (recording.op.values, vertical.values, fitted) if trace is not None
+    ]
+    picked = telling_samples(drawn, LOOP_POINTS)
+    start = (asked.start if recording.start is None else recording.start).timestamp()
+    at_s = start + recording.time_s[part][picked]
+    return LoopAnswer(
+        valve=asked.valve,
+        start_s=start + part.start * recording.interval_s,
+        stop_s=start + part.stop * recording.interval_s,
+        op=json_numbers(drawn[0][picked]),
+        at_s=np.round(at_s, 3).tolist(),
+        y="PV" if recording.mv is None else "MV",
+        y_unit=vertical.unit,
+        thinned=max(1, round((part.stop - part.start) / max(1, picked.size))),
+        traces=[
+            LoopTrace(role=role, label=label, values=json_numbers(values[picked]))
+            for (role, label), values in zip(LABELS, drawn[1:], strict=False)
+        ],
+        says=why,
+    )
+
+
+def _typical(recording: Recording, fitted: Floats | None) -> tuple[slice, str]:
+    """The samples that are drawn, and why these where they are not all."""
+    whole = slice(0, len(recording))
+    if len(recording) <= LOOP_POINTS // 3:
+        return whole, ""
+    stretch = typical_stretch_of(recording, fitted, None)
+    if stretch is None:
+        return whole, ""
+    return slice(stretch.first, stretch.last), stretch.why
+
+
+def _empty(asked: SignalWindow, says: str) -> LoopAnswer:
+    return LoopAnswer(
+        valve=asked.valve,
+        start_s=asked.start.timestamp(),
+        stop_s=asked.stop.timestamp(),
+        op=[],
+        at_s=[],
+        y="MV",
+        y_unit="%",
+        thinned=1,
+        traces=[],
+        says=says,
+    )

@@ -1,0 +1,227 @@
+"""The API that reads: ``/api/v1``, the same facts as the pages, as JSON."""
+
+from __future__ import annotations
+
+import math
+from datetime import timedelta
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, HTTPException, Query
+from pydantic import AwareDatetime
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.service.access.permissions import Operation
+from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
+from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
+from stemwatch.service.store.screenings.records import StoredRun
+from stemwatch.service.web.actions import LARGEST_NUMBER
+from stemwatch.service.web.api import history, signals
+from stemwatch.service.web.api import loop as phase
+from stemwatch.service.web.api import schemas as shapes
+from stemwatch.service.web.api.schemas import MeAnswer
+from stemwatch.service.web.api.signals import window_of
+from stemwatch.service.web.auth.current_user import SignedIn
+from stemwatch.service.web.dependencies import Dependencies, Deps
+
+Id = Annotated[str, Query(alias="id", min_length=1, max_length=500, description="the valve's id")]
+Number = Annotated[int, Query(ge=1, le=LARGEST_NUMBER)]
+Word = Literal["sticky", "watch", "undetermined", "healthy", "none"]
+Sort = Literal[
+    "rank", "valve", "area", "criticality", "S", "J", "severity", "confidence", "at", "grade"
+]
+State = Literal["open", "acknowledged", "snoozed", "closed", "false", "all"]
+
+router = APIRouter(prefix="/api/v1", tags=["read"], responses=shapes.REFUSALS)
+
+
+@router.get("/valves")
+def valves(
+    deps: Deps,
+    q: Annotated[str, Query(max_length=200, description="in tag, service or area")] = "",
+    area: Annotated[list[str], Query(max_length=100)] = [],  # noqa: B006  # read, never changed
+    verdict: Annotated[list[Word], Query(max_length=5)] = [],  # noqa: B006
+    criticality: Annotated[list[Literal["1", "2", "3"]], Query(max_length=3)] = [],  # noqa: B006
+    sort: Sort = "rank",
+    order: Literal["asc", "desc"] = "asc",
+    page: Annotated[int, Query(ge=1, le=10_000)] = 1,
+    size: Annotated[int, Query(ge=1, le=MOST_PAGE)] = PAGE,
+) -> shapes.RankingAnswer:
+    """The valves with their latest findings, worst first unless asked otherwise."""
+    wanted = RankingFilter(
+        text=q,
+        areas=tuple(area),
+        verdicts=tuple(verdict),
+        criticalities=tuple(int(level) for level in criticality),
+        sort=sort,
+        descending=order == "desc",
+        page=page,
+        size=size,
+    )
+    found = deps.store.ranking(wanted)
+    lines = [valve_line(line) for line in found.lines]
+    return shapes.RankingAnswer(
+        total=found.total, page=page, size=size, counts=dict(found.counts), valves=lines
+    )
+
+
+@router.get("/valve/signals")
+def valve_signals(
+    deps: Deps, valve: Id, start: AwareDatetime, stop: AwareDatetime
+) -> shapes.SignalsAnswer:
+    """OP, MV, PV and SP between two instants, thinned to what can be seen."""
+    asked = window_of(deps.need_valve(valve), start, stop)
+    return signals.signals_of(deps.site, asked)
+
+
+@router.get("/valve/loop")
+def valve_loop(
+    deps: Deps, valve: Id, start: AwareDatetime, stop: AwareDatetime
+) -> shapes.LoopAnswer:
+    """MV against OP with the loop of the model that was fitted last; at most twelve hours."""
+    asked = window_of(deps.need_valve(valve), start, stop)
+    latest = deps.store.screenings(valve, 1)
+    found = deps.store.indicators(latest[0].id) if latest else {}
+    numbers = {name: one.value for name, one in found.items() if one.value is not None}
+    return phase.loop_of(deps.site, asked, numbers)
+
+
+@router.get("/valve/history")
+def valve_history(
+    deps: Deps, valve: Id, months: Annotated[int, Query(ge=1, le=240)] = 240
+) -> shapes.HistoryAnswer:
+    """S and J over months, the limits, and what happened to the valve."""
+    since = deps.now - timedelta(days=31 * months)
+    return history.history_of(deps, deps.need_valve(valve), since)
+
+
+@router.get("/alerts")
+def alert_list(deps: Deps, state: State = "open") -> list[shapes.AlertLine]:
+    """Alerts in a state, the newest first."""
+    found = deps.store.alerts.in_state(state, deps.now)
+    return [alert_line(one, deps) for one in found]
+
+
+@router.get("/runs")
+def runs(deps: Deps, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> list[shapes.RunAnswer]:
+    """Runs, the newest first, with their progress."""
+    return [run_answer(run, deps) for run in deps.store.queue.recent(limit)]
+
+
+@router.get("/run")
+def run(deps: Deps, number: Annotated[Number, Query(alias="id")]) -> shapes.RunAnswer:
+    """One run with its progress and the time left."""
+    found = deps.store.queue.find(number)
+    if found is None:
+        raise HTTPException(404, f"there is no run {number}")
+    return run_answer(found, deps)
+
+
+@router.get("/sources")
+def sources(deps: Deps) -> list[shapes.SourceAnswer]:
+    """How each source of data is doing."""
+    return [
+        shapes.SourceAnswer(
+            source=one.source,
+            kind=one.kind,
+            address=one.address,
+            updated=one.updated,
+            last_good=one.last_good,
+            connected=one.connected,
+            fault=one.fault,
+            figures={name: finite(value) for name, value in one.figures.items()},
+        )
+        for one in deps.store.sources.states()
+    ]
+
+
+@router.get("/schedules")
+def schedules(deps: Deps) -> list[shapes.ScheduleAnswer]:
+    """When which valves are screened."""
+    return [
+        shapes.ScheduleAnswer(
+            name=one.schedule.name,
+            cron=one.schedule.cron,
+            every_s=one.schedule.every_s,
+            window_s=one.schedule.window_s,
+            areas=list(one.schedule.areas),
+            valves=list(one.schedule.valves),
+            enabled=one.schedule.enabled,
+            last_due=one.last_due,
+            next_due=one.next_due,
+        )
+        for one in deps.store.schedules.all()
+    ]
+
+
+@router.get("/me")
+def me(current_user: SignedIn) -> MeAnswer:
+    """Who asks, and what that allows."""
+    scopes = None if current_user.scopes is None else sorted(current_user.scopes)
+    return MeAnswer(
+        name=current_user.name,
+        role=current_user.role,
+        how=current_user.how,
+        scopes=scopes,
+        may=[one.value for one in Operation if current_user.may(one)],
+    )
+
+
+def valve_line(line: RankingLine) -> shapes.ValveLine:
+    """A line of the ranking for the API."""
+    return shapes.ValveLine(
+        valve=line.valve,
+        description=line.description,
+        area=line.area,
+        criticality=line.criticality,
+        verdict=None if line.verdict is None else line.verdict.value,
+        at=line.at,
+        severity=line.severity,
+        confidence=line.confidence,
+        grade=line.grade,
+        shape=line.shape,
+        S=_estimated(line.S),
+        J=_estimated(line.J),
+        left_out=list(line.left_out),
+        held_back=line.held_back,
+    )
+
+
+def alert_line(alert: StoredAlert, deps: Dependencies) -> shapes.AlertLine:
+    """An alert for the API."""
+    names = set(shapes.AlertLine.model_fields) - {"state", "kind", "severity"}
+    return shapes.AlertLine(
+        state=state_of(alert, deps.now),
+        kind=alert.kind.value,
+        severity=alert.severity.value,
+        **{name: getattr(alert, name) for name in names},
+    )
+
+
+def run_answer(run: StoredRun, deps: Dependencies) -> shapes.RunAnswer:
+    """A run for the API."""
+    return shapes.RunAnswer(
+        id=run.id,
+        state=run.state.value,
+        schedule=run.schedule,
+        who=run.who,
+        started=run.started,
+        finished=run.finished,
+        total=run.total,
+        done=run.done,
+        set_aside=run.set_aside,
+        left_s=run.left_s(deps.now),
+        reason=run.reason,
+        counts={verdict.value: count for verdict, count in run.counts.items()},
+    )
+
+
+def finite(value: object) -> float | None:
+    """A number that JSON has, or ``None``."""
+    known = isinstance(value, int | float) and math.isfinite(value)
+    return float(value) if known and isinstance(value, int | float) else None
+
+
+def _estimated(estimate: Estimate) -> shapes.Estimated:
+    return shapes.Estimated(
+        value=estimate.value, low=estimate.low, high=estimate.high, reason=estimate.reason
+    )

@@ -1,0 +1,179 @@
+"""``Authentication``: who sent a request, whether their permissions allow it, and the entry in the
+audit log. ``SecurityMiddleware`` calls it before every route.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from urllib.parse import parse_qs, urlencode
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
+from starlette.requests import Request, cookie_parser
+from starlette.responses import RedirectResponse, Response
+from starlette.types import Scope
+
+from stemwatch.service.access.permissions import PERMISSIONS, SCOPE_OF, CurrentUser, Operation
+from stemwatch.service.access.sessions import user_of_cookie
+from stemwatch.service.access.tokens import user_of_environment, user_of_token
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.web.auth.current_user import address_of, state_of
+from stemwatch.service.web.auth.route_permissions import RoutePermissions
+from stemwatch.service.web.auth.session_cookie import cookie_name
+from stemwatch.service.web.site import Site
+
+log = logging.getLogger(__name__)
+
+SAFE = ("GET", "HEAD", "OPTIONS")
+BY_ITSELF = "x-stemwatch-refresh"  # what a page asks for without anybody's hand
+AWAY = "The database does not answer; the page is there again when it does."
+NOBODY = "Sign in, or send a token as Authorization: Bearer."
+BAD_TOKEN = "This token lets nobody in: it is unknown, has run out or was revoked."
+_ONCE_IN = timedelta(minutes=1)
+_MOST_ADDRESSES = 1000
+
+# A request, a status and a sentence, as a page or as JSON.
+Answer = Callable[[Request, int, str], Response]
+
+
+class Authentication:
+    """Lets requests of ``site`` in or answers them itself."""
+
+    def __init__(self, site: Site, permissions: RoutePermissions, answer: Answer) -> None:
+        self._site, self._permits, self._answer = site, permissions, answer
+        self._said: dict[str, datetime] = {}  # when a stranger at an address was last noted
+        self._lock = threading.Lock()
+
+    async def admit(self, scope: Scope) -> Response | None:
+        """``None`` for a request that may go on, else the refusal."""
+        operation = self._permits.of(scope)
+        scope["state"] = {**scope.get("state", {}), "operation": operation}
+        if PERMISSIONS[operation].least is None:
+            return None
+        request, headers = Request(scope), Headers(scope=scope)
+        try:
+            current_user = await run_in_threadpool(self._who, scope, headers)
+        except StoreError as error:
+            log.warning("%s %s: %s", scope["method"], scope["path"], error)
+            return self._answer(request, 503, AWAY)
+        if current_user is None:
+            await run_in_threadpool(self._note_stranger, scope, headers)
+            return self._stranger(request, headers)
+        state_of(scope)["current_user"] = current_user
+        if current_user.may(operation):
+            return None
+        await self.note(scope, 403)
+        return self._answer(request, 403, _lacking(current_user, operation))
+
+    async def note(self, scope: Scope, status: int) -> None:
+        """Write the audit log, where the request wanted to change something or was refused."""
+        state = state_of(scope)
+        current_user: CurrentUser | None = state.get("current_user")
+        if (
+            current_user is None
+            or state.get("noted")
+            or (scope["method"] in SAFE and status != 403)
+        ):
+            return
+        state["noted"] = True
+        outcome = AuditOutcome.DONE if status < 400 else AuditOutcome.FAILED
+        entry = AuditEntry(
+            at=self._site.clock(),
+            who=current_user.name,
+            how=current_user.how,
+            address=address_of(scope),
+            action=state["operation"].value,
+            about=_about(scope),
+            outcome=AuditOutcome.REFUSED if status == 403 else outcome,
+            detail="" if status < 400 else f"answered {status}",
+        )
+        await run_in_threadpool(self._write, entry)
+
+    def _who(self, scope: Scope, headers: Headers) -> CurrentUser | None:
+        now = self._site.clock()
+        if "authorization" in headers:
+            secret = _bearer(headers["authorization"])
+            return user_of_environment(secret, self._site.token) or user_of_token(
+                self._site.store, secret, now
+            )
+        cookie = cookie_parser(headers.get("cookie", "")).get(cookie_name(scope), "")
+        if not cookie:
+            return None
+        active = BY_ITSELF not in headers
+        return user_of_cookie(self._site.store, cookie, now, active=active)
+
+    def _stranger(self, request: Request, headers: Headers) -> Response:
+        """To the login where a person opens a page, else 401 with a sentence."""
+        by_hand = request.method in ("GET", "HEAD") and BY_ITSELF not in headers
+        wants_page = "text/html" in headers.get("accept", "")
+        if by_hand and wants_page and "authorization" not in headers:
+            base = request.scope.get("root_path", "").rstrip("/")
+            path = request.url.path.removeprefix(base) or "/"
+            wanted = f"{path}?{request.url.query}" if request.url.query else path
+            query = "" if wanted == "/" else f"?{urlencode({'next': wanted})}"
+            return RedirectResponse(f"{base}/login{query}", 303)
+        text = BAD_TOKEN if "authorization" in headers else NOBODY
+        answer = self._answer(request, 401, text)
+        answer.headers["www-authenticate"] = 'Bearer realm="stemwatch"'
+        return answer
+
+    def _note_stranger(self, scope: Scope, headers: Headers) -> None:
+        """Bad tokens and changes that nobody signed for: once a minute from an address, so that
+        strangers cannot fill the log."""
+        if "authorization" not in headers and scope["method"] in SAFE:
+            return
+        now, address = self._site.clock(), address_of(scope)
+        with self._lock:
+            if now - self._said.get(address, now - 2 * _ONCE_IN) < _ONCE_IN:
+                return
+            if len(self._said) >= _MOST_ADDRESSES:
+                self._said.clear()
+            self._said[address] = now
+        self._write(
+            AuditEntry(
+                at=now,
+                who="",
+                how="a bad token" if "authorization" in headers else "",
+                address=address,
+                action=state_of(scope)["operation"].value,
+                outcome=AuditOutcome.REFUSED,
+                detail="answered 401; noted once a minute",
+            )
+        )
+
+    def _write(self, entry: AuditEntry) -> None:
+        try:
+            self._site.store.audit.add(entry)
+        except StoreError as error:  # the log of the service has it then
+            log.error("not in the audit log: %s (%s)", entry, error)
+
+
+def _bearer(authorization: str) -> str:
+    """The token in an ``Authorization`` header; empty where there is none."""
+    scheme, _, rest = authorization.partition(" ")
+    return rest.strip() if scheme.casefold() == "bearer" else ""
+
+
+def _lacking(current_user: CurrentUser, operation: Operation) -> str:
+    """What is missing, in words."""
+    right = PERMISSIONS[operation]
+    if right.least is None or current_user.role.rank < right.least.rank:
+        return (
+            f"To {operation} needs the role {right.least}; {current_user.name} is "
+            f"{current_user.role}. An admin can change that."
+        )
+    if right.in_person:
+        return "This is done signed in with a password, not with a token."
+    return f"To {operation} a token needs the scope {SCOPE_OF[right.least]}; this one lacks it."
+
+
+def _about(scope: Scope) -> str:
+    """What a request is about: what its route said, and the ``id`` of its address."""
+    query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+    found = [f"id {number}" for number in query.get("id", ())[:1]]
+    said = state_of(scope).get("about", "")
+    return "; ".join(part for part in (said, *found) if part)

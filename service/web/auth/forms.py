@@ -1,0 +1,127 @@
+"""Forms that change something: their secret token, which only our own pages know, and clean fields.
+
+The token is what keeps another site's page from sending a form in the name of whoever is signed in.
+"""
+
+from __future__ import annotations
+
+import hmac
+from datetime import UTC, datetime, tzinfo
+from typing import Annotated
+from urllib.parse import parse_qs
+
+from fastapi import Depends, HTTPException, Request, Response
+from starlette.types import Scope
+
+from stemwatch.service.access.secret import new_secret
+from stemwatch.service.access.sessions import form_token_of
+from stemwatch.service.web.auth.current_user import current_user_of, note_about
+from stemwatch.service.web.auth.session_cookie import is_secure
+
+COOKIE = "stemwatch_form"  # for the pages that are open before anybody has signed in
+FIELD = "mark"
+MOST_TEXT = 2000
+MOST_FIELDS = 200
+NAMED_IN_AUDIT = ("valve", "alert", "how", "run", "area", "user", "role", "token", "name")
+TOO_OLD = "This form is too old, or was not opened here. Open the page again and repeat."
+
+
+class Form:
+    """The fields of a form that was sent with its token."""
+
+    def __init__(self, fields: dict[str, list[str]]) -> None:
+        self._fields = fields
+
+    def text(self, name: str, *, needed: str = "", most: int = MOST_TEXT) -> str:
+        """A field without blanks around it. ``needed`` is what an error says was expected."""
+        found = (self._fields.get(name) or [""])[0].strip()
+        if needed and not found:
+            raise HTTPException(422, f"{needed} is needed")
+        if len(found) > most:
+            raise HTTPException(422, f"{name}: {len(found)} characters, at most {most} expected")
+        return found
+
+    def secret(self, name: str) -> str:
+        """A password as it was typed, blanks and all; an error never shows it."""
+        found = (self._fields.get(name) or [""])[0]
+        if not found:
+            raise HTTPException(422, "a password is needed")
+        if len(found) > MOST_TEXT:
+            raise HTTPException(422, f"a password of at most {MOST_TEXT} characters is expected")
+        return found
+
+    def all(self, name: str) -> list[str]:
+        """Every value of a field that may be given more than once."""
+        return self._fields.get(name, [])
+
+    def number(self, name: str, needed: str) -> int:
+        """A whole number."""
+        found = self.text(name, needed=needed)
+        if not found.isascii() or not found.isdigit() or len(found) > 18:
+            raise HTTPException(422, f"{needed} is needed, received {found!r}")
+        return int(found)
+
+    def instant(self, name: str, zone: tzinfo, now: datetime) -> datetime:
+        """A local time of the plant, such as 2026-03-02T14:30, as UTC; ``now`` where empty."""
+        found = self.text(name)
+        if not found:
+            return now
+        try:
+            given = datetime.fromisoformat(found)
+        except ValueError:
+            raise HTTPException(
+                422, f"a time such as 2026-03-02 14:30 is needed, received {found!r}"
+            ) from None
+        local = given if given.tzinfo else given.replace(tzinfo=zone)
+        try:
+            return local.astimezone(UTC)
+        except OverflowError:
+            raise HTTPException(422, f"{found!r} is no time that a plant has known") from None
+
+
+async def form_of(request: Request) -> Form:
+    """The form in a request. Raises 403 where its token is not that of the reader's session."""
+    current_user = current_user_of(request)
+    return await _checked(request, "" if current_user is None else current_user.form_token)
+
+
+async def open_form_of(request: Request) -> Form:
+    """A form of a page that is open to everybody; its token belongs to a cookie of its own."""
+    cookie = request.cookies.get(COOKIE, "")
+    return await _checked(request, form_token_of(cookie) if cookie else "")
+
+
+async def _checked(request: Request, token: str) -> Form:
+    kind = request.headers.get("content-type", "").partition(";")[0].strip()
+    if kind != "application/x-www-form-urlencoded":
+        raise HTTPException(415, f"a form is expected, received {kind or 'no content type'!r}")
+    try:
+        text = (await request.body()).decode("utf-8")
+        fields = parse_qs(text, keep_blank_values=True, max_num_fields=MOST_FIELDS)
+    except ValueError:
+        raise HTTPException(422, "the form is not readable as UTF-8 text") from None
+    given = (fields.pop(FIELD, None) or [""])[0]
+    if not token or not hmac.compare_digest(given.encode(), token.encode()):
+        raise HTTPException(403, TOO_OLD)
+    said = [
+        f"{name} {fields[name][0].strip()[:80]}"
+        for name in NAMED_IN_AUDIT
+        if any(fields.get(name, ()))
+    ]
+    note_about(request, "; ".join(said))
+    return Form(fields)
+
+
+Sent = Annotated[Form, Depends(form_of)]
+OpenSent = Annotated[Form, Depends(open_form_of)]
+
+
+def cookie_of(request: Request) -> str:
+    """The reader's cookie for open forms, or a new one."""
+    return request.cookies.get(COOKIE) or new_secret()
+
+
+def set_cookie(response: Response, cookie: str, scope: Scope) -> None:
+    """Give the reader the cookie that open forms are checked against; no script can read it."""
+    secure = is_secure(scope)
+    response.set_cookie(COOKIE, cookie, httponly=True, samesite="strict", secure=secure, path="/")

@@ -1,0 +1,53 @@
+"""``Dependencies``: what every route is given: the site, its templates, and the actions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated
+
+from fastapi import Depends, HTTPException, Request
+
+from stemwatch.service.store.store import Store
+from stemwatch.service.web.actions import Actions
+from stemwatch.service.web.page_renderer import PageRenderer
+from stemwatch.service.web.site import Site
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dependencies:
+    """The site, its templates, and what a reader may do."""
+
+    site: Site
+    renderer: PageRenderer
+    actions: Actions
+
+    @property
+    def store(self) -> Store:
+        """The store behind the site."""
+        return self.site.store
+
+    @property
+    def now(self) -> datetime:
+        """The time, UTC."""
+        return self.site.clock()
+
+    def open_alerts(self) -> int:
+        """How many alerts are open, for the head of every page."""
+        return self.store.alerts.count_open(self.now)
+
+    def need_valve(self, valve: str) -> str:
+        """``valve``, or 404 where neither store nor plant knows it."""
+        if self.site.plant is not None and valve in self.site.plant.valves:
+            return valve
+        if self.store.knows(valve):
+            return valve
+        raise HTTPException(404, f"There is no valve {valve!r}.")
+
+
+def _dependencies(request: Request) -> Dependencies:
+    found: Dependencies = request.app.state.deps
+    return found
+
+
+Deps = Annotated[Dependencies, Depends(_dependencies)]

@@ -1,0 +1,107 @@
+"""``PageRenderer``: fills the templates of the pages and of the report, with what every page shows
+around them."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import Request
+from fastapi.responses import HTMLResponse
+
+from stemwatch.service.access.sessions import form_token_of
+from stemwatch.service.report.html_page import environment
+from stemwatch.service.report.report_context import ReportContext, software_name
+from stemwatch.service.web import assets
+from stemwatch.service.web.auth import forms
+from stemwatch.service.web.auth.current_user import current_user_of, may
+from stemwatch.service.web.site import Site
+
+PAGES = (
+    ("ranking", "/", "Valves"),
+    ("alerts", "/alerts", "Alerts"),
+    ("runs", "/runs", "Runs"),
+    ("sources", "/sources", "Sources"),
+    ("settings", "/settings", "Settings"),
+)
+
+
+# What a page says after something was done; the address holds the key and no text, so that nobody
+# can put words into a page by a link.
+DONE = {
+    "acknowledged": "The alert is acknowledged.",
+    "snoozed": "The alert is put off until the time you gave.",
+    "false": "The alert is marked as a false alarm.",
+    "note": "The note is kept.",
+    "maintenance": "The work is recorded. The first window after it becomes the new baseline.",
+    "baseline": "The network fitted last is the valve's baseline now.",
+    "run": "The run is asked for.",
+    "cancel": "The run is asked to end early; what is done stays.",
+    "password": "Your password is changed. Every other browser is signed out.",
+    "sessions": "Every other browser is signed out.",
+    "revoked": "The token lets nobody in any more.",
+    "role": "The role is changed; it holds from now on.",
+    "disabled": "The user is disabled: signed out everywhere, tokens and links at rest.",
+    "enabled": "The user may sign in again.",
+    "withdrawn": "The link lets nobody in any more.",
+}
+
+
+class PageRenderer:
+    """Renders pages. Every text from outside is escaped by the report's environment."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        context = ReportContext(started=site.clock(), zone=site.zone, plant=site.name)
+        self._env = environment(context, _template)
+        self._env.globals |= {
+            "asset": assets.address,
+            "context": context,
+            "nav": PAGES,
+            "site": site,
+            "software": software_name(),
+            "valve_link": valve_link,
+            "query": lambda **fields: urlencode(fields, doseq=True),
+        }
+
+    def page(
+        self, request: Request, template: str, *, status: int = 200, **values: Any
+    ) -> HTMLResponse:
+        """``template`` with ``values``, who reads it, the token of its forms, and the place of the
+        site. A page that is open to everybody gets its token from a cookie of its own."""
+        current_user = current_user_of(request)
+        cookie = forms.cookie_of(request) if current_user is None else ""
+        text = self._env.get_template(template).render(
+            base=request.scope.get("root_path", "").rstrip("/"),
+            form_token=form_token_of(cookie) if current_user is None else current_user.form_token,
+            current_user=current_user,
+            may=lambda name: may(current_user, name),
+            now=self._site.clock(),
+            done=DONE.get(request.query_params.get("done", ""), ""),
+            **{"here": "", "open_alerts": 0} | values,
+        )
+        response = HTMLResponse(text, status)
+        if cookie:
+            forms.set_cookie(response, cookie, request.scope)
+        return response
+
+
+def valve_link(valve: str) -> str:
+    """Where a valve's page is, below the root of the site.
+
+    In the query and not in the path: a tag may be ``..`` or hold slashes, which browsers and
+    proxies rewrite in paths.
+    """
+    return f"/valve?{urlencode({'id': valve})}"
+
+
+@cache
+def _template(name: str) -> str:
+    """A template of this package, or the report's of the same name."""
+    for place in ("web/templates", "report/templates"):
+        found = files("stemwatch.service").joinpath(place, name)
+        if found.is_file():
+            return found.read_text("utf-8")
+    raise FileNotFoundError(f"no template {name}")

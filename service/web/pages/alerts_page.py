@@ -1,0 +1,64 @@
+"""Alerts: what somebody should look at, and what was said to each."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import HTMLResponse, RedirectResponse
+
+from stemwatch.service.store.alerts.alerts import MOST_ALERTS, STATES, state_of
+from stemwatch.service.web.auth.current_user import SignedIn
+from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.dependencies import Deps
+from stemwatch.service.web.page_renderer import valve_link
+
+LONGEST_SNOOZE_H = 24 * 366
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/alerts")
+def alert_list(request: Request, deps: Deps) -> HTMLResponse:
+    """Alerts in the state that the address names, the open ones unless it says otherwise."""
+    state = request.query_params.get("state", "open")
+    state = state if state in STATES else "open"
+    found = deps.store.alerts.in_state(state, deps.now)
+    return deps.renderer.page(
+        request,
+        "alerts_page.html",
+        here="alerts",
+        open_alerts=deps.open_alerts(),
+        state=state,
+        states=STATES,
+        alerts=found,
+        most=MOST_ALERTS,
+        state_of=lambda alert: state_of(alert, deps.now),
+        back="",
+    )
+
+
+@router.post("/alerts/settle")
+def settle(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+    """Acknowledge an alert, put it off, or mark it as false; ``how`` says which."""
+    number = form.number("alert", "the number of an alert")
+    who, text = current_user.signature(), form.text("text")
+    how = form.text("how", needed="what is to be done with the alert")
+    if how == "snooze":
+        hours = min(form.number("hours", "a number of hours"), LONGEST_SNOOZE_H)
+        deps.actions.snooze(number, deps.now + timedelta(hours=hours), who)
+    elif how == "acknowledge":
+        deps.actions.acknowledge(number, who, text)
+    elif how == "false":
+        deps.actions.false_alarm(number, who, text)
+    else:
+        raise HTTPException(422, f"acknowledge, snooze or false is expected, received {how!r}")
+    done = {"snooze": "snoozed", "acknowledge": "acknowledged", "false": "false"}[how]
+    base, valve = request.scope.get("root_path", "").rstrip("/"), form.text("back")
+    place = f"{valve_link(valve)}&done={done}#alerts" if valve else f"/alerts?{_query(done)}"
+    return RedirectResponse(f"{base}{place}", 303)
+
+
+def _query(done: str) -> str:
+    return urlencode({"done": done})

@@ -1,0 +1,109 @@
+"""The audit log, for admins: as a page with filters that stand in the address, and as JSON."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Annotated
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import HTMLResponse
+from pydantic import AwareDatetime
+from starlette.datastructures import QueryParams
+
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import AuditOutcome, StoredAuditEntry
+from stemwatch.service.web.actions import LARGEST_NUMBER
+from stemwatch.service.web.api import schemas as shapes
+from stemwatch.service.web.api.schemas import AuditLine
+from stemwatch.service.web.dependencies import Dependencies, Deps
+
+PAGE = 100
+MOST = 1000
+LONGEST_WORD = 200
+
+router = APIRouter(include_in_schema=False)
+api = APIRouter(prefix="/api/v1", tags=["read"], responses=shapes.REFUSALS)
+
+
+@router.get("/audit")
+def audit(request: Request, deps: Deps) -> HTMLResponse:
+    """The newest entries that the address asks for."""
+    given = request.query_params
+    wanted = wanted_of(given, deps)
+    found = deps.store.audit.read(wanted)
+    older = {**dict(given), "before": str(found[-1].id)} if len(found) == wanted.limit else {}
+    return deps.renderer.page(
+        request,
+        "audit_page.html",
+        here="audit",
+        open_alerts=deps.open_alerts(),
+        entries=found,
+        actions=deps.store.audit.actions(),
+        outcomes=list(AuditOutcome),
+        names=[user.name for user in deps.store.accounts.all()],
+        given=given,
+        older=urlencode(older),
+    )
+
+
+@api.get("/audit")
+def audit_lines(
+    deps: Deps,
+    who: Annotated[str, Query(max_length=LONGEST_WORD)] = "",
+    action: Annotated[str, Query(max_length=LONGEST_WORD)] = "",
+    outcome: AuditOutcome | None = None,
+    start: AwareDatetime | None = None,
+    stop: AwareDatetime | None = None,
+    before: Annotated[int | None, Query(ge=1, le=LARGEST_NUMBER)] = None,
+    limit: Annotated[int, Query(ge=1, le=MOST)] = PAGE,
+) -> list[AuditLine]:
+    """Who wanted what, and what became of it, the newest first; ``before`` is the number of the
+    last entry that was read."""
+    wanted = AuditFilter(
+        who=who,
+        action=action,
+        outcome=outcome,
+        start=_in_utc(start),
+        stop=_in_utc(stop),
+        before=before,
+        limit=limit,
+    )
+    return [line_of(entry) for entry in deps.store.audit.read(wanted)]
+
+
+def wanted_of(given: QueryParams, deps: Dependencies) -> AuditFilter:
+    """What an address asks for; what it cannot mean is left out, never an error."""
+    outcome, before = given.get("outcome", ""), given.get("before", "")
+    number = int(before) if before.isascii() and before.isdigit() and len(before) < 12 else 0
+    start, stop = _day(given.get("start", ""), deps), _day(given.get("stop", ""), deps)
+    return AuditFilter(
+        who=given.get("who", "")[:LONGEST_WORD],
+        action=given.get("action", "")[:LONGEST_WORD],
+        outcome=AuditOutcome(outcome) if outcome in list(AuditOutcome) else None,
+        start=start,
+        stop=None if stop is None else stop + timedelta(days=1),
+        before=number if 0 < number <= LARGEST_NUMBER else None,
+        limit=PAGE,
+    )
+
+
+def line_of(entry: StoredAuditEntry) -> AuditLine:
+    """An entry for the API."""
+    return AuditLine(**{name: getattr(entry, name) for name in AuditLine.model_fields})
+
+
+def _day(text: str, deps: Dependencies) -> datetime | None:
+    """The beginning of a day in the plant's zone."""
+    try:
+        return datetime.fromisoformat(text).replace(tzinfo=deps.site.tz).astimezone(UTC)
+    except (ValueError, OverflowError):
+        return None
+
+
+def _in_utc(instant: datetime | None) -> datetime | None:
+    """An instant that every database takes; one beyond its calendar is as good as none."""
+    try:
+        return None if instant is None else instant.astimezone(UTC)
+    except OverflowError:
+        return None

@@ -1,0 +1,171 @@
+"""Signing in and out, and the one-time links by which people choose their passwords."""
+
+from __future__ import annotations
+
+from urllib.parse import urlsplit
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
+
+from stemwatch.service.access.links import BadName, LinkIsOver, find_link, use_link
+from stemwatch.service.access.login import LoginRefused, TooMany, sign_in
+from stemwatch.service.access.passwords import LONGEST, SHORTEST, Busy, WeakPassword
+from stemwatch.service.access.sessions import begin_session
+from stemwatch.service.store.accounts.records import AuditEntry, OneTimeLink, OneTimeLinkKind
+from stemwatch.service.store.accounts.users import NameTaken
+from stemwatch.service.web.auth.current_user import SignedIn, address_of
+from stemwatch.service.web.auth.forms import OpenSent, Sent
+from stemwatch.service.web.auth.session_cookie import drop_session, set_session
+from stemwatch.service.web.dependencies import Dependencies, Deps
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/login")
+def login(request: Request, deps: Deps) -> HTMLResponse:
+    """The form to sign in; ``next`` in the address is where it leads afterwards."""
+    wanted = safe_place(request.query_params.get("next", ""))
+    return _login_page(request, deps, wanted)
+
+
+@router.post("/login")
+def log_in(request: Request, deps: Deps, form: OpenSent) -> Response:
+    """Sign in with name and password."""
+    wanted, name = safe_place(form.text("next")), form.text("name")
+    try:
+        _, cookie = sign_in(
+            deps.store,
+            name,
+            form.secret("password"),
+            now=deps.now,
+            address=address_of(request.scope),
+            agent=request.headers.get("user-agent", ""),
+        )
+    except TooMany as error:
+        page = _login_page(request, deps, wanted, name=name, said=str(error), status=429)
+        page.headers["retry-after"] = str(error.wait_s)
+        return page
+    except LoginRefused as error:
+        return _login_page(request, deps, wanted, name=name, said=str(error), status=403)
+    except Busy as error:
+        return _login_page(request, deps, wanted, name=name, said=str(error), status=503)
+    return _enter(request, cookie, wanted)
+
+
+@router.post("/logout")
+def log_out(request: Request, deps: Deps, current_user: SignedIn, _form: Sent) -> RedirectResponse:
+    """End the session of this browser."""
+    deps.store.web_sessions.end(current_user.session)
+    answer = RedirectResponse(f"{_base(request)}/login", 303)
+    drop_session(answer, request.scope)
+    return answer
+
+
+@router.get("/welcome")
+def welcome(request: Request, deps: Deps) -> HTMLResponse:
+    """Where a one-time link leads: choose a password, and as a new user a name."""
+    secret = request.query_params.get("link", "")
+    try:
+        link = find_link(deps.store, secret, deps.now)
+    except LinkIsOver as error:
+        return _over(request, deps, error)
+    return _welcome_page(request, deps, link, secret)
+
+
+@router.post("/welcome")
+def take_link(request: Request, deps: Deps, form: OpenSent) -> Response:
+    """Use a one-time link up, and sign in."""
+    secret, name = form.text("link"), form.text("name")
+    try:
+        link = find_link(deps.store, secret, deps.now)
+        password = form.secret("password")
+        if password != form.secret("again"):
+            raise WeakPassword("the two passwords are not the same")
+        user = use_link(deps.store, secret, name, password, deps.now)
+    except LinkIsOver as error:
+        return _over(request, deps, error)
+    except (BadName, WeakPassword, NameTaken, Busy) as error:
+        return _welcome_page(request, deps, link, secret, name=name, said=str(error), status=422)
+    address = address_of(request.scope)
+    deps.store.audit.add(
+        AuditEntry(
+            at=deps.now,
+            who=user.name,
+            how="one-time link",
+            address=address,
+            action="choose a password"
+            if link.kind is OneTimeLinkKind.PASSWORD
+            else "become a user",
+            about=f"user {user.name}; role {user.role}; link {link.id} by {link.created_by or '-'}",
+        )
+    )
+    agent = request.headers.get("user-agent", "")
+    cookie = begin_session(deps.store, user.id, now=deps.now, address=address, agent=agent)
+    return _enter(request, cookie, "/")
+
+
+def safe_place(wanted: str) -> str:
+    """A page of this site, or the first one: nobody is led elsewhere by a link to the login."""
+    parts = urlsplit(wanted)
+    plain = wanted.isprintable() and "\\" not in wanted
+    own = wanted.startswith("/") and not wanted.startswith("//")
+    return wanted if plain and own and not parts.scheme and not parts.netloc else "/"
+
+
+def _enter(request: Request, cookie: str, wanted: str) -> RedirectResponse:
+    answer = RedirectResponse(f"{_base(request)}{wanted}", 303)
+    set_session(answer, cookie, request.scope)
+    return answer
+
+
+def _login_page(
+    request: Request,
+    deps: Dependencies,
+    wanted: str,
+    *,
+    name: str = "",
+    said: str = "",
+    status: int = 200,
+) -> HTMLResponse:
+    return deps.renderer.page(
+        request,
+        "login_page.html",
+        status=status,
+        wanted=wanted,
+        name=name,
+        said=said,
+        nobody=deps.store.accounts.is_empty(),
+    )
+
+
+def _welcome_page(
+    request: Request,
+    deps: Dependencies,
+    link: OneTimeLink,
+    secret: str,
+    *,
+    name: str = "",
+    said: str = "",
+    status: int = 200,
+) -> HTMLResponse:
+    owner = deps.store.accounts.get(link.user_id) if link.user_id is not None else None
+    return deps.renderer.page(
+        request,
+        "welcome_page.html",
+        status=status,
+        link=link,
+        secret=secret,
+        owner=owner,
+        name=name,
+        said=said,
+        shortest=SHORTEST,
+        longest=LONGEST,
+    )
+
+
+def _over(request: Request, deps: Dependencies, error: LinkIsOver) -> HTMLResponse:
+    return deps.renderer.page(request, "error_page.html", status=410, text=str(error), code=410)
+
+
+def _base(request: Request) -> str:
+    return str(request.scope.get("root_path", "")).rstrip("/")

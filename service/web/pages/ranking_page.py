@@ -1,0 +1,122 @@
+"""The ranking: which valve to look at first. All filters, the order and the page are in the
+address, so that a view can be bookmarked and sent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse
+from starlette.datastructures import QueryParams
+
+from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.service.report.change_since_last_run import change_since_last_run
+from stemwatch.service.store.screenings.ranking import (
+    LARGEST_FIRST,
+    NOT_SCREENED,
+    SORTS,
+    RankingFilter,
+)
+from stemwatch.service.web.dependencies import Deps
+
+LONGEST_SEARCH = 200
+MOST_PAGES = 10_000
+SMALLEST_TOP_PERCENT = 2.0
+_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+_VERDICTS = (*(verdict.value for verdict in WORST_FIRST), NOT_SCREENED)
+COLUMNS = (
+    ("rank", "#"),
+    ("valve", "Valve and service"),
+    ("area", "Area"),
+    ("criticality", "Crit."),
+    ("severity", "Verdict"),
+    ("S", "S, %"),
+    ("J", "J, %"),
+    ("confidence", "Confidence"),
+    ("", "Since last run"),
+    ("grade", "Data"),
+    ("at", "Window until"),
+)
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/")
+def ranking(request: Request, deps: Deps) -> HTMLResponse:
+    """The valves, worst first unless the address says otherwise."""
+    wanted = wanted_of(request.query_params)
+    found = deps.store.ranking(wanted)
+    alerted = deps.store.alerts.open_by_valve(deps.now)
+    open_alerts = deps.open_alerts()
+    return deps.renderer.page(
+        request,
+        "ranking_page.html",
+        here="ranking",
+        wanted=wanted,
+        found=found,
+        trends=[
+            change_since_last_run(line, line.previous) if line.verdict else None
+            for line in found.lines
+        ],
+        alerted=alerted,
+        open_alerts=open_alerts,
+        verdicts={word: Verdict(word) if word != NOT_SCREENED else None for word in _VERDICTS},
+        columns=COLUMNS,
+        head=lambda sort: _head(wanted, sort),
+        link=lambda **changes: link(wanted, **changes),
+        pages=max(1, math.ceil(found.total / wanted.size)),
+        gauge_top=bar_top(found.largest_percent),
+    )
+
+
+def wanted_of(given: QueryParams) -> RankingFilter:
+    """What an address asks for; what it cannot mean is left at its default, never an error."""
+    sort = given.get("sort", "")
+    page = given.get("page", "")
+    levels = [text for text in given.getlist("criticality") if text in ("1", "2", "3")]
+    return RankingFilter(
+        text=given.get("q", "").strip()[:LONGEST_SEARCH],
+        areas=tuple(area for area in given.getlist("area") if area),
+        verdicts=tuple(word for word in given.getlist("verdict") if word in _VERDICTS),
+        criticalities=tuple(int(level) for level in levels),
+        sort=sort if sort in SORTS else "rank",
+        descending=given.get("order") == "desc",
+        page=min(int(page), MOST_PAGES) if page.isascii() and page.isdigit() and int(page) else 1,
+    )
+
+
+def link(wanted: RankingFilter, **changes: Any) -> str:
+    """The address of the ranking with ``changes`` to what is wanted, defaults left out."""
+    fields: dict[str, Any] = {
+        "q": wanted.text,
+        "area": wanted.areas,
+        "verdict": wanted.verdicts,
+        "criticality": wanted.criticalities,
+        "sort": "" if wanted.sort == "rank" else wanted.sort,
+        "order": "desc" if wanted.descending else "",
+        "page": "" if wanted.page == 1 else wanted.page,
+    } | changes
+    said = {name: value for name, value in fields.items() if value not in ("", (), None)}
+    return f"/?{urlencode(said, doseq=True)}" if said else "/"
+
+
+def _head(wanted: RankingFilter, sort: str) -> Mapping[str, str]:
+    """Where a column's heading leads, and how the column is sorted now."""
+    first = sort in LARGEST_FIRST
+    chosen = wanted.sort == sort
+    descending = not wanted.descending if chosen else first
+    name = "" if sort == "rank" else sort
+    return {
+        "link": link(wanted, sort=name, order="desc" if descending else "", page=""),
+        "sorted": ("descending" if wanted.descending else "ascending") if chosen else "",
+    }
+
+
+def bar_top(largest_percent: float) -> float:
+    """The round number at the right end of all bars of S and J, percent of OP span."""
+    largest = max(SMALLEST_TOP_PERCENT, largest_percent)
+    decade: float = 10.0 ** math.floor(math.log10(largest))
+    return next(decade * step for step in _STEPS if decade * step >= largest)

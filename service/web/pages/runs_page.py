@@ -1,0 +1,92 @@
+"""Runs: what is screened now, how long it will take, what was set aside, and a new one."""
+
+from __future__ import annotations
+
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import HTMLResponse, RedirectResponse
+
+from stemwatch.service.store.screenings.records import RunState, StoredRun
+from stemwatch.service.web.actions import LARGEST_NUMBER
+from stemwatch.service.web.auth.current_user import SignedIn
+from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.pages.run_report import TYPES, report_folder
+
+MOST_RUNS = 100
+MOST_SET_ASIDE = 500
+
+router = APIRouter(include_in_schema=False)
+
+
+def is_alive(run: StoredRun) -> bool:
+    """Whether a run waits or goes on."""
+    return run.state in (RunState.WAITING, RunState.RUNNING)
+
+
+@router.get("/runs")
+def run_list(request: Request, deps: Deps) -> HTMLResponse:
+    """What goes on now, then the runs that are over, the newest first."""
+    found = deps.store.queue.recent(MOST_RUNS)
+    return deps.renderer.page(
+        request,
+        "runs_page.html",
+        here="runs",
+        open_alerts=deps.open_alerts(),
+        going=[run for run in found if is_alive(run)],
+        over=[run for run in found if not is_alive(run)],
+        schedules=deps.store.schedules.all(),
+        areas=deps.store.areas(),
+    )
+
+
+@router.get("/run")
+def one_run(request: Request, deps: Deps) -> HTMLResponse:
+    """One run with the valves that were set aside."""
+    given = request.query_params.get("id", "")
+    number = int(given) if given.isascii() and given.isdigit() and len(given) < 12 else 0
+    run = deps.store.queue.find(number) if 0 < number <= LARGEST_NUMBER else None
+    if run is None:
+        raise HTTPException(404, f"There is no run {given!r}.")
+    return deps.renderer.page(
+        request,
+        "run_page.html",
+        here="runs",
+        open_alerts=deps.open_alerts(),
+        run=run,
+        aside=deps.store.queue.set_aside(number, MOST_SET_ASIDE),
+        report_files=_report_files(deps, number),
+        alive=is_alive(run),
+    )
+
+
+def _report_files(deps: Dependencies, number: int) -> list[str]:
+    """The files of a run's report that are there."""
+    folder = report_folder(deps, number)
+    return [] if folder is None else [name for name in TYPES if (folder / name).is_file()]
+
+
+@router.post("/runs/begin")
+def begin(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+    """Queue a run over one valve, the valves of an area, or all."""
+    valves = [valve for valve in form.all("valve") if valve]
+    area = form.text("area")
+    if area:
+        valves += deps.store.valves_in(area)
+        if not valves:
+            raise HTTPException(422, f"no valve is known in the area {area!r}")
+    deps.actions.run_now(valves, current_user.signature())
+    return _back(request, "run")
+
+
+@router.post("/runs/cancel")
+def cancel(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+    """Ask that a run ends early."""
+    deps.actions.cancel(form.number("run", "the number of a run"), current_user.signature())
+    return _back(request, "cancel")
+
+
+def _back(request: Request, done: str) -> RedirectResponse:
+    base = request.scope.get("root_path", "").rstrip("/")
+    return RedirectResponse(f"{base}/runs?{urlencode({'done': done})}", 303)

@@ -1,0 +1,137 @@
+"""Users, for admins: who there is, what each may do, and one-time links for new ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import HTMLResponse, RedirectResponse
+
+from stemwatch.service.access.links import address_of, make_link
+from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, User, UserRole
+from stemwatch.service.store.accounts.users import LastAdmin
+from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
+from stemwatch.service.web.auth.current_user import SignedIn, note_about
+from stemwatch.service.web.auth.forms import Form, Sent
+from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.pages.account_page import back
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/users")
+def user_list(request: Request, deps: Deps) -> HTMLResponse:
+    """Every user, and the links that still let somebody in."""
+    return _page(request, deps)
+
+
+@router.post("/users/invite")
+def invite(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> HTMLResponse:
+    """A one-time link for a new user; it is shown on this one page and never again."""
+    note = form.text("note", most=200)
+    role, now = _role(form), deps.now
+    note_about(request, f"invite {note}" if note else "invite")
+    secret, link = make_link(
+        deps.store, OneTimeLinkKind.INVITATION, role, by=current_user.name, now=now, note=note
+    )
+    return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
+
+
+@router.post("/users/password")
+def new_password(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> HTMLResponse:
+    """A one-time link at which a user chooses a new password. Admins set none and see none."""
+    user = _user(request, deps, form)
+    if user.disabled is not None:
+        raise Refused(f"{user.name} is disabled; enable the user first")
+    secret, link = make_link(
+        deps.store,
+        OneTimeLinkKind.PASSWORD,
+        user.role,
+        by=current_user.name,
+        now=deps.now,
+        user=user.id,
+        note=user.name,
+    )
+    return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
+
+
+@router.post("/users/role")
+def set_role(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+    """Change what a user may do; it holds from the next request on."""
+    user, role = _user(request, deps, form), _role(form)
+    note_about(request, f"before {user.role}")
+    _unless_last(lambda: deps.store.accounts.set_role(user.id, role))
+    return back(request, "/users", "role")
+
+
+@router.post("/users/disable")
+def disable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+    """Let a user in no more. What the user did stays on record."""
+    user = _user(request, deps, form)
+    note_about(request, "disable")
+    _unless_last(lambda: deps.store.accounts.disable(user.id, deps.now))
+    return back(request, "/users", "disabled")
+
+
+@router.post("/users/enable")
+def enable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+    """Let a user in again."""
+    user = _user(request, deps, form)
+    note_about(request, "enable")
+    deps.store.accounts.enable(user.id)
+    return back(request, "/users", "enabled")
+
+
+@router.post("/users/links/withdraw")
+def withdraw(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+    """Make a one-time link worthless."""
+    number = form.number("number", "the number of a link")
+    note_about(request, f"withdraw link {number}")
+    if number > LARGEST_NUMBER or not deps.store.access_links.revoke(number, deps.now):
+        raise HTTPException(404, f"There is no link {number} that still lets somebody in.")
+    return back(request, "/users", "withdrawn")
+
+
+def _page(
+    request: Request, deps: Dependencies, *, made: OneTimeLink | None = None, address: str = ""
+) -> HTMLResponse:
+    open_links = deps.store.access_links.open(deps.now)
+    return deps.renderer.page(
+        request,
+        "users_page.html",
+        here="users",
+        open_alerts=deps.open_alerts(),
+        users=deps.store.accounts.all(),
+        links=[one for one in open_links if one.kind is not OneTimeLinkKind.FIRST],
+        roles=list(UserRole),
+        made=made,
+        address=address,
+    )
+
+
+def _user(request: Request, deps: Dependencies, form: Form) -> User:
+    number = form.number("user", "the number of a user")
+    found = deps.store.accounts.get(number) if number <= LARGEST_NUMBER else None
+    if found is None:
+        raise HTTPException(404, f"There is no user {number}.")
+    note_about(request, found.name)
+    return found
+
+
+def _role(form: Form) -> UserRole:
+    given = form.text("role", needed="a role")
+    if given not in list(UserRole):
+        raise HTTPException(422, f"{', '.join(UserRole)} is expected, received {given!r}")
+    return UserRole(given)
+
+
+def _unless_last(change: Callable[[], object]) -> None:
+    try:
+        change()
+    except LastAdmin as error:
+        raise Refused(str(error)) from None
+
+
+def _base_url(request: Request) -> str:
+    """Under which the reader sees this site; the guard has checked the name."""
+    return str(request.base_url)

@@ -1,0 +1,218 @@
+"""One valve: what was found, its signals, its months, its alerts, and what people know of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, RedirectResponse
+
+from stemwatch.models.indicator_meanings import meaning_of
+from stemwatch.models.recording import Role
+from stemwatch.models.screening_result import Indicator, Screening
+from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.report.bars import MODEL_NAMES
+from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
+from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
+from stemwatch.service.store.alerts.alerts import state_of
+from stemwatch.service.store.samples.tag_quality import BadSamples
+from stemwatch.service.store.screenings.records import StoredScreening, StoredValve, TrendPoint
+from stemwatch.service.store.screenings.restored import screening_of
+from stemwatch.service.store.store import Store
+from stemwatch.service.web.api.history import read_marks
+from stemwatch.service.web.api.signals import LONGEST, tags_of
+from stemwatch.service.web.auth.current_user import SignedIn
+from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.pages.ranking_page import bar_top
+from stemwatch.service.web.pages.run_report import MAINTENANCE, report_folder
+
+OPENING = timedelta(hours=2)
+MOST_IN_TABLE = 40
+ANCHOR = "valve"
+SPANS = (("1 h", 3600), ("6 h", 21600), ("1 d", 86400), ("7 d", 604800), ("30 d", 2592000))
+
+router = APIRouter(include_in_schema=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownScreening:
+    """The latest screening as the report's templates want it."""
+
+    screening: Screening
+    stored: StoredScreening
+    trend: Change
+    mismatch: MismatchView | None
+    said: PresentedFinding
+
+
+@router.get("/valve")
+def valve(request: Request, deps: Deps) -> HTMLResponse:
+    """The page of one valve; ``id`` in the query names it."""
+    name = deps.need_valve(request.query_params.get("id", ""))
+    store = deps.store
+    stored = store.valve(name) or _from_plant(deps, name)
+    shown = _shown(store, name)
+    points = store.s_and_j(name)
+    marks = read_marks(store, name)
+    raised = store.alerts.in_state("all", deps.now, valve=name)
+    opens, ends = _opening(deps, name, shown)
+    quality = _quality(deps, name, (opens, ends))
+    numbers = [shown.screening.S.value or 0.0, shown.screening.J.value or 0.0] if shown else [0.0]
+    return deps.renderer.page(
+        request,
+        "valve_page.html",
+        here="ranking",
+        open_alerts=deps.open_alerts(),
+        one=stored,
+        shown=shown,
+        gauge_top=bar_top(max(numbers)),
+        models=MODEL_NAMES,
+        compact=False,
+        points=points[::-1][:MOST_IN_TABLE],
+        count=len(points),
+        marks=marks[::-1],
+        alerts=raised,
+        state_of=lambda alert: state_of(alert, deps.now),
+        opens=opens,
+        ends=ends,
+        spans=SPANS,
+        roles=_roles(deps, name),
+        quality=quality,
+        sheet=None if shown is None else _sheet(deps, shown),
+    )
+
+
+@router.post("/valve/note")
+def note(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+    """Keep a remark about a valve."""
+    name = deps.need_valve(form.text("valve", needed="a valve"))
+    at = form.instant("at", deps.site.tz, deps.now)
+    text = form.text("text", needed="what was seen")
+    deps.actions.note(name, at, text, current_user.signature())
+    return _back(request, name, "note", "log")
+
+
+@router.post("/valve/maintenance")
+def maintenance(
+    request: Request, deps: Deps, current_user: SignedIn, form: Sent
+) -> RedirectResponse:
+    """Record work on a valve."""
+    name = deps.need_valve(form.text("valve", needed="a valve"))
+    at = form.instant("at", deps.site.tz, deps.now)
+    text = form.text("text", needed="what was done")
+    deps.actions.maintenance(name, at, text, current_user.signature())
+    return _back(request, name, "maintenance", "log")
+
+
+@router.post("/valve/baseline")
+def baseline(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+    """Make the network fitted last the valve's baseline."""
+    name = deps.need_valve(form.text("valve", needed="a valve"))
+    deps.actions.baseline(name, form.text("text"), current_user.signature())
+    return _back(request, name, "baseline", "log")
+
+
+def _back(request: Request, valve: str, done: str, place: str) -> RedirectResponse:
+    base = request.scope.get("root_path", "").rstrip("/")
+    address = f"{base}/valve?{urlencode({'id': valve, 'done': done})}#{place}"
+    return RedirectResponse(address, 303)
+
+
+def _from_plant(deps: Dependencies, name: str) -> StoredValve:
+    """A valve of the plant file that no run has met yet."""
+    known: Any = deps.site.plant.valves[name] if deps.site.plant else None
+    if known is None:
+        return StoredValve(id=name)
+    return StoredValve(
+        id=name, description=known.description, area=known.area, criticality=known.criticality
+    )
+
+
+def _shown(store: Store, name: str) -> ShownScreening | None:
+    latest = store.screenings(name, 1)
+    if not latest:
+        return None
+    stored = latest[0]
+    points = store.indicators(stored.id)
+    indicators = {name: indicator_of(name, point) for name, point in points.items()}
+    screening = screening_of(stored, indicators)
+    found = screening.mismatch
+    stands = not stored.held_back if found is not None and found.effects else None
+    return ShownScreening(
+        screening=screening,
+        said=present(screening, stands=stands),
+        stored=stored,
+        trend=change_since_last_run(screening, store.previous_finding(screening)),
+        mismatch=None
+        if found is None
+        else mismatch_view(found, None, ANCHOR, name, stored.held_back),
+    )
+
+
+def indicator_of(name: str, point: TrendPoint) -> Indicator:
+    """A stored number with what it means; NaN where the store has none."""
+    says, worse = meaning_of(name)
+    return Indicator(
+        name=name,
+        value=math.nan if point.value is None else point.value,
+        unit=point.unit,
+        meaning=says,
+        worse=worse,
+        low=point.low,
+        high=point.high,
+    )
+
+
+def _sheet(deps: Dependencies, shown: ShownScreening) -> str | None:
+    """Where the valve's page for maintenance is; ``None`` where it has none, or none is kept."""
+    if not shown.said.decision.has_page:
+        return None
+    run = shown.stored.run_id
+    folder = report_folder(deps, run)
+    if folder is None or not (folder / MAINTENANCE).is_file():
+        return None
+    anchor = page_anchor(shown.screening.valve)
+    return f"/run/report?{urlencode({'id': run, 'file': MAINTENANCE})}#{anchor}"
+
+
+def _opening(
+    deps: Dependencies, name: str, shown: ShownScreening | None
+) -> tuple[datetime, datetime]:
+    """What the plots open on: the last two hours of the screened window, else of the samples."""
+    start, end = shown.stored.window if shown else (None, None)
+    if start is not None and end is not None:
+        return max(start, end - OPENING), end
+    bounds = _op_bounds(deps, name)
+    end = deps.now if bounds is None else bounds[1] + timedelta(seconds=1)
+    return end - OPENING, end
+
+
+def _op_bounds(deps: Dependencies, name: str) -> tuple[datetime, datetime] | None:
+    tags = tags_of(deps.site, name)
+    if Role.OP not in tags or deps.site.plant is None:
+        return None
+    return deps.store.samples.bounds(deps.site.plant.valves[name].source, tags[Role.OP].tag)
+
+
+def _quality(deps: Dependencies, name: str, window: tuple[datetime, datetime]) -> list[BadSamples]:
+    """Good and bad samples of each tag in the plots' window, where the store has samples."""
+    plant = deps.site.plant
+    if plant is None or name not in plant.valves or window[1] - window[0] > LONGEST:
+        return []
+    source = plant.valves[name].source
+    found = (
+        deps.store.samples.bad(source, tag.tag, *window)
+        for tag in tags_of(deps.site, name).values()
+    )
+    return [one for one in found if one is not None]
+
+
+def _roles(deps: Dependencies, name: str) -> list[tuple[str, str]]:
+    """Each tag with what it is to the valve, such as OP and FIC101.OP."""
+    return [(role.value.upper(), tag.tag) for role, tag in tags_of(deps.site, name).items()]
