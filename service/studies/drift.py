@@ -17,7 +17,6 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator import (
     PlantLoop,
@@ -123,6 +122,8 @@ def run_drift(
 
 def follow_batch(batch: DriftBatch) -> list[Followed]:
     """Simulate the baseline windows, train on them, simulate the later windows and score them."""
+    from stemwatch.models.narx.training import train
+
     first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
     # On the CPU, so that the counts are the same on every machine.
     settings = NarxSettings(device="cpu")
