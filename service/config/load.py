@@ -36,8 +36,8 @@ from stemwatch.service.config.service_schema import (
 )
 from stemwatch.service.config.toml import TomlLines, read_toml
 from stemwatch.service.config.valve_list import read_valve_list
-from stemwatch.service.store.database_url import Address
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 if TYPE_CHECKING:
     from stemwatch.connectors.modbus.device import Device
@@ -111,7 +111,7 @@ class PlantReading:
     orphans: dict[str, list[str]] = field(default_factory=dict)  # valves of a faulty source
     devices: dict[str, Device] = field(default_factory=dict)
     archives: dict[str, ArchiveSource] = field(default_factory=dict)
-    schedules: dict[str, Schedule] = field(default_factory=dict)
+    schedules: dict[str, ScreeningSchedule] = field(default_factory=dict)
     notifiers: dict[str, NotifierTable] = field(default_factory=dict)
 
 
@@ -374,7 +374,7 @@ DEFAULT_NAME = "stemwatch.db"
 _SQLITE_FILE = "sqlite:///"
 
 
-def storage_address(url: str | None, plant_file: Path, variables: Mapping[str, str]) -> Address:
+def storage_address(url: str | None, plant_file: Path, variables: Mapping[str, str]) -> DatabaseUrl:
     """The environment's address, else the file's ``url``, else a database beside the file.
 
     A relative SQLite path is relative to the plant file, so that a command finds the same store
@@ -383,5 +383,5 @@ def storage_address(url: str | None, plant_file: Path, variables: Mapping[str, s
     chosen = variables.get(VARIABLE, "").strip() or url or f"{_SQLITE_FILE}{DEFAULT_NAME}"
     name = chosen.removeprefix(_SQLITE_FILE)
     if name in (chosen, "", ":memory:") or name.startswith("file:"):
-        return Address(chosen)
-    return Address(f"{_SQLITE_FILE}{plant_file.parent / name}")
+        return DatabaseUrl(chosen)
+    return DatabaseUrl(f"{_SQLITE_FILE}{plant_file.parent / name}")

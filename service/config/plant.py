@@ -16,8 +16,8 @@ from stemwatch.service.config.archives import ArchiveSource
 from stemwatch.service.config.problems import Problem
 from stemwatch.service.config.schema import Source, Tag, Valve
 from stemwatch.service.config.service_schema import AlertRules, NotifierTable, ServiceSection
-from stemwatch.service.store.database_url import Address
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 if TYPE_CHECKING:
     from stemwatch.connectors.modbus.device import Device
@@ -39,11 +39,11 @@ class Plant:
     sources: Mapping[str, Source]
     valves: Mapping[str, Valve]
     limits: Limits
-    storage: Address
+    storage: DatabaseUrl
     problems: tuple[Problem, ...] = ()
     devices: Mapping[str, Device] = field(default_factory=dict)
     archives: Mapping[str, ArchiveSource] = field(default_factory=dict)
-    schedules: tuple[Schedule, ...] = ()
+    schedules: tuple[ScreeningSchedule, ...] = ()
     notifiers: Mapping[str, NotifierTable] = field(default_factory=dict)
     alerts: AlertRules = field(default_factory=AlertRules)
     service: ServiceSection = field(default_factory=ServiceSection)
