@@ -19,7 +19,7 @@ from starlette.types import Scope
 from stemwatch.service.access.permissions import PERMISSIONS, SCOPE_OF, CurrentUser, Operation
 from stemwatch.service.access.sessions import user_of_cookie
 from stemwatch.service.access.tokens import user_of_environment, user_of_token
-from stemwatch.service.store.accounts.records import Entry, Outcome
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.web.auth.current_user import address_of, state_of
 from stemwatch.service.web.auth.route_permissions import RoutePermissions
@@ -80,15 +80,15 @@ class Authentication:
         ):
             return
         state["noted"] = True
-        outcome = Outcome.DONE if status < 400 else Outcome.FAILED
-        entry = Entry(
+        outcome = AuditOutcome.DONE if status < 400 else AuditOutcome.FAILED
+        entry = AuditEntry(
             at=self._site.clock(),
             who=current_user.name,
             how=current_user.how,
             address=address_of(scope),
             action=state["operation"].value,
             about=_about(scope),
-            outcome=Outcome.REFUSED if status == 403 else outcome,
+            outcome=AuditOutcome.REFUSED if status == 403 else outcome,
             detail="" if status < 400 else f"answered {status}",
         )
         await run_in_threadpool(self._write, entry)
@@ -134,18 +134,18 @@ class Authentication:
                 self._said.clear()
             self._said[address] = now
         self._write(
-            Entry(
+            AuditEntry(
                 at=now,
                 who="",
                 how="a bad token" if "authorization" in headers else "",
                 address=address,
                 action=state_of(scope)["operation"].value,
-                outcome=Outcome.REFUSED,
+                outcome=AuditOutcome.REFUSED,
                 detail="answered 401; noted once a minute",
             )
         )
 
-    def _write(self, entry: Entry) -> None:
+    def _write(self, entry: AuditEntry) -> None:
         try:
             self._site.store.audit.add(entry)
         except StoreError as error:  # the log of the service has it then

@@ -11,7 +11,7 @@ from stemwatch.service.access.links import BadName, LinkIsOver, find_link, use_l
 from stemwatch.service.access.login import LoginRefused, TooMany, sign_in
 from stemwatch.service.access.passwords import LONGEST, SHORTEST, Busy, WeakPassword
 from stemwatch.service.access.sessions import begin_session
-from stemwatch.service.store.accounts.records import Entry, Link, LinkKind
+from stemwatch.service.store.accounts.records import AuditEntry, OneTimeLink, OneTimeLinkKind
 from stemwatch.service.store.accounts.users import NameTaken
 from stemwatch.service.web.auth.current_user import SignedIn, address_of
 from stemwatch.service.web.auth.forms import OpenSent, Sent
@@ -88,12 +88,14 @@ def take_link(request: Request, deps: Deps, form: OpenSent) -> Response:
         return _welcome_page(request, deps, link, secret, name=name, said=str(error), status=422)
     address = address_of(request.scope)
     deps.store.audit.add(
-        Entry(
+        AuditEntry(
             at=deps.now,
             who=user.name,
             how="one-time link",
             address=address,
-            action="choose a password" if link.kind is LinkKind.PASSWORD else "become a user",
+            action="choose a password"
+            if link.kind is OneTimeLinkKind.PASSWORD
+            else "become a user",
             about=f"user {user.name}; role {user.role}; link {link.id} by {link.created_by or '-'}",
         )
     )
@@ -139,7 +141,7 @@ def _login_page(
 def _welcome_page(
     request: Request,
     deps: Dependencies,
-    link: Link,
+    link: OneTimeLink,
     secret: str,
     *,
     name: str = "",

@@ -8,7 +8,7 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.service.access.links import address_of, make_link
-from stemwatch.service.store.accounts.records import Link, LinkKind, Role, User
+from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, User, UserRole
 from stemwatch.service.store.accounts.users import LastAdmin
 from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
@@ -32,7 +32,7 @@ def invite(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> 
     role, now = _role(form), deps.now
     note_about(request, f"invite {note}" if note else "invite")
     secret, link = make_link(
-        deps.store, LinkKind.INVITATION, role, by=current_user.name, now=now, note=note
+        deps.store, OneTimeLinkKind.INVITATION, role, by=current_user.name, now=now, note=note
     )
     return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
 
@@ -45,7 +45,7 @@ def new_password(request: Request, deps: Deps, current_user: SignedIn, form: Sen
         raise Refused(f"{user.name} is disabled; enable the user first")
     secret, link = make_link(
         deps.store,
-        LinkKind.PASSWORD,
+        OneTimeLinkKind.PASSWORD,
         user.role,
         by=current_user.name,
         now=deps.now,
@@ -93,7 +93,7 @@ def withdraw(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 def _page(
-    request: Request, deps: Dependencies, *, made: Link | None = None, address: str = ""
+    request: Request, deps: Dependencies, *, made: OneTimeLink | None = None, address: str = ""
 ) -> HTMLResponse:
     open_links = deps.store.access_links.open(deps.now)
     return deps.renderer.page(
@@ -102,8 +102,8 @@ def _page(
         here="users",
         open_alerts=deps.open_alerts(),
         users=deps.store.accounts.all(),
-        links=[one for one in open_links if one.kind is not LinkKind.FIRST],
-        roles=list(Role),
+        links=[one for one in open_links if one.kind is not OneTimeLinkKind.FIRST],
+        roles=list(UserRole),
         made=made,
         address=address,
     )
@@ -118,11 +118,11 @@ def _user(request: Request, deps: Dependencies, form: Form) -> User:
     return found
 
 
-def _role(form: Form) -> Role:
+def _role(form: Form) -> UserRole:
     given = form.text("role", needed="a role")
-    if given not in list(Role):
-        raise HTTPException(422, f"{', '.join(Role)} is expected, received {given!r}")
-    return Role(given)
+    if given not in list(UserRole):
+        raise HTTPException(422, f"{', '.join(UserRole)} is expected, received {given!r}")
+    return UserRole(given)
 
 
 def _unless_last(change: Callable[[], object]) -> None:
