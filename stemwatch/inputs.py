@@ -23,10 +23,10 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian import ReadOptions, propose_valves
 from stemwatch.connectors.historian.tag_names import parse_tag
+from stemwatch.connectors.settings import nearest
 from stemwatch.dataframe import DataFrameSource
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.config.problems import nearest
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import Task, case_of
 
