@@ -20,7 +20,7 @@ from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 Change = Callable[[Recording], Recording]
 
@@ -249,7 +249,7 @@ def run_robustness(
         for first in range(0, len(valves), BATCH)
     ]
     done: dict[int, list[Answer]] = {}
-    for place, answers in executor.map(answer_batch, batches):
+    for place, answers in map_items(executor, answer_batch, batches):
         done[place] = answers
         tell(sum(map(len, done.values())))
     return [answer for place in sorted(done) for answer in done[place]]
