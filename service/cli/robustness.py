@@ -72,30 +72,21 @@ def _print(found: Sequence[Row]) -> None:
 
     table = Table(title="The same valves, stored otherwise", title_justify="left")
     table.add_column("the same recording ...")
-    for name in (
-        "healthy: sticky",
-        "undetermined",
-        "sticking: missed",
-        "S: error",
-        "holds",
-        "width",
-        "J: error",
-        "holds",
-        "named in error",
-    ):
+    for name in ("healthy", "sticking", "S", "J", "named"):
         table.add_column(name, justify="right")
     for row in found:
         table.add_row(
             row.way,
-            f"{row.called_sticky} of {row.healthy}",
-            str(row.healthy_undetermined),
+            f"{row.called_sticky}, {row.healthy_undetermined} of {row.healthy}",
             f"{row.missed} of {row.sticking}",
-            f"{row.S_error:.2f}",
-            f"{row.S_held} of {row.with_numbers}",
-            f"{row.S_width:.2f}",
-            f"{row.J_error:.2f}",
-            f"{row.J_held} of {row.with_numbers}",
+            f"{row.S_error:.2f}, {row.S_held} of {row.with_numbers}, {row.S_width:.2f}",
+            f"{row.J_error:.2f}, {row.J_held} of {row.with_numbers}",
             f"{row.named} of {row.healthy + row.sticking}",
         )
     views.out.print(table)
-    views.out.print("Errors and widths are medians in percent of OP.", highlight=False)
+    views.out.print(
+        "healthy: called sticky, undetermined; sticking: neither sticky nor watch; S and J: median "
+        "error in percent of OP, intervals that hold the truth (S: median width); named: valves "
+        "of which an effect was named though nothing was hidden",
+        highlight=False,
+    )
