@@ -136,7 +136,7 @@ def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
 def _owner(store: Store, number: int) -> str:
     from sqlalchemy import text
 
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         statement = text("SELECT owner FROM runs WHERE id = :n")
         return str(session.execute(statement, {"n": number}).scalar_one())
 

@@ -66,7 +66,7 @@ def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 def _rows(store: Store, table: str) -> list[dict[str, Any]]:
     """The rows of a table that do not depend on the clock, in an order of their own."""
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         rows = session.execute(text(f"SELECT * FROM {table}")).mappings().all()
     return sorted((_plain(dict(row)) for row in rows), key=repr)
 
