@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
+from stemwatch.connectors.settings import nearest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.config.problems import nearest
 from stemwatch.service.explain.explain_json import to_object
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
@@ -285,6 +285,8 @@ class ScreenedValves(_Valves[ScreenedValve]):
         return rank_valves([one.screening for one in self], self._context)
 
     def __repr__(self) -> str:
+        if len(self) == 1:
+            return repr(self[0])
         counted = count_verdicts(one.screening for one in self)
         said = ", ".join(f"{n} {verdict.value}" for verdict, n in counted.items() if n)
         many = "1 valve" if len(self) == 1 else f"{len(self)} valves"
@@ -292,7 +294,9 @@ class ScreenedValves(_Valves[ScreenedValve]):
         listed = self.ranked()[:_MOST_LISTED]
         width = max((len(one.valve) for one in listed), default=0)
         for rank, one in enumerate(listed, start=1):
-            numbers = "" if one.S.value is None else f"S {one.S}, J {one.J}"
+            numbers = f"S {one.S}, J {one.J}"
+            if one.S.value is None:
+                numbers = textwrap.shorten(printable(one.reason), _WIDTH - 24, placeholder=" ...")
             symbol = VERDICT_SYMBOL[one.verdict]
             name = printable(one.valve).ljust(width)
             lines.append(f"{rank:3} {name}  {symbol} {one.verdict.value:12}  {numbers}".rstrip())

@@ -7,15 +7,15 @@ from urllib.parse import urlencode
 
 from stemwatch.service.access.passwords import check_password, hash_password
 from stemwatch.service.access.secret import digest_of, new_secret
-from stemwatch.service.store.accounts.records import Link, LinkKind, Role, User
+from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, User, UserRole
 from stemwatch.service.store.storable import clean_text
 from stemwatch.service.store.store import Store
 
 PATH = "/welcome"
 LIFETIMES = {
-    LinkKind.FIRST: timedelta(hours=24),
-    LinkKind.INVITATION: timedelta(days=3),
-    LinkKind.PASSWORD: timedelta(hours=24),
+    OneTimeLinkKind.FIRST: timedelta(hours=24),
+    OneTimeLinkKind.INVITATION: timedelta(days=3),
+    OneTimeLinkKind.PASSWORD: timedelta(hours=24),
 }
 LONGEST_NAME = 80
 
@@ -40,14 +40,14 @@ def address_of(secret: str, base_url: str) -> str:
 
 def make_link(
     store: Store,
-    kind: LinkKind,
-    role: Role,
+    kind: OneTimeLinkKind,
+    role: UserRole,
     *,
     by: str,
     now: datetime,
     user: int | None = None,
     note: str = "",
-) -> tuple[str, Link]:
+) -> tuple[str, OneTimeLink]:
     """The secret of a new one-time link, which is known only here and now, and its record."""
     secret = new_secret()
     expires = now + LIFETIMES[kind]
@@ -57,10 +57,10 @@ def make_link(
     return secret, link
 
 
-def find_link(store: Store, secret: str, now: datetime) -> Link:
+def find_link(store: Store, secret: str, now: datetime) -> OneTimeLink:
     """The record of a link that still lets somebody in. Raises ``LinkIsOver``."""
     link = store.access_links.find(digest_of(secret)) if secret else None
-    first = link is not None and link.kind is LinkKind.FIRST
+    first = link is not None and link.kind is OneTimeLinkKind.FIRST
     if link is None or not link.is_open(now) or (first and not store.accounts.is_empty()):
         raise LinkIsOver
     return link
@@ -74,7 +74,7 @@ def use_link(store: Store, secret: str, name: str, password: str, now: datetime)
     """
     link = find_link(store, secret, now)
     digest = digest_of(secret)
-    if link.kind is LinkKind.PASSWORD:
+    if link.kind is OneTimeLinkKind.PASSWORD:
         owner = store.accounts.get(link.user_id or 0)
         check_password(password, "" if owner is None else owner.name)
         found = store.accounts.new_password_by_link(digest, hash_password(password), now)

@@ -12,7 +12,7 @@ from stemwatch.service.access.passwords import LONGEST, hash_password, is_dated,
 from stemwatch.service.access.secret import digest_of
 from stemwatch.service.access.sessions import IDLE, begin_session
 from stemwatch.service.store.accounts.login_attempts import Wait
-from stemwatch.service.store.accounts.records import Entry, Outcome, User
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, User
 from stemwatch.service.store.accounts.users import name_key
 from stemwatch.service.store.store import Store
 
@@ -42,11 +42,11 @@ def sign_in(
         raise TooMany(max(1, math.ceil((until - now).total_seconds())))
     user = check(store, name, password, now)
     if user is None:
-        _note(store, name, now, address, Outcome.REFUSED)
+        _note(store, name, now, address, AuditOutcome.REFUSED)
         raise LoginRefused(WRONG)
     store.attempts.succeeded(key_of_name(name), [key_of_address(address)])
     cookie = begin_session(store, user.id, now=now, address=address, agent=agent)
-    _note(store, name, now, address, Outcome.DONE)
+    _note(store, name, now, address, AuditOutcome.DONE)
     store.web_sessions.remove_ended(now=now, idle=IDLE)
     store.attempts.remove_old(now - 2 * FORGET)
     return user, cookie
@@ -78,11 +78,11 @@ def confirm(store: Store, user: User, password: str, *, now: datetime, address: 
     return True
 
 
-def _note(store: Store, name: str, now: datetime, address: str, outcome: Outcome) -> None:
+def _note(store: Store, name: str, now: datetime, address: str, outcome: AuditOutcome) -> None:
     """An entry; of a name that nobody has only that, since it may be a password."""
     known = store.accounts.find(name)
     store.audit.add(
-        Entry(
+        AuditEntry(
             at=now,
             who="" if known is None else known.name,
             how="",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
-from stemwatch.service.store.accounts.records import Role, Scope
+from stemwatch.service.store.accounts.records import Scope, UserRole
 
 
 class Operation(StrEnum):
@@ -39,31 +39,31 @@ class Permission:
     """Who may: from ``least`` upwards, or anybody where it is ``None``. What is to be done
     ``in_person`` needs a session: a token that was stolen must not outlive itself."""
 
-    least: Role | None
+    least: UserRole | None
     in_person: bool = False
 
 
 PERMISSIONS: Mapping[Operation, Permission] = MappingProxyType(
     {
         Operation.OPEN: Permission(None),
-        Operation.READ: Permission(Role.VIEWER),
-        Operation.METRICS: Permission(Role.VIEWER),
-        Operation.OWN: Permission(Role.VIEWER, in_person=True),
-        Operation.LOG_OUT: Permission(Role.VIEWER, in_person=True),
-        Operation.ALERT: Permission(Role.ENGINEER),
-        Operation.NOTE: Permission(Role.ENGINEER),
-        Operation.MAINTENANCE: Permission(Role.ENGINEER),
-        Operation.BASELINE: Permission(Role.ENGINEER),
-        Operation.RUN: Permission(Role.ENGINEER),
-        Operation.CANCEL: Permission(Role.ENGINEER),
-        Operation.USERS: Permission(Role.ADMIN, in_person=True),
-        Operation.TOKENS: Permission(Role.ADMIN, in_person=True),
-        Operation.AUDIT: Permission(Role.ADMIN),
-        Operation.UNDECLARED: Permission(Role.ADMIN, in_person=True),
+        Operation.READ: Permission(UserRole.VIEWER),
+        Operation.METRICS: Permission(UserRole.VIEWER),
+        Operation.OWN: Permission(UserRole.VIEWER, in_person=True),
+        Operation.LOG_OUT: Permission(UserRole.VIEWER, in_person=True),
+        Operation.ALERT: Permission(UserRole.ENGINEER),
+        Operation.NOTE: Permission(UserRole.ENGINEER),
+        Operation.MAINTENANCE: Permission(UserRole.ENGINEER),
+        Operation.BASELINE: Permission(UserRole.ENGINEER),
+        Operation.RUN: Permission(UserRole.ENGINEER),
+        Operation.CANCEL: Permission(UserRole.ENGINEER),
+        Operation.USERS: Permission(UserRole.ADMIN, in_person=True),
+        Operation.TOKENS: Permission(UserRole.ADMIN, in_person=True),
+        Operation.AUDIT: Permission(UserRole.ADMIN),
+        Operation.UNDECLARED: Permission(UserRole.ADMIN, in_person=True),
     }
 )
-SCOPE_OF: Mapping[Role, Scope] = MappingProxyType(
-    {Role.VIEWER: Scope.READ, Role.ENGINEER: Scope.ACT, Role.ADMIN: Scope.ADMIN}
+SCOPE_OF: Mapping[UserRole, Scope] = MappingProxyType(
+    {UserRole.VIEWER: Scope.READ, UserRole.ENGINEER: Scope.ACT, UserRole.ADMIN: Scope.ADMIN}
 )
 
 
@@ -74,7 +74,7 @@ class CurrentUser:
     forms carry."""
 
     name: str
-    role: Role
+    role: UserRole
     how: str
     user: int = 0
     scopes: frozenset[Scope] | None = None
@@ -99,6 +99,6 @@ class CurrentUser:
         return f"{said} (through {self.name})" if said and said != self.name else self.name
 
 
-def scopes_of(role: Role) -> tuple[Scope, ...]:
+def scopes_of(role: UserRole) -> tuple[Scope, ...]:
     """The scopes that a token of somebody with this role may have."""
     return tuple(scope for one, scope in SCOPE_OF.items() if one.rank <= role.rank)

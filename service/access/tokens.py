@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 from stemwatch.service.access.links import BadName, check_name
 from stemwatch.service.access.permissions import CurrentUser, scopes_of
 from stemwatch.service.access.secret import digest_of, new_secret
-from stemwatch.service.store.accounts.records import Role, Scope, User
+from stemwatch.service.store.accounts.records import Scope, User, UserRole
 from stemwatch.service.store.store import Store
 
 BEGINS = "stw_"  # by which scanners of repositories and people know a token
@@ -84,7 +84,7 @@ def user_of_environment(secret: str, expected: str) -> CurrentUser | None:
         return None
     return CurrentUser(
         name=ENVIRONMENT,
-        role=Role.ENGINEER,
+        role=UserRole.ENGINEER,
         how="token of the environment",
         scopes=frozenset((Scope.READ, Scope.ACT)),
     )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from stemwatch.service.config import Plant
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.storable import clean_text
 from stemwatch.service.store.store import Store
 
@@ -60,13 +60,13 @@ def raised_of(
     dead: Mapping[str, Sequence[DeadTag]],
     already_open: set[str],
     now: datetime,
-) -> list[Raised]:
+) -> list[RaisedAlert]:
     """An alert for each valve, or for its device where many have one cause. Why and since when is
     looked up for those that are new."""
     by_device: dict[str, list[str]] = defaultdict(list)
     for valve in dead:
         by_device[plant.valves[valve].source].append(valve)
-    raised: list[Raised] = []
+    raised: list[RaisedAlert] = []
     for device, valves in by_device.items():
         on_it = sum(one.source == device for one in plant.valves.values())
         rules = plant.alerts
@@ -91,13 +91,13 @@ def _why(store: Store, tags: Sequence[DeadTag], now: datetime) -> dict[str, str]
     return said
 
 
-def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, str]) -> Raised:
+def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, str]) -> RaisedAlert:
     entry = plant.valves[valve]
     name = f"{valve} ({entry.description})" if entry.description else valve
     listed = "; ".join(
         f"{one.role.upper()} {one.tag} {why.get(one.tag, '')}".strip() for one in tags
     )
-    return Raised(
+    return RaisedAlert(
         cause=VALVE + valve,
         kind=AlertKind.NO_DATA,
         severity=_severity(entry.criticality),
@@ -111,10 +111,10 @@ def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, st
     )
 
 
-def _many(plant: Plant, device: str, valves: Sequence[str]) -> Raised:
+def _many(plant: Plant, device: str, valves: Sequence[str]) -> RaisedAlert:
     listed = ", ".join(valves[:_NAMED])
     more = f" and {len(valves) - _NAMED} more" if len(valves) > _NAMED else ""
-    return Raised(
+    return RaisedAlert(
         cause=MANY + device,
         kind=AlertKind.NO_DATA,
         severity=_severity(max(plant.valves[one].criticality for one in valves)),

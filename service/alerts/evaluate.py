@@ -10,7 +10,7 @@ from stemwatch.service.alerts.after_maintenance import note_result_of_work
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
 from stemwatch.service.alerts.rules import apply_rules
 from stemwatch.service.config import Plant
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.store import Store
 
 _NAMED = 12  # valves of a common alert that are listed
@@ -39,7 +39,7 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     """
     done = store.queue.valves_done(run_id)
     open_before = store.alerts.open_causes()
-    raised: list[Raised] = []
+    raised: list[RaisedAlert] = []
     over: list[str] = []
     for seen in gathered(store, plant, done):
         of_valve, closed = apply_rules(seen, plant.alerts)
@@ -60,13 +60,13 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     return store.alerts.raise_all([*common, *new])
 
 
-def _groups(raised: Iterable[Raised], plant: Plant) -> dict[_Group, list[Raised]]:
+def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[RaisedAlert]]:
     """The groups of which so many valves have the same finding that it has one cause."""
     sizes: dict[tuple[str, str], int] = defaultdict(int)
     for valve in plant.valves.values():
         for place in _places(plant, valve.id):
             sizes[place] += 1
-    found: dict[_Group, list[Raised]] = defaultdict(list)
+    found: dict[_Group, list[RaisedAlert]] = defaultdict(list)
     for one in raised:
         for what, name in _places(plant, one.valve or ""):
             found[_Group(one.kind, what, name)].append(one)
@@ -83,10 +83,10 @@ def _groups(raised: Iterable[Raised], plant: Plant) -> dict[_Group, list[Raised]
     return _largest_first(large)
 
 
-def _largest_first(groups: dict[_Group, list[Raised]]) -> dict[_Group, list[Raised]]:
+def _largest_first(groups: dict[_Group, list[RaisedAlert]]) -> dict[_Group, list[RaisedAlert]]:
     """Each valve in one group only: an area and a source often hold the same valves."""
     taken: set[str] = set()
-    chosen: dict[_Group, list[Raised]] = {}
+    chosen: dict[_Group, list[RaisedAlert]] = {}
     for group, many in sorted(groups.items(), key=lambda one: (-len(one[1]), one[0].cause)):
         left = [one for one in many if one.cause not in taken]
         if len(left) * 2 > len(many):
@@ -103,7 +103,7 @@ def _places(plant: Plant, valve: str) -> list[tuple[str, str]]:
     return [("area", entry.area), *places] if entry.area else places
 
 
-def _common(group: _Group, found: Sequence[Raised], run_id: int) -> Raised:
+def _common(group: _Group, found: Sequence[RaisedAlert], run_id: int) -> RaisedAlert:
     names = [one.valve or "" for one in found]
     listed = ", ".join(names[:_NAMED])
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
@@ -112,7 +112,7 @@ def _common(group: _Group, found: Sequence[Raised], run_id: int) -> Raised:
         AlertKind.MISMATCH: "show something beside stiction",
     }
     worst = min((one.severity for one in found), key=list(AlertSeverity).index)
-    return Raised(
+    return RaisedAlert(
         cause=group.cause,
         kind=AlertKind.COMMON,
         severity=worst,

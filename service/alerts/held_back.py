@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.service.presenter.false_discoveries import Discoveries
-from stemwatch.service.store.screenings.false_discoveries import Tested
+from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 from stemwatch.service.store.store import Store
 
 
-def hold_back(store: Store, run_id: int) -> list[Tested]:
+def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
     """Mark what ``run_id`` named and what does not stand among its valves; all that was tested.
 
     Doing it again changes nothing. Raises ``StoreError``.
@@ -33,7 +33,7 @@ def hold_back(store: Store, run_id: int) -> list[Tested]:
     return found
 
 
-def p_elsewhere(found: Sequence[Tested], shown: Sequence[str]) -> tuple[float | None, ...]:
+def p_elsewhere(found: Sequence[TestedScreening], shown: Sequence[str]) -> tuple[float | None, ...]:
     """The p values of the valves that a report of ``shown`` leaves out."""
     there = set(shown)
     return tuple(one.p_value for one in found if one.valve not in there)

@@ -15,7 +15,8 @@ from enum import Enum
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.presenter.finding import present_effect
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
 RATIO = "baseline_ratio"
@@ -63,10 +64,10 @@ def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDe
     return AlertDecision.LEAVE
 
 
-def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[Raised], list[str]]:
+def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert], list[str]]:
     """What to raise, and the causes to close, of one valve."""
     judged = [one for one in seen.screenings if one.verdict is not Verdict.UNDETERMINED]
-    raised: list[Raised] = []
+    raised: list[RaisedAlert] = []
     closed: list[str] = []
     for kind, present, text in _findings(seen, rules):
         told = [None if _worked_on(seen, one) else present(one) for one in judged]
@@ -124,7 +125,7 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
 
 
 def _sticky(one: JudgedScreening) -> str:
-    return f"It sticks: S is {one.S} of OP span. {one.advice}"
+    return f"{one.reason} {one.advice}".strip()
 
 
 def _grown(one: JudgedScreening, before: Estimate | None) -> str:
@@ -141,11 +142,10 @@ def _departed(ratio: float) -> str:
 def _mismatch(one: JudgedScreening) -> str:
     if one.mismatch is None or not one.mismatch.effects:
         return "Something beside stiction was found."
-    effect = one.mismatch.effects[0]
-    return f"{effect.sentence} {effect.check}".strip()
+    return present_effect(one.mismatch.effects[0]).in_short
 
 
-def _raised(valve: StoredValve, kind: AlertKind, text: str, one: JudgedScreening) -> Raised:
+def _raised(valve: StoredValve, kind: AlertKind, text: str, one: JudgedScreening) -> RaisedAlert:
     name = f"{valve.id} ({valve.description})" if valve.description else valve.id
     evidence = {
         "S": one.S.value,
@@ -156,7 +156,7 @@ def _raised(valve: StoredValve, kind: AlertKind, text: str, one: JudgedScreening
         "screening": one.id,
         "window": [None if end is None else end.isoformat() for end in one.window],
     }
-    return Raised(
+    return RaisedAlert(
         cause=cause(kind, valve.id),
         kind=kind,
         severity=severity_of(kind, valve.criticality),

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 from stemwatch.service.alerts.dead_tags import MANY, VALVE, dead_tags, raised_of
 from stemwatch.service.config import Plant
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 
@@ -28,7 +28,7 @@ def watch_sources(
     states = {state.source: state for state in store.sources.states()}
     limit = timedelta(seconds=plant.alerts.silent_after_s)
     open_now = store.alerts.open_causes((f"{AlertKind.NO_DATA.value}:",))
-    raised: list[Raised] = []
+    raised: list[RaisedAlert] = []
     alive: list[str] = []
     for name in plant.devices:
         state = states.get(name)
@@ -73,12 +73,12 @@ def _cause(source: str) -> str:
     return f"{AlertKind.NO_DATA.value}:{source}"
 
 
-def _silent(plant: Plant, name: str, state: SourceState | None, last: datetime) -> Raised:
+def _silent(plant: Plant, name: str, state: SourceState | None, last: datetime) -> RaisedAlert:
     valves = [valve for valve in plant.valves.values() if valve.source == name]
     why = f" ({state.fault})" if state is not None and state.fault else ""
     worst = max((valve.criticality for valve in valves), default=1)
     severity = AlertSeverity.HIGH if worst == 3 else AlertSeverity.MEDIUM
-    return Raised(
+    return RaisedAlert(
         cause=_cause(name),
         kind=AlertKind.NO_DATA,
         severity=severity,

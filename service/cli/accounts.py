@@ -17,7 +17,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from stemwatch.service.store.accounts.records import LinkKind, Role, User
+    from stemwatch.service.store.accounts.records import OneTimeLinkKind, User, UserRole
     from stemwatch.service.store.store import Store
 
 accounts_app = typer.Typer(
@@ -72,10 +72,10 @@ def add(
     address: Address = PAGES,
 ) -> None:
     """Print a one-time link at which a new user chooses name and password."""
-    from stemwatch.service.store.accounts.records import LinkKind
+    from stemwatch.service.store.accounts.records import OneTimeLinkKind
 
     with _store(plant, db) as store:
-        link = _link(store, address, LinkKind.INVITATION, _role(role), note)
+        link = _link(store, address, OneTimeLinkKind.INVITATION, _role(role), note)
         _note(store, "manage users", f"invite {note}; role {role}")
     _show(link)
 
@@ -83,13 +83,13 @@ def add(
 @accounts_app.command("reset")
 def reset(name: Name, plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
     """Print a one-time link at which a user chooses a new password."""
-    from stemwatch.service.store.accounts.records import LinkKind
+    from stemwatch.service.store.accounts.records import OneTimeLinkKind
 
     with _store(plant, db) as store:
         user = _user(store, name)
         if user.disabled is not None:
             raise typer.BadParameter(f"{user.name} is disabled; enable the user first")
-        link = _link(store, address, LinkKind.PASSWORD, user.role, user.name, user.id)
+        link = _link(store, address, OneTimeLinkKind.PASSWORD, user.role, user.name, user.id)
         _note(store, "manage users", f"link for a new password; {user.name}")
     _show(link)
 
@@ -145,16 +145,21 @@ def _user(store: Store, name: str) -> User:
     return found
 
 
-def _role(word: str) -> Role:
-    from stemwatch.service.store.accounts.records import Role
+def _role(word: str) -> UserRole:
+    from stemwatch.service.store.accounts.records import UserRole
 
-    if word not in list(Role):
-        raise typer.BadParameter(f"{', '.join(Role)} is expected, received {word!r}")
-    return Role(word)
+    if word not in list(UserRole):
+        raise typer.BadParameter(f"{', '.join(UserRole)} is expected, received {word!r}")
+    return UserRole(word)
 
 
 def _link(
-    store: Store, address: str, kind: LinkKind, role: Role, note: str, user: int | None = None
+    store: Store,
+    address: str,
+    kind: OneTimeLinkKind,
+    role: UserRole,
+    note: str,
+    user: int | None = None,
 ) -> str:
     from stemwatch.service.access.links import address_of, make_link
 
@@ -171,7 +176,7 @@ def _show(link: str) -> None:
 
 def _note(store: Store, action: str, about: str) -> None:
     """An entry in the audit log: by whom this machine is used, and what for."""
-    from stemwatch.service.store.accounts.records import Entry
+    from stemwatch.service.store.accounts.records import AuditEntry
 
     try:
         who = getpass.getuser()
@@ -179,5 +184,5 @@ def _note(store: Store, action: str, about: str) -> None:
         who = "somebody on this machine"
     now = datetime.now(UTC)
     store.audit.add(
-        Entry(at=now, who=who, how="command line", address="", action=action, about=about)
+        AuditEntry(at=now, who=who, how="command line", address="", action=action, about=about)
     )

@@ -11,7 +11,7 @@ from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
     from stemwatch.service.config.plant import Plant
-    from stemwatch.service.store.database_url import Address
+    from stemwatch.service.store.database_url import DatabaseUrl
 
 db_app = typer.Typer(
     name="db",
@@ -176,9 +176,9 @@ def copy(
     """
     from stemwatch.service.cli import db_views, views
     from stemwatch.service.store.administration.backup import copy as carry
-    from stemwatch.service.store.database_url import Address
+    from stemwatch.service.store.database_url import DatabaseUrl
 
-    origin, target = _address(plant, db), Address(to)
+    origin, target = _address(plant, db), DatabaseUrl(to)
     told = carry(origin, target)
     views.out.print(db_views.told_table(f"{origin} in {target}", told))
     db_views.say(f"Now give {target} as storage.url, or in STEMWATCH_STORAGE_URL.")
@@ -213,10 +213,10 @@ def prune(
     address = _address(plant, db)
     if samples_days is None and plant is not None:
         samples_days = float(_plant(plant).service.keep_samples_days)
-    ages = pruning.Ages(
+    ages = pruning.RetentionDays(
         samples_days=samples_days, results_days=results_days, alerts_days=alerts_days
     )
-    if ages == pruning.Ages():
+    if ages == pruning.RetentionDays():
         raise typer.BadParameter("give --samples-days, --results-days or --alerts-days")
     with open_store(_existing(address)) as store:
         went = pruning.prune(store, ages) if yes else pruning.would_prune(store, ages)
@@ -225,17 +225,17 @@ def prune(
         db_views.say("Nothing was removed; --yes does it. Make a backup first.")
 
 
-def _address(plant: Path | None, db: str) -> Address:
+def _address(plant: Path | None, db: str) -> DatabaseUrl:
     import os
 
-    from stemwatch.service.store.database_url import Address
+    from stemwatch.service.store.database_url import DatabaseUrl
 
     if db:
-        return Address(db)
+        return DatabaseUrl(db)
     if plant is not None:
         return _plant(plant).storage
     if url := os.environ.get("STEMWATCH_STORAGE_URL"):
-        return Address(url)
+        return DatabaseUrl(url)
     raise typer.BadParameter("give --plant plant.toml or --db URL, or set STEMWATCH_STORAGE_URL")
 
 
@@ -245,7 +245,7 @@ def _plant(path: Path) -> Plant:
     return load_plant(o.need_file(path, "--plant"))
 
 
-def _existing(address: Address) -> Address:
+def _existing(address: DatabaseUrl) -> DatabaseUrl:
     """The address, where there is a database already."""
     from stemwatch.service.store.database.engine import existing_engine
 

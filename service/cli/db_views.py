@@ -10,8 +10,8 @@ from rich.table import Table
 from stemwatch.service.cli import views
 
 if TYPE_CHECKING:
-    from stemwatch.service.store.administration.backup_file import Told
-    from stemwatch.service.store.administration.check import Health
+    from stemwatch.service.store.administration.backup_file import TableDigest
+    from stemwatch.service.store.administration.check import DatabaseHealth
     from stemwatch.service.store.administration.prune import Pruned
 
 
@@ -20,7 +20,7 @@ def say(sentence: str) -> None:
     views.out.print(views.escape(sentence), highlight=False)
 
 
-def health_table(address: str, health: Health) -> Table:
+def health_table(address: str, health: DatabaseHealth) -> Table:
     """Rows and sizes of each table, under what the database is."""
     layout = f"samples in a {health.layout.value}".replace("a partitions", "partitions")
     title = f"{address}: {health.engine}, schema {health.schema or 'none'}, {layout}"
@@ -35,7 +35,7 @@ def health_table(address: str, health: Health) -> Table:
     return table
 
 
-def told_table(title: str, told: Mapping[str, Told]) -> Table:
+def told_table(title: str, told: Mapping[str, TableDigest]) -> Table:
     """What was carried: rows of each table and the beginning of their digest."""
     table = Table(title=views.escape(title), title_justify="left")
     table.add_column("table")

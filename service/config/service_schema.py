@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from importlib.metadata import entry_points
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from stemwatch.connectors.settings import Name, Positive, TomlTable, contradiction
 from stemwatch.service.config.cron import CronTimes
-from stemwatch.service.config.problems import contradiction
-from stemwatch.service.config.schema import Name, Positive, Table
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
+NOTIFIERS = "stemwatch.notifiers"
 Severity = Literal["high", "medium", "low"]
 SHORTEST_S = 10.0
 
@@ -23,7 +24,7 @@ def _readable_cron(expression: str) -> str:
     return expression
 
 
-class ScheduleTable(Table):
+class ScheduleTable(TomlTable):
     """``[[schedules]]``: when which valves are screened."""
 
     name: Name = Field(description="a name of its own for the schedule, as text")
@@ -50,13 +51,13 @@ class ScheduleTable(Table):
             raise contradiction(("cron",), found, "one of the two")
         return self
 
-    def schedule(self) -> Schedule:
+    def schedule(self) -> ScreeningSchedule:
         """The schedule as the store keeps it."""
         values = self.model_dump() | {"areas": tuple(self.areas), "valves": tuple(self.valves)}
-        return Schedule(**values)
+        return ScreeningSchedule(**values)
 
 
-class AlertRules(Table):
+class AlertRules(TomlTable):
     """``[alerts]``: what is worth telling somebody, and when.
 
     A finding is raised when it was there in ``raise_after_runs`` of the last ``of_runs`` runs, and
@@ -93,11 +94,19 @@ class AlertRules(Table):
         return self
 
 
-class NotifierTable(Table):
+_NEEDED = {"mail": ("host", "sender", "to"), "webhook": ("url",), "file": ("path",)}
+
+
+def notifier_kinds() -> tuple[str, ...]:
+    """The kinds of notifier that are installed: the entry points ``stemwatch.notifiers``."""
+    return tuple(sorted(point.name for point in entry_points(group=NOTIFIERS)))
+
+
+class NotifierTable(TomlTable):
     """``[[notifiers]]``: who is told of alerts, and how. Which keys are needed follows ``kind``."""
 
     name: Name = Field(description="a name of its own for the notifier, as text")
-    kind: Literal["mail", "webhook", "file"] = Field(description='"mail", "webhook" or "file"')
+    kind: Name = Field(description='"mail", "webhook", "file", or that of a package of one\'s own')
     least_severity: Severity = Field(default="low", description='"high", "medium" or "low"')
     host: Name | None = Field(default=None, description="the mail server's name, as text")
     port: Annotated[int, Field(ge=1, le=65535)] | None = Field(
@@ -118,14 +127,25 @@ class NotifierTable(Table):
     url: Name | None = Field(default=None, description="an address with http:// or https://")
     allow_private: bool = Field(default=False, description="true or false")
     path: Name | None = Field(default=None, description="a file, relative to the plant file")
+    options: dict[str, Any] = Field(
+        default={}, description="a table with the keys of a kind from a package of one's own"
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        needed = {"mail": ("host", "sender", "to"), "webhook": ("url",), "file": ("path",)}
-        for key in needed[self.kind]:
+        known = notifier_kinds()
+        if self.kind not in known:
+            expected = (
+                f"one of {', '.join(map(repr, known))}" if known else "an installed stemwatch"
+            )
+            raise contradiction(("kind",), repr(self.kind), expected)
+        needed = _NEEDED.get(self.kind, ())
+        for key in needed:
             if not getattr(self, key):
-                expected = f"{', '.join(needed[self.kind])} for {self.kind}"
+                expected = f"{', '.join(needed)} for {self.kind}"
                 raise contradiction((key,), "nothing", expected)
+        if self.options and self.kind in _NEEDED:
+            raise contradiction(("options",), "a table", f"no options for {self.kind}")
         if self.url is not None and not self.url.startswith(("http://", "https://")):
             raise contradiction(("url",), repr(self.url), "an address with http:// or https://")
         if self.secret_variable is not None and self.secret_file is not None:
@@ -137,7 +157,7 @@ class NotifierTable(Table):
         return self
 
 
-class ServiceSection(Table):
+class ServiceSection(TomlTable):
     """``[service]``: where the service keeps its files, and how much of everything."""
 
     address: Annotated[str, Field(pattern=r"^(|https?://[^\s?#]+)$")] = Field(

@@ -1,7 +1,7 @@
 """The store: what every screening found, kept in SQLite or PostgreSQL, migrated by Alembic.
 
 ``Store`` and ``open_store`` are loaded when they are first used, so that reading a plant file,
-which only needs an ``Address``, does not load a database library.
+which only needs an ``DatabaseUrl``, does not load a database library.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from stemwatch.service.store.database_url import Address as Address
+from stemwatch.service.store.database_url import DatabaseUrl as DatabaseUrl
 from stemwatch.service.store.errors import StoreError as StoreError
 
 if TYPE_CHECKING:

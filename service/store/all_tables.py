@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from stemwatch.service.store.accounts import tables as accounts
 from stemwatch.service.store.alerts import tables as alerts
-from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.database.columns import TableBase
 from stemwatch.service.store.runs import tables as runs
 from stemwatch.service.store.samples import tables as samples
 from stemwatch.service.store.screenings import tables as screenings
 
 TABLES = (accounts, alerts, runs, samples, screenings)  # imported, so that their tables are known
-metadata = Base.metadata
+metadata = TableBase.metadata

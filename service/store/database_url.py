@@ -38,7 +38,7 @@ def masked_command(arguments: Sequence[str]) -> str:
     return " ".join(words)
 
 
-class Address:
+class DatabaseUrl:
     """A database URL that shows itself with its password masked.
 
     ``str``, ``repr`` and every format give the masked form; ``reveal()`` gives the URL itself, for
@@ -58,10 +58,10 @@ class Address:
         return masked(self._url)
 
     def __repr__(self) -> str:
-        return f"Address({masked(self._url)!r})"
+        return f"DatabaseUrl({masked(self._url)!r})"
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Address) and self._url == other._url
+        return isinstance(other, DatabaseUrl) and self._url == other._url
 
     def __hash__(self) -> int:
         return hash(self._url)

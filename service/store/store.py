@@ -21,13 +21,13 @@ from stemwatch.service.store.accounts.users import Accounts
 from stemwatch.service.store.alerts.alerts import Alerts
 from stemwatch.service.store.alerts.deliveries import Deliveries
 from stemwatch.service.store.database.engine import make_engine, plainly
-from stemwatch.service.store.database.sessions import Access
-from stemwatch.service.store.database_url import Address, masked_command
+from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database_url import DatabaseUrl, masked_command
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.leases import Leases, Settings
+from stemwatch.service.store.runs.leases import Leases, ServiceSettings
 from stemwatch.service.store.runs.queue import RunQueue
 from stemwatch.service.store.runs.schedules import Schedules
-from stemwatch.service.store.samples.samples import Samples
+from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.store.samples.sources import Sources
 from stemwatch.service.store.screenings import (
     baselines,
@@ -38,12 +38,13 @@ from stemwatch.service.store.screenings import (
     restored,
     screenings,
 )
-from stemwatch.service.store.screenings.false_discoveries import Tested
+from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
 from stemwatch.service.store.screenings.previous import read_previous
 from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
 from stemwatch.service.store.screenings.records import (
     Baseline,
+    DescribedValve,
     Ranked,
     RecentOfValve,
     Remark,
@@ -54,7 +55,6 @@ from stemwatch.service.store.screenings.records import (
     StoredScreening,
     StoredValve,
     TrendPoint,
-    ValveFacts,
 )
 from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.screenings.rows import stored_run
@@ -64,7 +64,7 @@ _Window = tuple[datetime | None, datetime | None]
 _GIVE_UP_AFTER = 3  # saves in a row for which the database did not answer
 
 
-def open_store(url: str | Address) -> Store:
+def open_store(url: str | DatabaseUrl) -> Store:
     """The store at ``url``, its schema brought to the newest, created where there is none.
 
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
@@ -72,7 +72,7 @@ def open_store(url: str | Address) -> Store:
     """
     from stemwatch.service.store.administration.migrate import upgrade
 
-    address = url if isinstance(url, Address) else Address(url)
+    address = url if isinstance(url, DatabaseUrl) else DatabaseUrl(url)
     engine = make_engine(address)
     try:
         upgrade(engine, address)
@@ -92,9 +92,9 @@ class Store:
     Times go in timezone aware and come out in UTC. Methods raise ``StoreError``.
     """
 
-    def __init__(self, engine: Engine, address: Address) -> None:
+    def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
         self.address = address
-        self.access = access = Access(engine, address)
+        self.access = access = Transactions(engine, address)
         self.access_links = AccessLinks(access)
         self.accounts = Accounts(access)
         self.alerts = Alerts(access)
@@ -104,9 +104,9 @@ class Store:
         self.deliveries = Deliveries(access)
         self.leases = Leases(access)
         self.queue = RunQueue(access)
-        self.samples = Samples(access)
+        self.samples = SampleStore(access)
         self.schedules = Schedules(access)
-        self.settings = Settings(access)
+        self.settings = ServiceSettings(access)
         self.sources = Sources(access)
         self.web_sessions = WebSessions(access)
 
@@ -195,7 +195,7 @@ class Store:
                 failures.append(SaveFailure(valve=screening.valve, reason=reason))
         return SaveReport(saved=saved, failures=tuple(failures))
 
-    def save_valves(self, valves: Iterable[ValveFacts]) -> None:
+    def save_valves(self, valves: Iterable[DescribedValve]) -> None:
         """Keep what the plant file says of the valves; valves it no longer names stay."""
         with self.access.writing("saving the valves") as session:
             screenings.write_valves(session, valves)
@@ -273,7 +273,7 @@ class Store:
         with self.access.reading() as session:
             return recent.read_recent(session, valves, depth, indicator)
 
-    def tested_of_run(self, run_id: int) -> list[Tested]:
+    def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run that could have shown an effect beside S and J."""
         with self.access.reading() as session:
             return false_discoveries.read_tested(session, run_id)

@@ -19,7 +19,7 @@ from stemwatch.models.studies.simulator import (
     simulate_loop,
 )
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 BATCH = 12
 
@@ -78,7 +78,7 @@ def run_trial(
         for first in range(0, len(seeded), BATCH)
     ]
     done: dict[int, list[Marked]] = {}
-    for place, marked in executor.map(mark_batch, batches):
+    for place, marked in map_items(executor, mark_batch, batches):
         done[place] = marked
         tell(sum(map(len, done.values())))
     return [valve for place in sorted(done) for valve in done[place]]

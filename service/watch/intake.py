@@ -8,7 +8,7 @@ from pathlib import Path
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
-from stemwatch.service.store.samples.samples import Samples
+from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.watch.limited_reader import Export, limited_reading
 
 _SHOWN = 8
@@ -24,7 +24,7 @@ class Taken:
 
 
 def take_in(
-    path: Path, plant: Plant, source: str, samples: Samples, memory_bytes: int | None = None
+    path: Path, plant: Plant, source: str, samples: SampleStore, memory_bytes: int | None = None
 ) -> Taken:
     """Store what ``path`` holds of the tags that valves of ``source`` name.
 

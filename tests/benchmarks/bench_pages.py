@@ -22,8 +22,8 @@ from sqlalchemy import insert
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.access.sessions import begin_session
-from stemwatch.service.store.accounts.records import Role
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.accounts.records import UserRole
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.screenings.tables import IndicatorRow, ScreeningRow
@@ -62,7 +62,7 @@ def fill(store: Store, valves: int, runs: int) -> None:
         store.finish_run(number)
     _indicators(store)
     raised = [
-        Raised(
+        RaisedAlert(
             cause=f"sticky:{name}",
             kind=AlertKind.STICKY,
             severity=AlertSeverity.HIGH,
@@ -155,7 +155,7 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
     """Milliseconds of ``TIMES`` requests for each path, after one that is not counted."""
     transport = httpx.ASGITransport(create_app(site))
     found: dict[str, list[float]] = {}
-    user = site.store.accounts.add("bench", Role.ADMIN, "no hash", by="bench", now=NOW)
+    user = site.store.accounts.add("bench", UserRole.ADMIN, "no hash", by="bench", now=NOW)
     cookies = {NAME: begin_session(site.store, user.id, now=NOW)}
     async with httpx.AsyncClient(
         transport=transport, base_url="http://localhost", cookies=cookies

@@ -26,7 +26,7 @@ from sqlalchemy import Connection, text
 
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.service.store.administration.backup import backup
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.samples import samples as samples_module
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
 from stemwatch.service.store.store import Store, open_store
@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures to this file too")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        address = Address(asked.url or f"sqlite:///{folder}/bench.db")
+        address = DatabaseUrl(asked.url or f"sqlite:///{folder}/bench.db")
         with open_store(address) as store:
             if store.samples.tags("bench"):
                 raise SystemExit(f"{address}: is not empty; give an empty database")

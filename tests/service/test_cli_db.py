@@ -11,7 +11,7 @@ import pytest
 
 from stemwatch.service.store.administration.migrate import downgrade, newest_revision
 from stemwatch.service.store.database.engine import make_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.store import open_store
 from tests.service.web.made_plant import NOW, fill, plant_of, write_samples
 
@@ -118,7 +118,7 @@ def test_a_backup_is_restored(stemwatch, site: str, tmp_path: Path) -> None:
 
 def test_an_older_site_is_backed_up_as_it_is(stemwatch, site: str, tmp_path: Path) -> None:
     """A backup before the upgrade does not itself upgrade."""
-    engine = make_engine(Address(site))
+    engine = make_engine(DatabaseUrl(site))
     downgrade(engine, "0003")
     engine.dispose()
     assert stemwatch("db", "backup", tmp_path / "b.zip", "--db", site).status == 0

@@ -32,7 +32,7 @@ from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.mapfile import plant_toml
 from stemwatch.service.modbus_plant.serve import PlantServer
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.samples.samples import Stretch as Samples
+from stemwatch.service.store.samples.samples import TagSamples as Samples
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 
@@ -50,7 +50,7 @@ every_s = 10
 _RECONNECT_S = 16.0  # the longest that a device which is back is left alone
 _LATEST_S = 1.5  # from an instant to its answer: 0.25 s to begin, 1 s to be answered
 VALVES = ("FIC-101", "TIC-102")
-Stretch = tuple[float, float]
+TagSamples = tuple[float, float]
 Answer = tuple[float, tuple[int, ...]]  # when, and all registers of the device
 
 
@@ -110,7 +110,7 @@ class Device:
 
     def __init__(self) -> None:
         self.port = 0
-        self.down: list[Stretch] = []
+        self.down: list[TagSamples] = []
         self.served: list[Answer] = []
         self._silent = threading.Event()
         self._loops = demo_plant(1)[:2]
@@ -175,7 +175,7 @@ class Night:
 
     def __init__(self, folder: Path, url: str) -> None:
         self.folder, self._url = folder, url
-        self.dead: list[Stretch] = []
+        self.dead: list[TagSamples] = []
         self.process: subprocess.Popen[str] | None = None
 
     def start(self) -> None:
@@ -388,7 +388,7 @@ def check_runs(store: Store, begun: float, ended: float) -> None:
     assert len(windows) >= len(done), "each run that is done has its screenings"
 
 
-def inside(stretch: Stretch, known: list[Stretch]) -> bool:
+def inside(stretch: TagSamples, known: list[TagSamples]) -> bool:
     return any(begun <= stretch[0] and stretch[1] <= end for begun, end in known)
 
 

@@ -88,6 +88,8 @@ def test_a_result_prints_a_few_lines(screened: ScreenedValve, work: ScreenedValv
     assert screened.S.value is not None
     assert str(screened.S) in repr(screened)
     assert "3 valves: 1 sticky, 1 undetermined, 1 healthy" in repr(work)
+    assert "? undetermined  Cannot tell: DataFrame: the index holds no times" in repr(work)
+    assert repr(work[:1][0]) == repr(sw.screen([work[0].recording], narx=False))
     first = repr(work).splitlines()[1]
     assert re.match(r"  1 FIC-101 .*■ sticky", first)
 

@@ -6,9 +6,11 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from stemwatch.service.alerts.notifiers.notifier import NotSent
+from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+from stemwatch.service.config.service_schema import NotifierTable
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,11 @@ class FileNotifier:
     """Appends to ``path``; for whatever follows a log."""
 
     path: Path
+
+    @classmethod
+    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
+        """``path`` of the table, beside the plant file."""
+        return cls(folder / (table.path or ""))
 
     def send(self, key: str, message: Mapping[str, Any]) -> None:
         """Append the message with its key."""

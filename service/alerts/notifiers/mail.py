@@ -8,10 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from email.message import EmailMessage
 from email.utils import formatdate
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 from stemwatch.service.alerts.notifiers.notifier import NotSent
 from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+from stemwatch.service.config.service_schema import NotifierTable
 
 TIMEOUT_S = 20.0
 _PORTS = {"starttls": 587, "tls": 465, "none": 25}
@@ -32,6 +34,19 @@ class MailNotifier:
     secret: NotifierSecret
     sender: str
     to: tuple[str, ...]
+
+    @classmethod
+    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
+        """Host, sender and receivers of the table."""
+        return cls(
+            host=table.host or "",
+            port=table.port,
+            security=table.security,
+            user=table.user,
+            secret=secret,
+            sender=table.sender or "",
+            to=tuple(table.to),
+        )
 
     def send(self, key: str, message: Mapping[str, Any]) -> None:
         """Send the mail. Its ``Message-ID`` is made of ``key``, the same for each attempt."""

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+    from stemwatch.service.config.service_schema import NotifierTable
 
 
 class NotSent(Exception):
@@ -27,4 +32,15 @@ class Notifier(Protocol):
     and therefore never to be trusted as anything but text.
     """
 
-    def send(self, key: str, message: Mapping[str, Any]) -> None: ...
+    def send(self, key: str, message: Mapping[str, Any]) -> None:
+        """Bring ``message`` to its receiver; raises ``NotSent`` where it did not arrive."""
+        ...
+
+
+class NotifierKind(Protocol):
+    """What an entry point of ``stemwatch.notifiers`` leads to: usually the notifier's class."""
+
+    def from_table(self, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Notifier:
+        """The notifier that a ``[[notifiers]]`` of a plant file in ``folder`` describes. A kind of
+        another package finds its own keys in ``table.options``."""
+        ...

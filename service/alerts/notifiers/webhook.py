@@ -18,11 +18,13 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 from urllib.parse import SplitResult, urlsplit
 
 from stemwatch.service.alerts.notifiers.notifier import NotSent
 from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+from stemwatch.service.config.service_schema import NotifierTable
 
 # IPv6 addresses that lead to an IPv4 one: translators (RFC 6052), 6to4 (RFC 3056) and the old
 # compatible form. What counts is where they lead.
@@ -96,6 +98,11 @@ class WebhookNotifier:
     url: str
     secret: NotifierSecret
     allow_private: bool = False
+
+    @classmethod
+    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
+        """Address of the table, and whether it may be a private one."""
+        return cls(url=table.url or "", secret=secret, allow_private=table.allow_private)
 
     def send(self, key: str, message: Mapping[str, Any]) -> None:
         """Post the message; any answer from 200 to 299 means that it was taken."""

@@ -10,13 +10,13 @@ from sqlalchemy import Select, select, update
 from stemwatch.service.store.accounts.records import ApiToken, Scope
 from stemwatch.service.store.accounts.tables import TokenRow, UserRow
 from stemwatch.service.store.accounts.users import user_of
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 
 
 class ApiTokens:
     """Tokens by their digests. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def add(

@@ -7,21 +7,21 @@ from datetime import datetime
 
 from sqlalchemy import select
 
-from stemwatch.service.store.accounts.records import Entry, Outcome, StoredEntry
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, StoredAuditEntry
 from stemwatch.service.store.accounts.tables import AuditRow
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 
 LONGEST = 500  # characters of a field: what somebody sends must not fill the database
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class AuditFilter:
     """Which entries are wanted; what is empty does not matter. ``before`` is an entry's number:
     those older than it."""
 
     who: str = ""
     action: str = ""
-    outcome: Outcome | None = None
+    outcome: AuditOutcome | None = None
     start: datetime | None = None
     stop: datetime | None = None
     before: int | None = None
@@ -31,10 +31,10 @@ class Wanted:
 class AuditLog:
     """The entries in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: AuditEntry) -> None:
         """Keep an entry."""
         with self._access.writing("writing the audit log") as session:
             session.add(
@@ -50,7 +50,7 @@ class AuditLog:
                 )
             )
 
-    def read(self, wanted: Wanted) -> list[StoredEntry]:
+    def read(self, wanted: AuditFilter) -> list[StoredAuditEntry]:
         """Entries, the newest first."""
         statement = select(AuditRow).order_by(AuditRow.id.desc()).limit(wanted.limit)
         if wanted.who:
@@ -74,8 +74,8 @@ class AuditLog:
             return list(session.scalars(select(AuditRow.action).distinct().order_by("action")))
 
 
-def _entry_of(row: AuditRow) -> StoredEntry:
-    return StoredEntry(
+def _entry_of(row: AuditRow) -> StoredAuditEntry:
+    return StoredAuditEntry(
         id=row.id,
         at=row.at,
         who=row.who,
@@ -83,6 +83,6 @@ def _entry_of(row: AuditRow) -> StoredEntry:
         address=row.address,
         action=row.action,
         about=row.about,
-        outcome=Outcome(row.outcome),
+        outcome=AuditOutcome(row.outcome),
         detail=row.detail,
     )

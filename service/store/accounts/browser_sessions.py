@@ -9,13 +9,13 @@ from sqlalchemy import Select, delete, or_, select, update
 from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.accounts.tables import SessionRow, UserRow
 from stemwatch.service.store.accounts.users import user_of
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 
 
 class WebSessions:
     """Sessions by the digest of their cookies. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def begin(

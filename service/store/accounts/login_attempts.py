@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.service.store.accounts.tables import AttemptRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 
 # How long to wait after so many failures.
 Wait = Callable[[int], timedelta]
@@ -23,7 +23,7 @@ Wait = Callable[[int], timedelta]
 class Attempts:
     """Counts by key, such as a name or an address. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def begin(

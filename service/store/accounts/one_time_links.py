@@ -7,9 +7,9 @@ from datetime import datetime
 from sqlalchemy import ColumnElement, select, update
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.accounts.records import Link, LinkKind, Role
+from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, UserRole
 from stemwatch.service.store.accounts.tables import LinkRow
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 
 
 class AccessLinks:
@@ -18,25 +18,25 @@ class AccessLinks:
     A link is used up by ``Accounts``, in the transaction that adds or changes the user.
     """
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def make(
         self,
         digest: str,
-        kind: LinkKind,
-        role: Role,
+        kind: OneTimeLinkKind,
+        role: UserRole,
         *,
         by: str,
         now: datetime,
         expires: datetime,
         user: int | None = None,
         note: str = "",
-    ) -> Link:
+    ) -> OneTimeLink:
         """Keep a one-time link. A link for the first admin, or for a password of ``user``, takes
         the place of those before it."""
         with self._access.writing("making a one-time link") as session:
-            if kind is LinkKind.FIRST:
+            if kind is OneTimeLinkKind.FIRST:
                 revoke(session, now, LinkRow.kind == kind.value)
             elif user is not None:
                 revoke(session, now, LinkRow.user_id == user)
@@ -56,13 +56,13 @@ class AccessLinks:
             session.flush()
             return _link_of(row)
 
-    def find(self, digest: str) -> Link | None:
+    def find(self, digest: str) -> OneTimeLink | None:
         """The one-time link of this digest, whether or not it still lets somebody in."""
         with self._access.reading() as session:
             row = session.scalar(select(LinkRow).where(LinkRow.digest == digest))
             return None if row is None else _link_of(row)
 
-    def open(self, now: datetime) -> list[Link]:
+    def open(self, now: datetime) -> list[OneTimeLink]:
         """One-time links that still let somebody in, the newest first."""
         statement = select(LinkRow).where(*_open(now)).order_by(LinkRow.id.desc())
         with self._access.reading() as session:
@@ -97,11 +97,11 @@ def _open(now: datetime) -> tuple[ColumnElement[bool], ...]:
     return LinkRow.used.is_(None), LinkRow.revoked.is_(None), LinkRow.expires > now
 
 
-def _link_of(row: LinkRow) -> Link:
-    return Link(
+def _link_of(row: LinkRow) -> OneTimeLink:
+    return OneTimeLink(
         id=row.id,
-        kind=LinkKind(row.kind),
-        role=Role(row.role),
+        kind=OneTimeLinkKind(row.kind),
+        role=UserRole(row.role),
         user_id=row.user_id,
         note=row.note,
         created=row.created,

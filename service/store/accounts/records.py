@@ -7,7 +7,7 @@ from datetime import datetime
 from enum import StrEnum
 
 
-class Role(StrEnum):
+class UserRole(StrEnum):
     """What somebody is here. Each may do what the one before may, and more."""
 
     VIEWER = "viewer"
@@ -17,7 +17,7 @@ class Role(StrEnum):
     @property
     def rank(self) -> int:
         """0 for a viewer; the higher, the more may be done."""
-        return list(Role).index(self)
+        return list(UserRole).index(self)
 
 
 class Scope(StrEnum):
@@ -28,7 +28,7 @@ class Scope(StrEnum):
     ADMIN = "admin"
 
 
-class LinkKind(StrEnum):
+class OneTimeLinkKind(StrEnum):
     """What a one-time link is for."""
 
     FIRST = "first"  # the first admin
@@ -36,7 +36,7 @@ class LinkKind(StrEnum):
     PASSWORD = "password"  # a new password of a user
 
 
-class Outcome(StrEnum):
+class AuditOutcome(StrEnum):
     """What became of what somebody wanted."""
 
     DONE = "done"
@@ -50,7 +50,7 @@ class User:
 
     id: int
     name: str
-    role: Role
+    role: UserRole
     created: datetime
     created_by: str
     password_changed: datetime
@@ -59,12 +59,12 @@ class User:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Link:
+class OneTimeLink:
     """A one-time link, without the link itself, which nobody can read again."""
 
     id: int
-    kind: LinkKind
-    role: Role
+    kind: OneTimeLinkKind
+    role: UserRole
     user_id: int | None
     note: str
     created: datetime
@@ -112,7 +112,7 @@ class ApiToken:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
+class AuditEntry:
     """What the audit log keeps of one thing that somebody wanted."""
 
     at: datetime
@@ -121,12 +121,12 @@ class Entry:
     address: str
     action: str
     about: str = ""
-    outcome: Outcome = Outcome.DONE
+    outcome: AuditOutcome = AuditOutcome.DONE
     detail: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoredEntry(Entry):
+class StoredAuditEntry(AuditEntry):
     """An entry with its number, by which the log is read page by page."""
 
     id: int

@@ -11,7 +11,7 @@ from datetime import datetime
 from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
-from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.database.columns import TableBase
 
 
 def _of_user() -> Mapped[int]:
@@ -19,7 +19,7 @@ def _of_user() -> Mapped[int]:
     return mapped_column(ForeignKey("users.id", ondelete="CASCADE"))
 
 
-class UserRow(Base):
+class UserRow(TableBase):
     """Somebody who may sign in. ``name_key`` is the name as it is compared, ``name`` as shown."""
 
     __tablename__ = "users"
@@ -28,7 +28,7 @@ class UserRow(Base):
     id: Mapped[int] = mapped_column(primary_key=True)
     name: Mapped[str]
     name_key: Mapped[str]
-    role: Mapped[str]  # a ``Role``
+    role: Mapped[str]  # a ``UserRole``
     password: Mapped[str]  # its argon2 hash with salt and parameters
     created: Mapped[datetime]
     created_by: Mapped[str]
@@ -37,7 +37,7 @@ class UserRow(Base):
     disabled: Mapped[datetime | None]
 
 
-class LinkRow(Base):
+class LinkRow(TableBase):
     """A one-time link: for a new user with ``role``, or for a new password of ``user_id``."""
 
     __tablename__ = "access_links"
@@ -46,7 +46,7 @@ class LinkRow(Base):
     id: Mapped[int] = mapped_column(primary_key=True)
     digest: Mapped[str]
     kind: Mapped[str]  # a ``LinkKind``
-    role: Mapped[str]  # a ``Role``
+    role: Mapped[str]  # a ``UserRole``
     user_id: Mapped[int | None] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"))
     note: Mapped[str]  # for whom it was made
     created: Mapped[datetime]
@@ -56,7 +56,7 @@ class LinkRow(Base):
     revoked: Mapped[datetime | None]
 
 
-class SessionRow(Base):
+class SessionRow(TableBase):
     """A browser in which somebody signed in; ``digest`` is that of its cookie."""
 
     __tablename__ = "web_sessions"
@@ -71,7 +71,7 @@ class SessionRow(Base):
     agent: Mapped[str]
 
 
-class TokenRow(Base):
+class TokenRow(TableBase):
     """A token that a program carries in the name of its user."""
 
     __tablename__ = "api_tokens"
@@ -92,7 +92,7 @@ class TokenRow(Base):
     revoked: Mapped[datetime | None]
 
 
-class AttemptRow(Base):
+class AttemptRow(TableBase):
     """Failed attempts to sign in under one name or from one address."""
 
     __tablename__ = "login_attempts"
@@ -103,7 +103,7 @@ class AttemptRow(Base):
     until: Mapped[datetime]  # no further attempt before
 
 
-class AuditRow(Base):
+class AuditRow(TableBase):
     """One entry of the audit log. Written once; nothing in the program changes or removes it."""
 
     __tablename__ = "audit"
@@ -120,5 +120,5 @@ class AuditRow(Base):
     address: Mapped[str]
     action: Mapped[str]
     about: Mapped[str]
-    outcome: Mapped[str]  # an ``Outcome``
+    outcome: Mapped[str]  # an ``AuditOutcome``
     detail: Mapped[str]

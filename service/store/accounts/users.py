@@ -9,10 +9,10 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.accounts.one_time_links import revoke, use_up
-from stemwatch.service.store.accounts.records import LinkKind, Role, User
+from stemwatch.service.store.accounts.records import OneTimeLinkKind, User, UserRole
 from stemwatch.service.store.accounts.tables import LinkRow, SessionRow, UserRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.storable import clean_text
 
@@ -33,7 +33,7 @@ def name_key(name: str) -> str:
 class Accounts:
     """Users in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def is_empty(self) -> bool:
@@ -64,7 +64,7 @@ class Accounts:
             row = _by_name(session, name)
             return None if row is None else (user_of(row), row.password)
 
-    def add(self, name: str, role: Role, password: str, *, by: str, now: datetime) -> User:
+    def add(self, name: str, role: UserRole, password: str, *, by: str, now: datetime) -> User:
         """A new user; ``password`` is its hash. Raises ``NameTaken``."""
         with self._access.writing("adding a user") as session:
             return _add(session, name, role, password, by, now)
@@ -74,19 +74,19 @@ class Accounts:
         lets nobody in. Raises ``NameTaken``, and the link stays as it was."""
         with self._access.writing("using a one-time link") as session:
             link = use_up(session, digest, now)
-            if link is None or link.kind == LinkKind.PASSWORD.value:
+            if link is None or link.kind == OneTimeLinkKind.PASSWORD.value:
                 return None
-            first = link.kind == LinkKind.FIRST.value
+            first = link.kind == OneTimeLinkKind.FIRST.value
             if first and session.scalar(select(UserRow.id).limit(1)) is not None:
                 return None
             by = link.created_by or "first start"
-            return _add(session, name, Role(link.role), password, by, now)
+            return _add(session, name, UserRole(link.role), password, by, now)
 
     def new_password_by_link(self, digest: str, password: str, now: datetime) -> User | None:
         """A new password by a one-time link; every session of the user ends."""
         with self._access.writing("using a one-time link") as session:
             link = use_up(session, digest, now)
-            if link is None or link.kind != LinkKind.PASSWORD.value or link.user_id is None:
+            if link is None or link.kind != OneTimeLinkKind.PASSWORD.value or link.user_id is None:
                 return None
             return _set_password(session, link.user_id, password, now)
 
@@ -103,11 +103,11 @@ class Accounts:
             if rehashed is not None:
                 row.password = rehashed
 
-    def set_role(self, user: int, role: Role) -> User:
+    def set_role(self, user: int, role: UserRole) -> User:
         """Change what somebody is. Raises ``LastAdmin``."""
         with self._access.writing("changing a role") as session:
             row = _need(session, user)
-            if role is not Role.ADMIN:
+            if role is not UserRole.ADMIN:
                 _refuse_last_admin(session, row)
             row.role = role.value
             return user_of(row)
@@ -136,7 +136,7 @@ def user_of(row: UserRow) -> User:
     return User(
         id=row.id,
         name=row.name,
-        role=Role(row.role),
+        role=UserRole(row.role),
         created=row.created,
         created_by=row.created_by,
         password_changed=row.password_changed,
@@ -156,7 +156,9 @@ def _need(session: Session, user: int) -> UserRow:
     return row
 
 
-def _add(session: Session, name: str, role: Role, password: str, by: str, now: datetime) -> User:
+def _add(
+    session: Session, name: str, role: UserRole, password: str, by: str, now: datetime
+) -> User:
     values = {
         "name": " ".join(name.split()),
         "name_key": name_key(name),
@@ -184,12 +186,12 @@ def _set_password(session: Session, user: int, password: str, now: datetime) -> 
 
 
 def _refuse_last_admin(session: Session, row: UserRow) -> None:
-    if row.role != Role.ADMIN.value or row.disabled is not None:
+    if row.role != UserRole.ADMIN.value or row.disabled is not None:
         return
     admins = session.scalar(
         select(func.count())
         .select_from(UserRow)
-        .where(UserRow.role == Role.ADMIN.value, UserRow.disabled.is_(None))
+        .where(UserRow.role == UserRole.ADMIN.value, UserRow.disabled.is_(None))
     )
     if admins == 1:
         raise LastAdmin(f"{row.name} is the only admin; make somebody else one first")

@@ -9,31 +9,31 @@ from pathlib import Path
 from sqlalchemy import Connection, Engine
 
 from stemwatch.service.store.administration.backup_file import (
-    LiveSource,
-    Told,
+    LiveDatabase,
+    TableDigest,
     reading_archive,
     write_archive,
 )
 from stemwatch.service.store.administration.fill import fill
 from stemwatch.service.store.database.engine import existing_engine, make_engine, store_errors
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 
 
-def backup(address: Address, path: Path) -> dict[str, Told]:
+def backup(address: DatabaseUrl, path: Path) -> dict[str, TableDigest]:
     """Write the whole database to the archive ``path``; rows and digest of each table.
 
     Others may write meanwhile: the archive holds one instant. Raises ``StoreError`` for a database
     that is not there or has no tables of stemwatch, and for a file that is there already.
     """
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
-        source = LiveSource(connection)
+        source = LiveDatabase(connection)
         if source.shape.revision is None:
             raise StoreError(f"{address}: has no tables of stemwatch: there is nothing to back up")
         return write_archive(source, path, str(address))
 
 
-def restore(path: Path, address: Address) -> dict[str, Told]:
+def restore(path: Path, address: DatabaseUrl) -> dict[str, TableDigest]:
     """Bring what the archive ``path`` holds into an empty database, at the newest schema.
 
     Raises ``StoreError`` for a database that is not empty, and for a file that is no backup or is
@@ -43,7 +43,7 @@ def restore(path: Path, address: Address) -> dict[str, Told]:
         return fill(engine, address, source)
 
 
-def copy(origin: Address, target: Address) -> dict[str, Told]:
+def copy(origin: DatabaseUrl, target: DatabaseUrl) -> dict[str, TableDigest]:
     """Bring all that ``origin`` holds into the empty database ``target``, at the newest schema.
 
     ``origin`` stays as it is. Raises ``StoreError`` as ``backup`` and ``restore`` do.
@@ -55,7 +55,7 @@ def copy(origin: Address, target: Address) -> dict[str, Told]:
         one_instant(theirs, origin) as connection,
         disposing(make_engine(target)) as engine,
     ):
-        return fill(engine, target, LiveSource(connection))
+        return fill(engine, target, LiveDatabase(connection))
 
 
 @contextmanager
@@ -68,7 +68,7 @@ def disposing(engine: Engine) -> Iterator[Engine]:
 
 
 @contextmanager
-def one_instant(engine: Engine, address: Address) -> Iterator[Connection]:
+def one_instant(engine: Engine, address: DatabaseUrl) -> Iterator[Connection]:
     """A connection that only reads, and sees the database as it was at one instant."""
     with store_errors(address, "reading the store"), engine.connect() as connection:
         if engine.dialect.name == "postgresql":

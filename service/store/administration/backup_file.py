@@ -23,7 +23,13 @@ from sqlalchemy import Connection
 
 from stemwatch.service import __version__
 from stemwatch.service.store.administration.row_batches import Digest, read_batches
-from stemwatch.service.store.administration.schema import Column, Kind, Shape, Table, shape_of
+from stemwatch.service.store.administration.schema import (
+    ColumnKind,
+    DatabaseSchema,
+    TableColumn,
+    TableSchema,
+    shape_of,
+)
 from stemwatch.service.store.errors import StoreError
 
 FORM = 1
@@ -31,27 +37,29 @@ _MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class TableDigest:
     """What is known of a table that was carried: its rows and their digest."""
 
     rows: int
     digest: str
 
 
-class LiveSource:
+class LiveDatabase:
     """A database as a source, read within one transaction, so that all is of one instant."""
 
     def __init__(self, connection: Connection) -> None:
         self.shape = shape_of(connection)
-        self.promised: dict[str, Told] = {}  # nothing is promised: the digest is made on the way
+        self.promised: dict[
+            str, TableDigest
+        ] = {}  # nothing is promised: the digest is made on the way
         self._connection = connection
 
-    def batches(self, table: Table) -> Iterator[pa.RecordBatch]:
+    def batches(self, table: TableSchema) -> Iterator[pa.RecordBatch]:
         """All rows of a table in the order of its key."""
         return read_batches(self._connection, table)
 
 
-class ArchiveSource:
+class BackupFile:
     """An archive as a source. Raises ``StoreError`` for a file that is none, or is damaged."""
 
     def __init__(self, path: Path) -> None:
@@ -60,18 +68,19 @@ class ArchiveSource:
         manifest = self._manifest()
         self.made, self.made_by = str(manifest["made"]), str(manifest["software_version"])
         tables = manifest["tables"]
-        self.shape = Shape(
+        self.shape = DatabaseSchema(
             revision=manifest["schema"], tables=tuple(_table(name, tables[name]) for name in tables)
         )
         self.promised = {
-            name: Told(rows=one["rows"], digest=one["digest"]) for name, one in tables.items()
+            name: TableDigest(rows=one["rows"], digest=one["digest"])
+            for name, one in tables.items()
         }
 
     def close(self) -> None:
         """Close the file."""
         self._zip.close()
 
-    def batches(self, table: Table) -> Iterator[pa.RecordBatch]:
+    def batches(self, table: TableSchema) -> Iterator[pa.RecordBatch]:
         """All rows of a table in the order of its key."""
         try:
             with self._zip.open(_member(table.name)) as file:
@@ -98,16 +107,16 @@ class ArchiveSource:
 
 
 @contextmanager
-def reading_archive(path: Path) -> Iterator[ArchiveSource]:
+def reading_archive(path: Path) -> Iterator[BackupFile]:
     """The archive, closed at the block's end."""
-    source = ArchiveSource(path)
+    source = BackupFile(path)
     try:
         yield source
     finally:
         source.close()
 
 
-def write_archive(source: LiveSource, path: Path, described: str) -> dict[str, Told]:
+def write_archive(source: LiveDatabase, path: Path, described: str) -> dict[str, TableDigest]:
     """Write all of ``source`` to ``path``, whole or not at all, for its owner's eyes only.
 
     ``described`` says which database it was, without a password. Raises ``StoreError`` where there
@@ -117,7 +126,7 @@ def write_archive(source: LiveSource, path: Path, described: str) -> dict[str, T
         raise StoreError(f"{path}: there is a file already; give another name, or move it away")
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f"{path.name}.part")
-    told: dict[str, Told] = {}
+    told: dict[str, TableDigest] = {}
     try:
         handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(handle, "wb") as file:
@@ -133,7 +142,7 @@ def write_archive(source: LiveSource, path: Path, described: str) -> dict[str, T
     return told
 
 
-def _write_table(source: LiveSource, table: Table, into: zipfile.ZipFile) -> Told:
+def _write_table(source: LiveDatabase, table: TableSchema, into: zipfile.ZipFile) -> TableDigest:
     digest = Digest(table)
     with (
         into.open(_member(table.name), "w", force_zip64=True) as file,
@@ -142,10 +151,10 @@ def _write_table(source: LiveSource, table: Table, into: zipfile.ZipFile) -> Tol
         for batch in source.batches(table):
             digest.update(batch)
             writer.write_batch(batch)
-    return Told(rows=digest.rows, digest=digest.hexdigest())
+    return TableDigest(rows=digest.rows, digest=digest.hexdigest())
 
 
-def _manifest_text(source: LiveSource, told: dict[str, Told], described: str) -> str:
+def _manifest_text(source: LiveDatabase, told: dict[str, TableDigest], described: str) -> str:
     manifest = {
         "form": FORM,
         "schema": source.shape.revision,
@@ -165,11 +174,12 @@ def _manifest_text(source: LiveSource, told: dict[str, Told], described: str) ->
     return json.dumps(manifest, indent=1)
 
 
-def _table(name: str, described: dict[str, Any]) -> Table:
+def _table(name: str, described: dict[str, Any]) -> TableSchema:
     columns = tuple(
-        Column(name=column, kind=Kind(kind)) for column, kind in described["columns"].items()
+        TableColumn(name=column, kind=ColumnKind(kind))
+        for column, kind in described["columns"].items()
     )
-    return Table(name=name, columns=columns, key=tuple(described["key"]))
+    return TableSchema(name=name, columns=columns, key=tuple(described["key"]))
 
 
 def _member(name: str) -> str:

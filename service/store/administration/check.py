@@ -14,12 +14,16 @@ from sqlalchemy import Connection, inspect, text
 from stemwatch.service.store.administration.backup import disposing, one_instant
 from stemwatch.service.store.administration.migrate import newest_revision
 from stemwatch.service.store.administration.row_batches import count_rows
-from stemwatch.service.store.administration.schema import Shape, links_of_metadata, shape_of
+from stemwatch.service.store.administration.schema import (
+    DatabaseSchema,
+    links_of_metadata,
+    shape_of,
+)
 from stemwatch.service.store.database.engine import existing_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.migrations.views_v1 import NAMES as VIEWS
 from stemwatch.service.store.samples import partitions
-from stemwatch.service.store.samples.partitions import Layout
+from stemwatch.service.store.samples.partitions import SampleLayout
 
 _INVALID = text("SELECT indexrelid::regclass::text FROM pg_index WHERE NOT indisvalid")
 _AVAILABLE = text("SELECT default_version FROM pg_available_extensions WHERE name = 'timescaledb'")
@@ -41,20 +45,20 @@ class TableSize:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Health:
+class DatabaseHealth:
     """What was found. ``problems`` need somebody; ``notes`` are good to know."""
 
     engine: str
     schema: str | None
     newest: str
-    layout: Layout
+    layout: SampleLayout
     tables: tuple[TableSize, ...]
     size_bytes: int
     problems: tuple[str, ...]
     notes: tuple[str, ...]
 
 
-def check(address: Address, now: datetime | None = None) -> Health:
+def check(address: DatabaseUrl, now: datetime | None = None) -> DatabaseHealth:
     """Look the database over. Raises ``StoreError`` where it cannot be reached or read."""
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
         shape, newest = shape_of(connection), newest_revision()
@@ -69,7 +73,7 @@ def check(address: Address, now: datetime | None = None) -> Health:
         if connection.dialect.name == "postgresql":
             problems += [*_numbering(connection, shape)]
             notes += [*_partitions(connection, layout, now or datetime.now(UTC))]
-        return Health(
+        return DatabaseHealth(
             engine=_engine(connection),
             schema=shape.revision,
             newest=newest,
@@ -88,7 +92,7 @@ def _engine(connection: Connection) -> str:
     return f"{name} {version}" + (f" with TimescaleDB {timescale}" if timescale else "")
 
 
-def _schema(shape: Shape, newest: str) -> Iterator[str]:
+def _schema(shape: DatabaseSchema, newest: str) -> Iterator[str]:
     if shape.revision is None:
         yield "there are no tables of stemwatch; the first screening or `db upgrade` makes them"
     elif shape.revision < newest:
@@ -109,7 +113,7 @@ def _integrity(connection: Connection) -> Iterator[str]:
             yield f"the index {name} is not valid: REINDEX INDEX {name}"
 
 
-def _orphans(connection: Connection, shape: Shape) -> Iterator[str]:
+def _orphans(connection: Connection, shape: DatabaseSchema) -> Iterator[str]:
     columns = {table.name: {one.name for one in table.columns} for table in shape.tables}
     for link in links_of_metadata():
         column, parent_column = link.columns[0], link.parent_columns[0]
@@ -130,14 +134,14 @@ def _orphans(connection: Connection, shape: Shape) -> Iterator[str]:
             )
 
 
-def _views(connection: Connection, shape: Shape, newest: str) -> Iterator[str]:
+def _views(connection: Connection, shape: DatabaseSchema, newest: str) -> Iterator[str]:
     if shape.revision == newest:
         missing = sorted(set(VIEWS) - set(inspect(connection).get_view_names()))
         if missing:
             yield f"views are missing: {', '.join(missing)}; `db downgrade 0004`, then `db upgrade`"
 
 
-def _numbering(connection: Connection, shape: Shape) -> Iterator[str]:
+def _numbering(connection: Connection, shape: DatabaseSchema) -> Iterator[str]:
     for table in shape.tables:
         if table.key != ("id",):
             continue
@@ -153,8 +157,8 @@ def _numbering(connection: Connection, shape: Shape) -> Iterator[str]:
             )
 
 
-def _partitions(connection: Connection, layout: Layout, now: datetime) -> Iterator[str]:
-    if layout is Layout.PARTITIONS:
+def _partitions(connection: Connection, layout: SampleLayout, now: datetime) -> Iterator[str]:
+    if layout is SampleLayout.PARTITIONS:
         days = partitions.days_there(connection)
         today = partitions.day_of(now)
         names = [days[day] for day in sorted(days)]
@@ -171,10 +175,12 @@ def _partitions(connection: Connection, layout: Layout, now: datetime) -> Iterat
             )
 
 
-def _sizes(connection: Connection, shape: Shape, layout: Layout) -> Iterator[TableSize]:
+def _sizes(
+    connection: Connection, shape: DatabaseSchema, layout: SampleLayout
+) -> Iterator[TableSize]:
     for table in shape.tables:
         size: int | None = None
-        if table.name == "samples" and layout is Layout.HYPERTABLE:
+        if table.name == "samples" and layout is SampleLayout.HYPERTABLE:
             size = int(connection.execute(_SIZE_OF_HYPERTABLE).scalar_one())
         elif connection.dialect.name == "postgresql":
             size = int(connection.execute(_SIZE, {"name": table.name}).scalar_one())

@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from alembic import command
 from sqlalchemy import Connection, Engine, inspect
 
-from stemwatch.service.store.administration.backup_file import Told
+from stemwatch.service.store.administration.backup_file import TableDigest
 from stemwatch.service.store.administration.migrate import config_for, refuse_newer, wait_for_others
 from stemwatch.service.store.administration.row_batches import (
     Digest,
@@ -20,27 +20,33 @@ from stemwatch.service.store.administration.row_batches import (
     digest_of,
     read_batches,
 )
-from stemwatch.service.store.administration.schema import SAMPLES, Kind, Shape, Table, shape_of
+from stemwatch.service.store.administration.schema import (
+    SAMPLES,
+    ColumnKind,
+    DatabaseSchema,
+    TableSchema,
+    shape_of,
+)
 from stemwatch.service.store.database.engine import driver_errors, for_writing, store_errors
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
-from stemwatch.service.store.samples.partitions import DAY_US, Layout
+from stemwatch.service.store.samples.partitions import DAY_US, SampleLayout
 
 
-class Source(Protocol):
+class RowSource(Protocol):
     """Where rows come from; ``promised`` is what is said of them beforehand, if anything is."""
 
-    shape: Shape
-    promised: dict[str, Told]
+    shape: DatabaseSchema
+    promised: dict[str, TableDigest]
 
-    def batches(self, table: Table) -> Iterator[pa.RecordBatch]:
+    def batches(self, table: TableSchema) -> Iterator[pa.RecordBatch]:
         """All rows of a table in the order of its key."""
         ...
 
 
-def fill(engine: Engine, address: Address, source: Source) -> dict[str, Told]:
+def fill(engine: Engine, address: DatabaseUrl, source: RowSource) -> dict[str, TableDigest]:
     """Bring all rows of ``source`` into the empty database and its schema to the newest.
 
     The schema is first made as old as the source's. Each table is read back and its digest
@@ -67,7 +73,7 @@ def fill(engine: Engine, address: Address, source: Source) -> dict[str, Told]:
     return told
 
 
-def _refuse_occupied(connection: Connection, address: Address) -> None:
+def _refuse_occupied(connection: Connection, address: DatabaseUrl) -> None:
     shape = shape_of(connection)
     rows = {table.name: count_rows(connection, table.name) for table in shape.tables}
     found = [f"{name} {count}" for name, count in rows.items() if count]
@@ -78,7 +84,7 @@ def _refuse_occupied(connection: Connection, address: Address) -> None:
         )
 
 
-def _carry(connection: Connection, source: Source, table: Table) -> Told:
+def _carry(connection: Connection, source: RowSource, table: TableSchema) -> TableDigest:
     described = {one.name: one for one in source.shape.tables}.get(table.name)
     if described is None or set(described.columns) != set(table.columns):
         raise StoreError(f"{table.name}: the source has other columns than its schema says")
@@ -92,11 +98,11 @@ def _carry(connection: Connection, source: Source, table: Table) -> Told:
     return came
 
 
-def _told(digest: Digest) -> Told:
-    return Told(rows=digest.rows, digest=digest.hexdigest())
+def _told(digest: Digest) -> TableDigest:
+    return TableDigest(rows=digest.rows, digest=digest.hexdigest())
 
 
-def _compare(name: str, where: str, expected: Told | None, found: Told) -> None:
+def _compare(name: str, where: str, expected: TableDigest | None, found: TableDigest) -> None:
     if expected is not None and expected != found:
         raise StoreError(
             f"{name}: {found.rows} rows with digest {found.digest[:12]} {where}, expected "
@@ -104,7 +110,7 @@ def _compare(name: str, where: str, expected: Told | None, found: Told) -> None:
         )
 
 
-def _insert(connection: Connection, table: Table, batch: pa.RecordBatch) -> None:
+def _insert(connection: Connection, table: TableSchema, batch: pa.RecordBatch) -> None:
     if not batch.num_rows:
         return
     if table.name == SAMPLES:
@@ -123,7 +129,7 @@ def _insert_samples(connection: Connection, batch: pa.RecordBatch) -> None:
         quality=_numbers(batch, "quality", 0),
         reason=_numbers(batch, "reason_id", 0),
     )
-    if partitions.layout_of(connection) is Layout.PARTITIONS:
+    if partitions.layout_of(connection) is SampleLayout.PARTITIONS:
         days = np.unique(columns.at_us // DAY_US).tolist()
         partitions.make_days(connection, partitions.wanted_days(days, datetime.now(UTC)))
     insert_samples(connection, columns, more_follow=True)
@@ -134,7 +140,7 @@ def _numbers(batch: pa.RecordBatch, name: str, instead: float) -> np.ndarray:
     return found
 
 
-def _insert_sqlite(connection: Connection, table: Table, batch: pa.RecordBatch) -> None:
+def _insert_sqlite(connection: Connection, table: TableSchema, batch: pa.RecordBatch) -> None:
     names = [column.name for column in table.columns]
     columns = [_as_sqlite(batch.column(one.name).to_pylist(), one.kind) for one in table.columns]
     marks = ", ".join("?" * len(names))
@@ -143,8 +149,8 @@ def _insert_sqlite(connection: Connection, table: Table, batch: pa.RecordBatch) 
     connection.exec_driver_sql(statement, list(zip(*columns, strict=True)))
 
 
-def _as_sqlite(values: list[object], kind: Kind) -> list[object]:
-    if kind is Kind.TIME:  # as SQLAlchemy writes it
+def _as_sqlite(values: list[object], kind: ColumnKind) -> list[object]:
+    if kind is ColumnKind.TIME:  # as SQLAlchemy writes it
         return [
             value.strftime("%Y-%m-%d %H:%M:%S.%f") if isinstance(value, datetime) else None
             for value in values
@@ -152,7 +158,7 @@ def _as_sqlite(values: list[object], kind: Kind) -> list[object]:
     return values
 
 
-def _copy_postgres(connection: Connection, table: Table, batch: pa.RecordBatch) -> None:
+def _copy_postgres(connection: Connection, table: TableSchema, batch: pa.RecordBatch) -> None:
     driver = connection.connection.driver_connection
     assert driver is not None
     names = ", ".join(f'"{column.name}"' for column in table.columns)
@@ -166,7 +172,7 @@ def _copy_postgres(connection: Connection, table: Table, batch: pa.RecordBatch) 
             copy.write_row(row)
 
 
-def _continue_numbering(connection: Connection, shape: Shape) -> None:
+def _continue_numbering(connection: Connection, shape: DatabaseSchema) -> None:
     """The next row that PostgreSQL numbers gets a number that is free."""
     for table in shape.tables:
         if table.key != ("id",) or table.name not in inspect(connection).get_table_names():

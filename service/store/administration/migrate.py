@@ -12,14 +12,14 @@ from alembic.util import CommandError
 from sqlalchemy import Connection, Engine, text
 
 from stemwatch.service.store.database.engine import for_writing, store_errors
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.partitions import is_partition
 
 _LOCK = 0x57E3_3A7C  # any number of our own: PostgreSQL's advisory lock for migrations
 
 
-def upgrade(engine: Engine, address: Address) -> None:
+def upgrade(engine: Engine, address: DatabaseUrl) -> None:
     """Bring the database to the newest schema, keeping what is in it; one process at a time.
 
     Raises ``StoreError`` when the database cannot be reached, is not one, or was written by a
@@ -39,7 +39,7 @@ def downgrade(engine: Engine, revision: str) -> None:
         command.downgrade(config_for(connection), revision)
 
 
-def take_back(engine: Engine, address: Address, revision: str) -> None:
+def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
     """``downgrade`` for a person: raises ``StoreError`` for a schema that is none, or not older
     than the present one."""
     known = [one.revision for one in ScriptDirectory.from_config(_config()).walk_revisions()]

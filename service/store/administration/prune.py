@@ -9,7 +9,7 @@ from sqlalchemy import ColumnElement, and_, delete, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
-from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.database.columns import TableBase
 from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.partitions import DAY_US
 from stemwatch.service.store.samples.tables import SampleRow
@@ -19,7 +19,7 @@ from stemwatch.service.store.store import Store
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ages:
+class RetentionDays:
     """How many days are kept of each; ``None`` keeps everything. Raises ``ValueError`` below 1."""
 
     samples_days: float | None = None
@@ -48,7 +48,7 @@ class Pruned:
         return self.samples + self.screenings + self.runs + self.alerts + self.messages
 
 
-def would_prune(store: Store, ages: Ages, now: datetime | None = None) -> Pruned:
+def would_prune(store: Store, ages: RetentionDays, now: datetime | None = None) -> Pruned:
     """What ``prune`` would remove. Changes nothing. Raises ``StoreError``."""
     now = now or datetime.now(UTC)
     with store.access.reading("counting what is over age") as session:
@@ -63,7 +63,7 @@ def would_prune(store: Store, ages: Ages, now: datetime | None = None) -> Pruned
     return Pruned(samples=samples, **found)
 
 
-def prune(store: Store, ages: Ages, now: datetime | None = None) -> Pruned:
+def prune(store: Store, ages: RetentionDays, now: datetime | None = None) -> Pruned:
     """Remove what is over age: days of samples that are wholly older; screenings with their
     indicators, but never a valve's latest; runs that have none left; closed alerts; messages that
     were sent or given up. Baselines, notes and maintenance stay. Raises ``StoreError``."""
@@ -83,7 +83,7 @@ def prune(store: Store, ages: Ages, now: datetime | None = None) -> Pruned:
 
 
 # Screenings before runs: a run goes when its screenings have gone.
-_TABLES: dict[str, type[Base]] = {
+_TABLES: dict[str, type[TableBase]] = {
     "screenings": ScreeningRow,
     "runs": RunRow,
     "alerts": AlertRow,
@@ -91,7 +91,7 @@ _TABLES: dict[str, type[Base]] = {
 }
 
 
-def _rules(ages: Ages, now: datetime) -> dict[str, ColumnElement[bool]]:
+def _rules(ages: RetentionDays, now: datetime) -> dict[str, ColumnElement[bool]]:
     rules: dict[str, ColumnElement[bool]] = {}
     if ages.results_days is not None:
         before = now - timedelta(days=ages.results_days)
@@ -120,7 +120,7 @@ def _empty_runs(before: datetime) -> ColumnElement[bool]:
     return and_(RunRow.finished.is_not(None), RunRow.finished < before, ~kept.exists())
 
 
-def _samples_before_us(ages: Ages, now: datetime) -> int | None:
+def _samples_before_us(ages: RetentionDays, now: datetime) -> int | None:
     if ages.samples_days is None:
         return None
     before_us = microseconds(now - timedelta(days=ages.samples_days))
@@ -131,5 +131,5 @@ def _older(before_us: int) -> ColumnElement[bool]:
     return SampleRow.at_us < before_us
 
 
-def _count(session: Session, table: type[Base], rule: ColumnElement[bool]) -> int:
+def _count(session: Session, table: type[TableBase], rule: ColumnElement[bool]) -> int:
     return session.scalar(select(func.count()).select_from(table).where(rule)) or 0

@@ -11,7 +11,7 @@ import pyarrow as pa
 import sqlalchemy as sa
 from sqlalchemy import Connection
 
-from stemwatch.service.store.administration.schema import Column, Kind, Table
+from stemwatch.service.store.administration.schema import ColumnKind, TableColumn, TableSchema
 
 _LIGHT_ROWS, _HEAVY_ROWS = 50_000, 500
 _PARTS = ("there", "lengths", "values")  # what a column is in a digest
@@ -25,7 +25,7 @@ class Digest:
     keep), texts UTF-8.
     """
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: TableSchema) -> None:
         self.rows = 0
         self._streams = {
             (column.name, part): hashlib.sha256() for column in table.columns for part in _PARTS
@@ -46,7 +46,7 @@ class Digest:
         return whole.hexdigest()
 
 
-def read_batches(connection: Connection, table: Table) -> Iterator[pa.RecordBatch]:
+def read_batches(connection: Connection, table: TableSchema) -> Iterator[pa.RecordBatch]:
     """All rows of ``table`` in the order of its key, a batch at a time."""
     size = _HEAVY_ROWS if table.is_heavy else _LIGHT_ROWS
     rows_of = _select(connection, table).execution_options(stream_results=True)
@@ -55,7 +55,7 @@ def read_batches(connection: Connection, table: Table) -> Iterator[pa.RecordBatc
             yield batch_of(table, rows)
 
 
-def digest_of(table: Table, batches: Iterable[pa.RecordBatch]) -> Digest:
+def digest_of(table: TableSchema, batches: Iterable[pa.RecordBatch]) -> Digest:
     """The digest of all ``batches``."""
     digest = Digest(table)
     for batch in batches:
@@ -69,7 +69,7 @@ def count_rows(connection: Connection, name: str) -> int:
     return int(connection.execute(rows).scalar_one())
 
 
-def batch_of(table: Table, rows: Iterable[Iterable[object]]) -> pa.RecordBatch:
+def batch_of(table: TableSchema, rows: Iterable[Iterable[object]]) -> pa.RecordBatch:
     """Rows of a database, columns in the order of ``table``, as one batch."""
     columns = list(zip(*rows, strict=True)) or [() for _ in table.columns]
     arrays = [
@@ -79,12 +79,12 @@ def batch_of(table: Table, rows: Iterable[Iterable[object]]) -> pa.RecordBatch:
     return pa.RecordBatch.from_arrays(arrays, schema=table.schema)
 
 
-def _select(connection: Connection, table: Table) -> sa.Select[tuple[object, ...]]:
+def _select(connection: Connection, table: TableSchema) -> sa.Select[tuple[object, ...]]:
     source = sa.table(table.name, *(sa.column(one.name, one.sql) for one in table.columns))
     is_postgres = connection.dialect.name == "postgresql"
     columns = [
         sa.cast(source.c[one.name], sa.Text())
-        if is_postgres and one.kind is Kind.JSON
+        if is_postgres and one.kind is ColumnKind.JSON
         else source.c[one.name]
         for one in table.columns
     ]
@@ -92,16 +92,16 @@ def _select(connection: Connection, table: Table) -> sa.Select[tuple[object, ...
     return sa.select(*columns).order_by(*order)
 
 
-def _key(table: Table) -> list[Column]:
+def _key(table: TableSchema) -> list[TableColumn]:
     by_name = {column.name: column for column in table.columns}
     return [by_name[name] for name in table.key]
 
 
 def _ordered(
-    column: sa.ColumnElement[Any], one: Column, is_postgres: bool
+    column: sa.ColumnElement[Any], one: TableColumn, is_postgres: bool
 ) -> sa.ColumnElement[Any]:
     # By bytes, as SQLite does; PostgreSQL would use the order of some language.
-    return sa.collate(column, "C") if is_postgres and one.kind is Kind.TEXT else column
+    return sa.collate(column, "C") if is_postgres and one.kind is ColumnKind.TEXT else column
 
 
 def _bytes_of(column: pa.Array) -> tuple[bytes, bytes, bytes]:

@@ -20,7 +20,7 @@ from stemwatch.service.store.samples.partitions import is_partition
 SAMPLES = "samples"
 
 
-class Kind(StrEnum):
+class ColumnKind(StrEnum):
     """What a column holds, whichever database it is in."""
 
     WHOLE = "whole number"
@@ -33,33 +33,33 @@ class Kind(StrEnum):
 
 
 # In this order: a boolean of SQLite is a kind of integer to nobody but SQLite.
-_KINDS: tuple[tuple[type[TypeEngine[Any]], Kind], ...] = (
-    (sa.Boolean, Kind.YES_NO),
-    (sa.Integer, Kind.WHOLE),
-    (sa.Float, Kind.NUMBER),
-    (sa.Numeric, Kind.NUMBER),
-    (sa.JSON, Kind.JSON),
-    (sa.DateTime, Kind.TIME),
-    (sa.LargeBinary, Kind.BYTES),
-    (sa.String, Kind.TEXT),
+_KINDS: tuple[tuple[type[TypeEngine[Any]], ColumnKind], ...] = (
+    (sa.Boolean, ColumnKind.YES_NO),
+    (sa.Integer, ColumnKind.WHOLE),
+    (sa.Float, ColumnKind.NUMBER),
+    (sa.Numeric, ColumnKind.NUMBER),
+    (sa.JSON, ColumnKind.JSON),
+    (sa.DateTime, ColumnKind.TIME),
+    (sa.LargeBinary, ColumnKind.BYTES),
+    (sa.String, ColumnKind.TEXT),
 )
 _ARROW = {
-    Kind.WHOLE: pa.int64(),
-    Kind.NUMBER: pa.float64(),
-    Kind.TEXT: pa.string(),
-    Kind.JSON: pa.string(),  # the very text: JSON that is read and written again may differ
-    Kind.TIME: pa.timestamp("us", tz="UTC"),
-    Kind.YES_NO: pa.bool_(),
-    Kind.BYTES: pa.binary(),
+    ColumnKind.WHOLE: pa.int64(),
+    ColumnKind.NUMBER: pa.float64(),
+    ColumnKind.TEXT: pa.string(),
+    ColumnKind.JSON: pa.string(),  # the very text: JSON that is read and written again may differ
+    ColumnKind.TIME: pa.timestamp("us", tz="UTC"),
+    ColumnKind.YES_NO: pa.bool_(),
+    ColumnKind.BYTES: pa.binary(),
 }
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
+class TableColumn:
     """A column of a table."""
 
     name: str
-    kind: Kind
+    kind: ColumnKind
 
     @property
     def arrow(self) -> pa.DataType:
@@ -69,18 +69,18 @@ class Column:
     @property
     def sql(self) -> TypeEngine[Any]:
         """As what its values are read; JSON as the text that it is."""
-        types: dict[Kind, TypeEngine[Any]] = {
-            Kind.WHOLE: sa.BigInteger(),
-            Kind.NUMBER: sa.Double(),
-            Kind.TIME: UtcDateTime(),
-            Kind.YES_NO: sa.Boolean(),
-            Kind.BYTES: sa.LargeBinary(),
+        types: dict[ColumnKind, TypeEngine[Any]] = {
+            ColumnKind.WHOLE: sa.BigInteger(),
+            ColumnKind.NUMBER: sa.Double(),
+            ColumnKind.TIME: UtcDateTime(),
+            ColumnKind.YES_NO: sa.Boolean(),
+            ColumnKind.BYTES: sa.LargeBinary(),
         }
         return types.get(self.kind, sa.Text())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Link:
+class TableReference:
     """A foreign key: ``columns`` of ``table`` name rows of ``parent`` by ``parent_columns``."""
 
     table: str
@@ -90,11 +90,11 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class TableSchema:
     """A table: its columns in the order of their names, and which of them are its key."""
 
     name: str
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     key: tuple[str, ...]
 
     @property
@@ -105,33 +105,33 @@ class Table:
     @property
     def is_heavy(self) -> bool:
         """Whether single rows may be large: networks, and what explains a valve."""
-        return any(column.kind in (Kind.BYTES, Kind.JSON) for column in self.columns)
+        return any(column.kind in (ColumnKind.BYTES, ColumnKind.JSON) for column in self.columns)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shape:
+class DatabaseSchema:
     """The tables of a database at schema ``revision``, parents before those that name them."""
 
     revision: str | None
-    tables: tuple[Table, ...]
+    tables: tuple[TableSchema, ...]
 
-    def table(self, name: str) -> Table:
+    def table(self, name: str) -> TableSchema:
         """The table of this name. Raises ``KeyError``."""
         return {table.name: table for table in self.tables}[name]
 
 
-def shape_of(connection: Connection) -> Shape:
+def shape_of(connection: Connection) -> DatabaseSchema:
     """The tables of the store in this database. Tables of other programs are passed over."""
     inspector = inspect(connection)
     there = set(inspector.get_table_names()) & set(metadata.tables)
     in_order = [table.name for table in metadata.sorted_tables if table.name in there]
-    return Shape(
+    return DatabaseSchema(
         revision=current_revision(connection),
         tables=tuple(_table(inspector, name) for name in in_order),
     )
 
 
-def links_of_metadata() -> list[Link]:
+def links_of_metadata() -> list[TableReference]:
     """The foreign keys of the tables in code: also those that a database does without."""
     return [
         _link(name, key)
@@ -141,8 +141,8 @@ def links_of_metadata() -> list[Link]:
     ]
 
 
-def _link(name: str, key: ForeignKey) -> Link:
-    return Link(
+def _link(name: str, key: ForeignKey) -> TableReference:
+    return TableReference(
         table=name,
         columns=(key.parent.name,),
         parent=key.column.table.name,
@@ -150,19 +150,19 @@ def _link(name: str, key: ForeignKey) -> Link:
     )
 
 
-def _table(inspector: sa.Inspector, name: str) -> Table:
+def _table(inspector: sa.Inspector, name: str) -> TableSchema:
     columns = [
-        Column(name=column["name"], kind=_kind(name, column["name"], column["type"]))
+        TableColumn(name=column["name"], kind=_kind(name, column["name"], column["type"]))
         for column in inspector.get_columns(name)
     ]
-    return Table(
+    return TableSchema(
         name=name,
         columns=tuple(sorted(columns, key=lambda column: column.name)),
         key=tuple(inspector.get_pk_constraint(name)["constrained_columns"]),
     )
 
 
-def _kind(table: str, column: str, found: TypeEngine[Any]) -> Kind:
+def _kind(table: str, column: str, found: TypeEngine[Any]) -> ColumnKind:
     for base, kind in _KINDS:
         if isinstance(found, base):
             return kind

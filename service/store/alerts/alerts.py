@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import ValveRow
@@ -44,7 +44,7 @@ class AlertSeverity(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Raised:
+class RaisedAlert:
     """Something that was found; ``cause`` is what makes it the same as something found before."""
 
     cause: str
@@ -106,10 +106,10 @@ def state_of(alert: StoredAlert, now: datetime) -> str:
 class Alerts:
     """The alerts in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
-    def raise_all(self, found: Sequence[Raised]) -> list[int]:
+    def raise_all(self, found: Sequence[RaisedAlert]) -> list[int]:
         """Open an alert for each cause that has none open; the numbers of the new ones."""
         with self._access.writing("raising alerts") as session:
             return [number for one in found if (number := _raise(session, one)) is not None]
@@ -244,7 +244,7 @@ def _of(valve: str | None, area: str | None) -> Select[AlertRow]:
     return statement
 
 
-def _raise(session: Session, found: Raised) -> int | None:
+def _raise(session: Session, found: RaisedAlert) -> int | None:
     """The number of the alert that this opened; ``None`` where one of this cause was open."""
     now = datetime.now(UTC)
     if found.valve is not None:

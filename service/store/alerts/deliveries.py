@@ -17,7 +17,7 @@ from sqlalchemy import or_, select, update
 from stemwatch.service.store.alerts.alerts import StoredAlert, stored_alert
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 
 CLAIM = timedelta(minutes=5)  # no notifier takes longer to send one message
 
@@ -41,7 +41,7 @@ class StoredDelivery:
 class Deliveries:
     """The messages in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def untold(self) -> list[StoredAlert]:

@@ -8,10 +8,10 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.database.columns import TableBase
 
 
-class AlertRow(Base):
+class AlertRow(TableBase):
     """Something that somebody should look at. At most one of each ``cause`` is open.
 
     ``evidence`` holds the numbers at the time of raising. A false alarm stays on record: it is the
@@ -53,7 +53,7 @@ class AlertRow(Base):
     told: Mapped[datetime | None]  # when it was put into messages
 
 
-class DeliveryRow(Base):
+class DeliveryRow(TableBase):
     """One message to one notifier: it is sent once, and tried again until it was."""
 
     __tablename__ = "deliveries"

@@ -79,7 +79,7 @@ _NAMES = {
 }
 
 
-class Base(DeclarativeBase):
+class TableBase(DeclarativeBase):
     """Constraint names are fixed here, so that migrations can drop what they created."""
 
     metadata = MetaData(naming_convention=_NAMES)

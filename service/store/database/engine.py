@@ -11,14 +11,14 @@ from typing import Any
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
-from stemwatch.service.store.database_url import Address, masked
+from stemwatch.service.store.database_url import DatabaseUrl, masked
 from stemwatch.service.store.errors import StoreError
 
 BUSY_TIMEOUT_MS = 30_000
 _WRITES = "stemwatch_writes"
 
 
-def make_engine(address: Address) -> Engine:
+def make_engine(address: DatabaseUrl) -> Engine:
     """An engine for ``address``. Nothing is connected yet. Raises ``StoreError`` for a URL that
     is not one, for an engine other than the two, and for a driver that is not installed."""
     backend = _backend(address)
@@ -35,7 +35,7 @@ def make_engine(address: Address) -> Engine:
     return engine
 
 
-def existing_engine(address: Address) -> Engine:
+def existing_engine(address: DatabaseUrl) -> Engine:
     """An engine for a database that is there already. Raises ``StoreError`` where a file of SQLite
     is not: connecting would make an empty one."""
     engine = make_engine(address)
@@ -55,7 +55,7 @@ def for_writing(engine: Engine) -> Engine:
 
 
 @contextmanager
-def store_errors(address: Address, doing: str) -> Iterator[None]:
+def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     """Database errors as ``StoreError``s: where, doing what, and no password."""
     try:
         yield
@@ -84,7 +84,7 @@ def driver_errors(connection: Connection) -> Iterator[None]:
         ) from error
 
 
-def plainly(error: BaseException, address: Address) -> str:
+def plainly(error: BaseException, address: DatabaseUrl) -> str:
     """The database's own words on one line, without the password."""
     cause = getattr(error, "orig", None) or error
     words = masked(" ".join(str(cause).split())) or type(cause).__name__
@@ -92,14 +92,14 @@ def plainly(error: BaseException, address: Address) -> str:
     return words.replace(password, "***") if password else words
 
 
-def _password(address: Address) -> str | None:
+def _password(address: DatabaseUrl) -> str | None:
     try:
         return make_url(address.reveal()).password
     except (ArgumentError, ValueError):
         return None
 
 
-def _backend(address: Address) -> str:
+def _backend(address: DatabaseUrl) -> str:
     try:
         backend = make_url(_with_driver(address.reveal())).get_backend_name()
     except (ArgumentError, ValueError):

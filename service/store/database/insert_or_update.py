@@ -9,14 +9,14 @@ from sqlalchemy import Executable
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.database.columns import TableBase
 
 _Insert = sqlite.Insert | postgresql.Insert
 
 
 def upsert(
     session: Session,
-    table: type[Base],
+    table: type[TableBase],
     values: Sequence[dict[str, Any]],
     key: Sequence[str],
     *,
@@ -41,6 +41,6 @@ def upsert(
     return statement if returning is None else statement.returning(returning)
 
 
-def _insert_into(session: Session, table: type[Base]) -> _Insert:
+def _insert_into(session: Session, table: type[TableBase]) -> _Insert:
     is_sqlite = session.get_bind().dialect.name == "sqlite"  # make_engine knows two engines
     return sqlite.insert(table) if is_sqlite else postgresql.insert(table)

@@ -1,4 +1,4 @@
-"""``Access``: sessions for reading and for writing, with errors that name the store."""
+"""``Transactions``: sessions for reading and for writing, with errors that name the store."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sqlalchemy import Engine, text
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.database.engine import for_writing, store_errors
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 
 # What is read here are pages of valves and their latest rows, found by index. PostgreSQL would
 # rather read all the years of a table to join a few thousand rows of it: measured 220 ms against
@@ -18,13 +18,13 @@ from stemwatch.service.store.database_url import Address
 _SEEK = text("SET LOCAL enable_hashjoin = off; SET LOCAL enable_mergejoin = off")
 
 
-class Access:
+class Transactions:
     """What every part of the store works through. Each block is one transaction.
 
     Raises ``StoreError`` for whatever the database says.
     """
 
-    def __init__(self, engine: Engine, address: Address) -> None:
+    def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
         self.readers = engine
         self.writers = for_writing(engine)
         self.address = address

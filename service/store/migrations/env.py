@@ -11,7 +11,7 @@ from sqlalchemy import Connection
 from stemwatch.service.store.administration.migrate import is_compared
 from stemwatch.service.store.all_tables import metadata
 from stemwatch.service.store.database.engine import for_writing, make_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 
 
 def run(connection: Connection) -> None:
@@ -31,7 +31,7 @@ def run_from_command_line() -> None:
     url = os.environ.get("STEMWATCH_STORAGE_URL")
     if not url:
         raise SystemExit("set STEMWATCH_STORAGE_URL to the database that alembic shall work on")
-    with for_writing(make_engine(Address(url))).begin() as connection:
+    with for_writing(make_engine(DatabaseUrl(url))).begin() as connection:
         run(connection)
 
 

@@ -1,4 +1,4 @@
-"""``Leases`` and ``Settings``: who has a duty now, and what the service remembers."""
+"""``Leases`` and ``ServiceSettings``: who has a duty now, and what the service remembers."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 from sqlalchemy import delete, or_, select
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access, database_now
+from stemwatch.service.store.database.sessions import Transactions, database_now
 from stemwatch.service.store.runs.tables import LeaseRow, SettingRow
 
 
 class Leases:
     """Duties that one process at a time has. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def hold(self, name: str, owner: str, for_: timedelta) -> bool:
@@ -49,10 +49,10 @@ class Leases:
             session.execute(delete(LeaseRow).where(LeaseRow.name == name, LeaseRow.owner == owner))
 
 
-class Settings:
+class ServiceSettings:
     """Values that the service keeps across restarts. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def get(self, name: str) -> dict[str, Any] | None:

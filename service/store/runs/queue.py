@@ -15,7 +15,7 @@ from sqlalchemy import ColumnElement, and_, or_, select, update
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access, database_now
+from stemwatch.service.store.database.sessions import Transactions, database_now
 from stemwatch.service.store.runs.tables import RunValveRow
 from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.screenings.rows import stored_run
@@ -29,7 +29,7 @@ _IN_ONE_STATEMENT = 500
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class RunRequest:
     """A run to be queued. ``valves`` empty: what its schedule says, or all.
 
     ``window`` start and stop, either open; ``schedule`` and ``due`` ``None`` where a person asked.
@@ -54,10 +54,10 @@ class SetAside(NamedTuple):
 class RunQueue:
     """The queue of runs. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
-    def put(self, wanted: Wanted, *, software_version: str) -> int | None:
+    def put(self, wanted: RunRequest, *, software_version: str) -> int | None:
         """Queue a run; its number, or ``None`` where this schedule's instant is queued already.
 
         A schedule whose run before still waits or goes on does not run twice at a time: the new

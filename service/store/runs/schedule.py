@@ -1,4 +1,4 @@
-"""``Schedule``: what is to be screened when. A plant file makes them without loading a database."""
+"""``ScreeningSchedule``: what is screened when. Made from a plant file without a database."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ FROM_FILE = "plant.toml"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class ScreeningSchedule:
     """When which valves are screened, and over how much time.
 
     Either ``cron`` (five fields) or ``every_s``; ``jitter_s`` spreads the beginnings over so many

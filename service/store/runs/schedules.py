@@ -9,9 +9,9 @@ from datetime import UTC, datetime
 from sqlalchemy import delete, select, update
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.schedule import FROM_FILE, Schedule
+from stemwatch.service.store.runs.schedule import FROM_FILE, ScreeningSchedule
 from stemwatch.service.store.runs.tables import ScheduleRow
 
 
@@ -19,7 +19,7 @@ from stemwatch.service.store.runs.tables import ScheduleRow
 class StoredSchedule:
     """A schedule and how far it has got; ``last_due`` was the last instant accounted for."""
 
-    schedule: Schedule
+    schedule: ScreeningSchedule
     created: datetime
     last_due: datetime | None
     next_due: datetime | None
@@ -28,10 +28,10 @@ class StoredSchedule:
 class Schedules:
     """The schedules in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
-    def take_from_file(self, schedules: Sequence[Schedule]) -> None:
+    def take_from_file(self, schedules: Sequence[ScreeningSchedule]) -> None:
         """Make the plant file's schedules those that it names now. One that stays keeps how far it
         has got; what people saved stays untouched."""
         with self._access.writing("taking over the plant file's schedules") as session:
@@ -51,7 +51,7 @@ class Schedules:
                     values = _columns(one) | {"created": kept.created}
                 session.execute(upsert(session, ScheduleRow, [values], ("name",)))
 
-    def save(self, schedule: Schedule) -> None:
+    def save(self, schedule: ScreeningSchedule) -> None:
         """Keep a schedule that a person made or changed. Raises ``StoreError`` for the name of one
         that stands in the plant file, where it has to be changed."""
         with self._access.writing(f"saving the schedule {schedule.name}") as session:
@@ -91,7 +91,7 @@ def _timing(row: ScheduleRow) -> tuple[str | None, float | None]:
     return row.cron, row.every_s
 
 
-def _columns(one: Schedule) -> dict[str, object]:
+def _columns(one: ScreeningSchedule) -> dict[str, object]:
     return {
         "name": one.name,
         "origin": one.origin,
@@ -106,7 +106,7 @@ def _columns(one: Schedule) -> dict[str, object]:
 
 
 def _stored(row: ScheduleRow) -> StoredSchedule:
-    schedule = Schedule(
+    schedule = ScreeningSchedule(
         name=row.name,
         cron=row.cron,
         every_s=row.every_s,

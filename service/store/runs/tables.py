@@ -8,10 +8,10 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
-from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.database.columns import TableBase
 
 
-class RunValveRow(Base):
+class RunValveRow(TableBase):
     """One valve of a run, and what became of it."""
 
     __tablename__ = "run_valves"
@@ -31,7 +31,7 @@ class RunValveRow(Base):
     finished: Mapped[datetime | None]
 
 
-class ScheduleRow(Base):
+class ScheduleRow(TableBase):
     """A schedule as the plant file or a person set it, and how far it has got.
 
     ``cron`` or ``every_s``; ``areas`` and ``valves`` both empty mean all. ``last_due`` is the last
@@ -54,7 +54,7 @@ class ScheduleRow(Base):
     next_due: Mapped[datetime | None]
 
 
-class LeaseRow(Base):
+class LeaseRow(TableBase):
     """A duty that one process at a time has, until ``until`` unless it says again that it lives."""
 
     __tablename__ = "leases"
@@ -64,7 +64,7 @@ class LeaseRow(Base):
     until: Mapped[datetime]
 
 
-class SettingRow(Base):
+class SettingRow(TableBase):
     """A value that the service keeps across restarts."""
 
     __tablename__ = "settings"

@@ -24,7 +24,7 @@ from stemwatch.connectors.historian.columns import Column, sharing_times
 from stemwatch.connectors.historian.timeline import Timeline
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
 from stemwatch.service.store.samples.instants import EPOCH
-from stemwatch.service.store.samples.samples import Samples, StoredTag
+from stemwatch.service.store.samples.samples import SampleStore, StoredTag
 
 LAYOUT = "samples in the store"
 
@@ -36,7 +36,7 @@ class StoredSamples:
     changes is held as in an export. ``describe`` names the store in messages, without a password.
     """
 
-    def __init__(self, samples: Samples, source: str, describe: str = "the store") -> None:
+    def __init__(self, samples: SampleStore, source: str, describe: str = "the store") -> None:
         self._samples = samples
         self.source = source
         self._where = f"{describe}, source {source}"

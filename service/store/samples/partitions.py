@@ -34,7 +34,7 @@ _CHILDREN = text(
 )
 
 
-class Layout(StrEnum):
+class SampleLayout(StrEnum):
     """How the table of samples lies in its database."""
 
     PLAIN = "plain table"
@@ -42,15 +42,15 @@ class Layout(StrEnum):
     HYPERTABLE = "TimescaleDB hypertable"
 
 
-def layout_of(connection: Connection) -> Layout:
+def layout_of(connection: Connection) -> SampleLayout:
     """How samples lie in this database."""
     if connection.dialect.name != "postgresql":
-        return Layout.PLAIN
+        return SampleLayout.PLAIN
     if connection.execute(_KIND).scalar() in ("p", b"p"):
-        return Layout.PARTITIONS
+        return SampleLayout.PARTITIONS
     if timescale_version(connection) and connection.execute(_HYPERTABLE).scalar():
-        return Layout.HYPERTABLE
-    return Layout.PLAIN
+        return SampleLayout.HYPERTABLE
+    return SampleLayout.PLAIN
 
 
 def timescale_version(connection: Connection) -> str | None:

@@ -1,4 +1,4 @@
-"""``Samples``: what live sources and watched folders delivered, each sample once."""
+"""``SampleStore``: what live sources and watched folders delivered, each sample once."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from sqlalchemy.orm import Session
 from stemwatch.connectors.modbus.samples import SampleBatch
 from stemwatch.models.recording import Floats, QualityCodes
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
 from stemwatch.service.store.samples.instants import instant_of, microseconds
-from stemwatch.service.store.samples.partitions import DAY_US, Layout
+from stemwatch.service.store.samples.partitions import DAY_US, SampleLayout
 from stemwatch.service.store.samples.plot_points import PlotPoints, read_plot_points
 from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
 from stemwatch.service.store.samples.tag_quality import (
@@ -51,7 +51,7 @@ class StoredTag:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
+class TagSamples:
     """Samples of one tag in order of time: (n,) microseconds since 1970, values, quality."""
 
     at_us: NDArray[np.int64]
@@ -59,13 +59,13 @@ class Stretch:
     quality: QualityCodes
 
 
-class Samples:
+class SampleStore:
     """The samples in the store; a ``SampleSink``. Methods raise ``StoreError``.
 
     ``write`` may be called by one thread at a time; several processes may write.
     """
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
         self._tags: dict[tuple[str, str], int] = {}
         self._reasons: dict[str, int] = {}
@@ -110,7 +110,7 @@ class Samples:
 
     def read(
         self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
-    ) -> Stretch:
+    ) -> TagSamples:
         """The samples of a tag from ``start`` (inclusive) to ``stop`` (exclusive)."""
         statement = _window(
             select(SampleRow.at_us, SampleRow.value, SampleRow.quality), source, tag, start, stop
@@ -118,7 +118,7 @@ class Samples:
         with self._access.reading() as session:
             rows = session.execute(statement.order_by(SampleRow.at_us)).all()
         at, values, quality = zip(*rows, strict=True) if rows else ((), (), ())
-        return Stretch(
+        return TagSamples(
             at_us=np.array(at, dtype=np.int64),
             values=np.array(values, dtype=np.float64),  # None becomes NaN
             quality=np.array(quality, dtype=np.uint8),
@@ -192,7 +192,7 @@ class Samples:
         """Make PostgreSQL's partitions of the coming days and of ``days``; how many were new."""
         wanted = partitions.wanted_days(days, now or datetime.now(UTC))
         with self._access.writing("making partitions of samples") as session:
-            if partitions.layout_of(session.connection()) is not Layout.PARTITIONS:
+            if partitions.layout_of(session.connection()) is not SampleLayout.PARTITIONS:
                 return 0
             return partitions.make_days(session.connection(), wanted)
 
@@ -288,9 +288,9 @@ def _columns(batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]) 
 
 def _remove_days(connection: Connection, before_us: int) -> int:
     layout = partitions.layout_of(connection)
-    if layout is Layout.PARTITIONS:
+    if layout is SampleLayout.PARTITIONS:
         return partitions.drop_days(connection, before_us // DAY_US)
-    if layout is not Layout.HYPERTABLE:
+    if layout is not SampleLayout.HYPERTABLE:
         return 0
     whole_us = before_us - before_us % DAY_US
     rows = select(func.count()).select_from(SampleRow).where(SampleRow.at_us < whole_us)

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Access
+from stemwatch.service.store.database.sessions import Transactions
 from stemwatch.service.store.samples.tables import SourceStateRow, TakenFileRow
 
 
@@ -43,7 +43,7 @@ class TakenFile:
 class Sources:
     """States of sources and files that were taken in. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Transactions) -> None:
         self._access = access
 
     def note(self, state: SourceState) -> None:

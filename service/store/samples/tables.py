@@ -8,10 +8,10 @@ from typing import Any
 from sqlalchemy import BigInteger, ForeignKey, SmallInteger, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from stemwatch.service.store.database.columns import Base
+from stemwatch.service.store.database.columns import TableBase
 
 
-class TagRow(Base):
+class TagRow(TableBase):
     """A tag of a source; samples know it by a number."""
 
     __tablename__ = "tags"
@@ -23,7 +23,7 @@ class TagRow(Base):
     unit: Mapped[str]
 
 
-class SampleRow(Base):
+class SampleRow(TableBase):
     """One sample: at most one of each tag and instant, the first that came.
 
     ``at_us`` microseconds since 1970 UTC, ``value`` in the tag's unit, ``quality`` of
@@ -43,7 +43,7 @@ class SampleRow(Base):
     reason_id: Mapped[int | None] = mapped_column(ForeignKey("sample_reasons.id"))
 
 
-class SampleReasonRow(Base):
+class SampleReasonRow(TableBase):
     """A sentence that says why samples are bad, kept once."""
 
     __tablename__ = "sample_reasons"
@@ -53,7 +53,7 @@ class SampleReasonRow(Base):
     words: Mapped[str]
 
 
-class SourceStateRow(Base):
+class SourceStateRow(TableBase):
     """How a source is doing, as its collector or watcher said last."""
 
     __tablename__ = "source_states"
@@ -68,7 +68,7 @@ class SourceStateRow(Base):
     figures: Mapped[dict[str, Any]]  # counts, and lateness in seconds
 
 
-class TakenFileRow(Base):
+class TakenFileRow(TableBase):
     """A file from a watched folder, by the digest of its bytes."""
 
     __tablename__ = "taken_files"

@@ -22,7 +22,7 @@ KEY = "held_back"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tested:
+class TestedScreening:
     """A screening that could have shown an effect: its p value, ``None`` where none was named."""
 
     screening: int
@@ -45,7 +45,7 @@ def remark_of(stored: Any) -> str:
     return said if isinstance(said, str) else ""
 
 
-def read_tested(session: Session, run_id: int) -> list[Tested]:
+def read_tested(session: Session, run_id: int) -> list[TestedScreening]:
     """The screenings of a run that could have shown an effect, by their numbers."""
     p_value = type_coerce(ScreeningRow.mismatch, JSON)["p_value"].as_float()
     rows = (
@@ -58,7 +58,9 @@ def read_tested(session: Session, run_id: int) -> list[Tested]:
         .order_by(ScreeningRow.id)
     )
     return [
-        Tested(screening=number, valve=valve, p_value=p if slugs else None, named=bool(slugs))
+        TestedScreening(
+            screening=number, valve=valve, p_value=p if slugs else None, named=bool(slugs)
+        )
         for number, valve, slugs, p in session.execute(rows)
     ]
 

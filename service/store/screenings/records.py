@@ -15,7 +15,7 @@ from stemwatch.models.screening_result import DataQuality, Residual
 from stemwatch.models.verdict import Shape, Verdict
 
 
-class ValveFacts(Protocol):
+class DescribedValve(Protocol):
     """What the store keeps of a valve; a plant file's ``Valve`` is one."""
 
     @property
@@ -143,6 +143,7 @@ class JudgedScreening:
     run_id: int
     window: tuple[datetime | None, datetime | None]
     verdict: Verdict
+    reason: str
     advice: str
     severity: float
     S: Estimate

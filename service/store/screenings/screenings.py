@@ -12,10 +12,10 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import (
+    DescribedValve,
     Ranked,
     StoredScreening,
     StoredValve,
-    ValveFacts,
 )
 from stemwatch.service.store.screenings.rows import (
     indicator_columns,
@@ -58,7 +58,7 @@ def ensure_valve(session: Session, valve: str) -> None:
     session.execute(upsert(session, ValveRow, [values], ("id",), update=False))
 
 
-def write_valves(session: Session, valves: Iterable[ValveFacts]) -> None:
+def write_valves(session: Session, valves: Iterable[DescribedValve]) -> None:
     """Keep what the plant file says of each valve now; the last one of several with one id."""
     values = {
         valve.id: {

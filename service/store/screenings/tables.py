@@ -11,10 +11,10 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from stemwatch.service.store.database.columns import Base, of_valve
+from stemwatch.service.store.database.columns import TableBase, of_valve
 
 
-class ValveRow(Base):
+class ValveRow(TableBase):
     """A valve and what the plant file says of it."""
 
     __tablename__ = "valves"
@@ -25,7 +25,7 @@ class ValveRow(Base):
     criticality: Mapped[int] = mapped_column(default=2)
 
 
-class RunRow(Base):
+class RunRow(TableBase):
     """One run of the program over many valves, waiting, going on or over.
 
     A run of the command line has no schedule and no valves of its own in ``run_valves``. A run
@@ -63,7 +63,7 @@ class RunRow(Base):
     report: Mapped[str | None]  # where its report lies
 
 
-class ScreeningRow(Base):
+class ScreeningRow(TableBase):
     """One valve, one window. The same window screened again replaces its row.
 
     ``at`` is the instant the screening speaks for: the end of its window, or the moment it was
@@ -116,7 +116,7 @@ class ScreeningRow(Base):
     mismatch: Mapped[dict[str, Any] | None]  # all of it but samples
 
 
-class IndicatorRow(Base):
+class IndicatorRow(TableBase):
     """One number of one screening; valve and ``at`` are repeated here for the trend's index."""
 
     __tablename__ = "indicators"
@@ -134,7 +134,7 @@ class IndicatorRow(Base):
     unit: Mapped[str]
 
 
-class NetworkRow(Base):
+class NetworkRow(TableBase):
     """A valve's NARX network. At most one of each kind is active; older baselines stay."""
 
     __tablename__ = "networks"
@@ -160,7 +160,7 @@ class NetworkRow(Base):
     active: Mapped[bool]
 
 
-class RemarkRow(Base):
+class RemarkRow(TableBase):
     """The columns that maintenance and notes share."""
 
     __abstract__ = True

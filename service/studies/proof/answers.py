@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 NOTHING = "nothing named"
 
@@ -152,7 +152,7 @@ def judge(
         for first in range(0, len(names), CHUNK)
     ]
     said: list[Answer] = []
-    for _, answers in executor.map(_explain, chunks):
+    for _, answers in map_items(executor, _explain, chunks):
         said += answers
         tell(len(said))
     return sorted(said, key=lambda answer: answer.file)

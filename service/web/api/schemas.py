@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import AwareDatetime, BaseModel, Field
 
-from stemwatch.service.store.accounts.records import Outcome, Role, Scope
+from stemwatch.service.store.accounts.records import AuditOutcome, Scope, UserRole
 
 Percent = float | None
 FOR_WHOM = "for whom a program acts; kept beside the name of whoever is signed in"
@@ -265,7 +265,7 @@ class MeAnswer(BaseModel):
     """Who asks, as the service sees it."""
 
     name: str
-    role: Role
+    role: UserRole
     how: str = Field(description="session, or the name of the token")
     scopes: list[Scope] | None = Field(description="of a token; null for a session")
     may: list[str] = Field(description="the operations that are allowed")
@@ -281,5 +281,5 @@ class AuditLine(BaseModel):
     address: str
     action: str
     about: str
-    outcome: Outcome
+    outcome: AuditOutcome
     detail: str

@@ -19,7 +19,7 @@ from starlette.types import Scope
 from stemwatch.service.access.permissions import PERMISSIONS, SCOPE_OF, CurrentUser, Operation
 from stemwatch.service.access.sessions import user_of_cookie
 from stemwatch.service.access.tokens import user_of_environment, user_of_token
-from stemwatch.service.store.accounts.records import Entry, Outcome
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.web.auth.current_user import address_of, state_of
 from stemwatch.service.web.auth.route_permissions import RoutePermissions
@@ -61,8 +61,8 @@ class Authentication:
             log.warning("%s %s: %s", scope["method"], scope["path"], error)
             return self._answer(request, 503, AWAY)
         if current_user is None:
-            await run_in_threadpool(self._note_stranger, scope, headers)
-            return self._stranger(request, headers)
+            await run_in_threadpool(self._note_not_signed_in, scope, headers)
+            return self._not_signed_in(request, headers)
         state_of(scope)["current_user"] = current_user
         if current_user.may(operation):
             return None
@@ -80,15 +80,15 @@ class Authentication:
         ):
             return
         state["noted"] = True
-        outcome = Outcome.DONE if status < 400 else Outcome.FAILED
-        entry = Entry(
+        outcome = AuditOutcome.DONE if status < 400 else AuditOutcome.FAILED
+        entry = AuditEntry(
             at=self._site.clock(),
             who=current_user.name,
             how=current_user.how,
             address=address_of(scope),
             action=state["operation"].value,
             about=_about(scope),
-            outcome=Outcome.REFUSED if status == 403 else outcome,
+            outcome=AuditOutcome.REFUSED if status == 403 else outcome,
             detail="" if status < 400 else f"answered {status}",
         )
         await run_in_threadpool(self._write, entry)
@@ -106,7 +106,7 @@ class Authentication:
         active = BY_ITSELF not in headers
         return user_of_cookie(self._site.store, cookie, now, active=active)
 
-    def _stranger(self, request: Request, headers: Headers) -> Response:
+    def _not_signed_in(self, request: Request, headers: Headers) -> Response:
         """To the login where a person opens a page, else 401 with a sentence."""
         by_hand = request.method in ("GET", "HEAD") and BY_ITSELF not in headers
         wants_page = "text/html" in headers.get("accept", "")
@@ -121,7 +121,7 @@ class Authentication:
         answer.headers["www-authenticate"] = 'Bearer realm="stemwatch"'
         return answer
 
-    def _note_stranger(self, scope: Scope, headers: Headers) -> None:
+    def _note_not_signed_in(self, scope: Scope, headers: Headers) -> None:
         """Bad tokens and changes that nobody signed for: once a minute from an address, so that
         strangers cannot fill the log."""
         if "authorization" not in headers and scope["method"] in SAFE:
@@ -134,18 +134,18 @@ class Authentication:
                 self._said.clear()
             self._said[address] = now
         self._write(
-            Entry(
+            AuditEntry(
                 at=now,
                 who="",
                 how="a bad token" if "authorization" in headers else "",
                 address=address,
                 action=state_of(scope)["operation"].value,
-                outcome=Outcome.REFUSED,
+                outcome=AuditOutcome.REFUSED,
                 detail="answered 401; noted once a minute",
             )
         )
 
-    def _write(self, entry: Entry) -> None:
+    def _write(self, entry: AuditEntry) -> None:
         try:
             self._site.store.audit.add(entry)
         except StoreError as error:  # the log of the service has it then

@@ -11,8 +11,8 @@ from fastapi.responses import HTMLResponse
 from pydantic import AwareDatetime
 from starlette.datastructures import QueryParams
 
-from stemwatch.service.store.accounts.audit import Wanted
-from stemwatch.service.store.accounts.records import Outcome, StoredEntry
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import AuditOutcome, StoredAuditEntry
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.api import schemas as shapes
 from stemwatch.service.web.api.schemas import AuditLine
@@ -40,7 +40,7 @@ def audit(request: Request, deps: Deps) -> HTMLResponse:
         open_alerts=deps.open_alerts(),
         entries=found,
         actions=deps.store.audit.actions(),
-        outcomes=list(Outcome),
+        outcomes=list(AuditOutcome),
         names=[user.name for user in deps.store.accounts.all()],
         given=given,
         older=urlencode(older),
@@ -52,7 +52,7 @@ def audit_lines(
     deps: Deps,
     who: Annotated[str, Query(max_length=LONGEST_WORD)] = "",
     action: Annotated[str, Query(max_length=LONGEST_WORD)] = "",
-    outcome: Outcome | None = None,
+    outcome: AuditOutcome | None = None,
     start: AwareDatetime | None = None,
     stop: AwareDatetime | None = None,
     before: Annotated[int | None, Query(ge=1, le=LARGEST_NUMBER)] = None,
@@ -60,7 +60,7 @@ def audit_lines(
 ) -> list[AuditLine]:
     """Who wanted what, and what became of it, the newest first; ``before`` is the number of the
     last entry that was read."""
-    wanted = Wanted(
+    wanted = AuditFilter(
         who=who,
         action=action,
         outcome=outcome,
@@ -72,15 +72,15 @@ def audit_lines(
     return [line_of(entry) for entry in deps.store.audit.read(wanted)]
 
 
-def wanted_of(given: QueryParams, deps: Dependencies) -> Wanted:
+def wanted_of(given: QueryParams, deps: Dependencies) -> AuditFilter:
     """What an address asks for; what it cannot mean is left out, never an error."""
     outcome, before = given.get("outcome", ""), given.get("before", "")
     number = int(before) if before.isascii() and before.isdigit() and len(before) < 12 else 0
     start, stop = _day(given.get("start", ""), deps), _day(given.get("stop", ""), deps)
-    return Wanted(
+    return AuditFilter(
         who=given.get("who", "")[:LONGEST_WORD],
         action=given.get("action", "")[:LONGEST_WORD],
-        outcome=Outcome(outcome) if outcome in list(Outcome) else None,
+        outcome=AuditOutcome(outcome) if outcome in list(AuditOutcome) else None,
         start=start,
         stop=None if stop is None else stop + timedelta(days=1),
         before=number if 0 < number <= LARGEST_NUMBER else None,
@@ -88,7 +88,7 @@ def wanted_of(given: QueryParams, deps: Dependencies) -> Wanted:
     )
 
 
-def line_of(entry: StoredEntry) -> AuditLine:
+def line_of(entry: StoredAuditEntry) -> AuditLine:
     """An entry for the API."""
     return AuditLine(**{name: getattr(entry, name) for name in AuditLine.model_fields})
 

@@ -11,10 +11,10 @@ from stemwatch.service.access.links import BadName, LinkIsOver, find_link, use_l
 from stemwatch.service.access.login import LoginRefused, TooMany, sign_in
 from stemwatch.service.access.passwords import LONGEST, SHORTEST, Busy, WeakPassword
 from stemwatch.service.access.sessions import begin_session
-from stemwatch.service.store.accounts.records import Entry, Link, LinkKind
+from stemwatch.service.store.accounts.records import AuditEntry, OneTimeLink, OneTimeLinkKind
 from stemwatch.service.store.accounts.users import NameTaken
 from stemwatch.service.web.auth.current_user import SignedIn, address_of
-from stemwatch.service.web.auth.forms import OpenSent, Sent
+from stemwatch.service.web.auth.forms import SentForm, SentOpenForm
 from stemwatch.service.web.auth.session_cookie import drop_session, set_session
 from stemwatch.service.web.dependencies import Dependencies, Deps
 
@@ -29,7 +29,7 @@ def login(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/login")
-def log_in(request: Request, deps: Deps, form: OpenSent) -> Response:
+def log_in(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     """Sign in with name and password."""
     wanted, name = safe_place(form.text("next")), form.text("name")
     try:
@@ -53,7 +53,9 @@ def log_in(request: Request, deps: Deps, form: OpenSent) -> Response:
 
 
 @router.post("/logout")
-def log_out(request: Request, deps: Deps, current_user: SignedIn, _form: Sent) -> RedirectResponse:
+def log_out(
+    request: Request, deps: Deps, current_user: SignedIn, _form: SentForm
+) -> RedirectResponse:
     """End the session of this browser."""
     deps.store.web_sessions.end(current_user.session)
     answer = RedirectResponse(f"{_base(request)}/login", 303)
@@ -73,7 +75,7 @@ def welcome(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/welcome")
-def take_link(request: Request, deps: Deps, form: OpenSent) -> Response:
+def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     """Use a one-time link up, and sign in."""
     secret, name = form.text("link"), form.text("name")
     try:
@@ -88,12 +90,14 @@ def take_link(request: Request, deps: Deps, form: OpenSent) -> Response:
         return _welcome_page(request, deps, link, secret, name=name, said=str(error), status=422)
     address = address_of(request.scope)
     deps.store.audit.add(
-        Entry(
+        AuditEntry(
             at=deps.now,
             who=user.name,
             how="one-time link",
             address=address,
-            action="choose a password" if link.kind is LinkKind.PASSWORD else "become a user",
+            action="choose a password"
+            if link.kind is OneTimeLinkKind.PASSWORD
+            else "become a user",
             about=f"user {user.name}; role {user.role}; link {link.id} by {link.created_by or '-'}",
         )
     )
@@ -139,7 +143,7 @@ def _login_page(
 def _welcome_page(
     request: Request,
     deps: Dependencies,
-    link: Link,
+    link: OneTimeLink,
     secret: str,
     *,
     name: str = "",

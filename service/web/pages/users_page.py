@@ -8,11 +8,11 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.service.access.links import address_of, make_link
-from stemwatch.service.store.accounts.records import Link, LinkKind, Role, User
+from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, User, UserRole
 from stemwatch.service.store.accounts.users import LastAdmin
 from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
-from stemwatch.service.web.auth.forms import Form, Sent
+from stemwatch.service.web.auth.forms import Form, SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
 from stemwatch.service.web.pages.account_page import back
 
@@ -26,26 +26,28 @@ def user_list(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/users/invite")
-def invite(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> HTMLResponse:
+def invite(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> HTMLResponse:
     """A one-time link for a new user; it is shown on this one page and never again."""
     note = form.text("note", most=200)
     role, now = _role(form), deps.now
     note_about(request, f"invite {note}" if note else "invite")
     secret, link = make_link(
-        deps.store, LinkKind.INVITATION, role, by=current_user.name, now=now, note=note
+        deps.store, OneTimeLinkKind.INVITATION, role, by=current_user.name, now=now, note=note
     )
     return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
 
 
 @router.post("/users/password")
-def new_password(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> HTMLResponse:
+def new_password(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> HTMLResponse:
     """A one-time link at which a user chooses a new password. Admins set none and see none."""
     user = _user(request, deps, form)
     if user.disabled is not None:
         raise Refused(f"{user.name} is disabled; enable the user first")
     secret, link = make_link(
         deps.store,
-        LinkKind.PASSWORD,
+        OneTimeLinkKind.PASSWORD,
         user.role,
         by=current_user.name,
         now=deps.now,
@@ -56,7 +58,7 @@ def new_password(request: Request, deps: Deps, current_user: SignedIn, form: Sen
 
 
 @router.post("/users/role")
-def set_role(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def set_role(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Change what a user may do; it holds from the next request on."""
     user, role = _user(request, deps, form), _role(form)
     note_about(request, f"before {user.role}")
@@ -65,7 +67,7 @@ def set_role(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 @router.post("/users/disable")
-def disable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def disable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Let a user in no more. What the user did stays on record."""
     user = _user(request, deps, form)
     note_about(request, "disable")
@@ -74,7 +76,7 @@ def disable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 @router.post("/users/enable")
-def enable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def enable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Let a user in again."""
     user = _user(request, deps, form)
     note_about(request, "enable")
@@ -83,7 +85,7 @@ def enable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 @router.post("/users/links/withdraw")
-def withdraw(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def withdraw(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Make a one-time link worthless."""
     number = form.number("number", "the number of a link")
     note_about(request, f"withdraw link {number}")
@@ -93,7 +95,7 @@ def withdraw(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 def _page(
-    request: Request, deps: Dependencies, *, made: Link | None = None, address: str = ""
+    request: Request, deps: Dependencies, *, made: OneTimeLink | None = None, address: str = ""
 ) -> HTMLResponse:
     open_links = deps.store.access_links.open(deps.now)
     return deps.renderer.page(
@@ -102,8 +104,8 @@ def _page(
         here="users",
         open_alerts=deps.open_alerts(),
         users=deps.store.accounts.all(),
-        links=[one for one in open_links if one.kind is not LinkKind.FIRST],
-        roles=list(Role),
+        links=[one for one in open_links if one.kind is not OneTimeLinkKind.FIRST],
+        roles=list(UserRole),
         made=made,
         address=address,
     )
@@ -118,11 +120,11 @@ def _user(request: Request, deps: Dependencies, form: Form) -> User:
     return found
 
 
-def _role(form: Form) -> Role:
+def _role(form: Form) -> UserRole:
     given = form.text("role", needed="a role")
-    if given not in list(Role):
-        raise HTTPException(422, f"{', '.join(Role)} is expected, received {given!r}")
-    return Role(given)
+    if given not in list(UserRole):
+        raise HTTPException(422, f"{', '.join(UserRole)} is expected, received {given!r}")
+    return UserRole(given)
 
 
 def _unless_last(change: Callable[[], object]) -> None:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import pytest
 
 from stemwatch.service.access.passwords import hash_password
-from stemwatch.service.store.accounts.records import Role, User
+from stemwatch.service.store.accounts.records import User, UserRole
 from stemwatch.service.store.store import Store
 from tests.service.store.conftest import postgres_server as postgres_server
 from tests.service.store.conftest import pytest_generate_tests as pytest_generate_tests
@@ -27,4 +27,4 @@ def hashed() -> str:
 @pytest.fixture
 def ann(store: Store, hashed: str) -> User:
     """An engineer whose password is ``PASSWORD``."""
-    return store.accounts.add("Ann Berg", Role.ENGINEER, hashed, by="test", now=NOW)
+    return store.accounts.add("Ann Berg", UserRole.ENGINEER, hashed, by="test", now=NOW)

@@ -10,8 +10,8 @@ import pytest
 
 from stemwatch.service.access.first_user import make_user
 from stemwatch.service.access.links import use_link
-from stemwatch.service.store.accounts.audit import Wanted
-from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.store import open_store
 from tests.service.access.conftest import PASSWORD
 from tests.service.conftest import stemwatch as stemwatch
@@ -43,12 +43,12 @@ def test_the_first_admin_gets_a_new_link_until_there_is_one(stemwatch, url: str)
 def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
     """Each command does what its help says, and is in the audit log."""
     with open_store(url) as store:
-        make_user(store, "Karl", PASSWORD, Role.ADMIN)
+        make_user(store, "Karl", PASSWORD, UserRole.ADMIN)
         make_user(store, "Ann", PASSWORD, "viewer")
     added = stemwatch("accounts", "add", "Bob", "--role", "engineer", "--db", url)
     with open_store(url) as store:
         bob = use_link(store, secret_in(added.said), "Bob", PASSWORD, datetime.now(UTC))
-    assert bob.role is Role.ENGINEER
+    assert bob.role is UserRole.ENGINEER
     reset = stemwatch("accounts", "reset", "ann", "--db", url)
     with open_store(url) as store:
         ann = use_link(store, secret_in(reset.said), "", "one more phrase", datetime.now(UTC))
@@ -60,7 +60,7 @@ def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
     assert "Bob: engineer, disabled" in said
     assert stemwatch("accounts", "enable", "Bob", "--db", url).status == 0
     with open_store(url) as store:
-        assert len(store.audit.read(Wanted(action="manage users"))) == 5
+        assert len(store.audit.read(AuditFilter(action="manage users"))) == 5
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from stemwatch.service.access.links import (
 from stemwatch.service.access.login import check
 from stemwatch.service.access.passwords import WeakPassword
 from stemwatch.service.access.sessions import begin_session, user_of_cookie
-from stemwatch.service.store.accounts.records import LinkKind, Role, User
+from stemwatch.service.store.accounts.records import OneTimeLinkKind, User, UserRole
 from stemwatch.service.store.accounts.users import LastAdmin, NameTaken
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW, PASSWORD
@@ -38,7 +38,7 @@ def test_the_first_link_makes_the_first_admin_once(store: Store) -> None:
     assert link.startswith("http://127.0.0.1:8300/welcome?link=")
     now = datetime.now(UTC)
     user = use_link(store, secret_of(link), "Karl Berg", PASSWORD, now)
-    assert (user.name, user.role) == ("Karl Berg", Role.ADMIN)
+    assert (user.name, user.role) == ("Karl Berg", UserRole.ADMIN)
     assert check(store, "Karl Berg", PASSWORD, now) is not None
     assert first_link(store, PAGES) is None
     with pytest.raises(LinkIsOver):
@@ -51,7 +51,7 @@ def test_only_the_newest_first_link_lets_in_and_only_while_nobody_can(store: Sto
     now = datetime.now(UTC)
     with pytest.raises(LinkIsOver):
         find_link(store, secret_of(old), now)
-    assert find_link(store, secret_of(new), now).kind is LinkKind.FIRST
+    assert find_link(store, secret_of(new), now).kind is OneTimeLinkKind.FIRST
     make_user(store, "Ann", PASSWORD, "viewer")
     with pytest.raises(LinkIsOver):
         use_link(store, secret_of(new), "Karl", PASSWORD, now)
@@ -76,16 +76,16 @@ def test_of_many_who_open_one_link_one_gets_in(store: Store) -> None:
 @pytest.mark.parametrize("after", [timedelta(days=3), timedelta(days=300)])
 def test_an_invitation_runs_out(store: Store, ann: User, after: timedelta) -> None:
     """It holds for three days and gives the role that it was made with."""
-    secret, _ = make_link(store, LinkKind.INVITATION, Role.VIEWER, by="Ann", now=NOW)
+    secret, _ = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
     with pytest.raises(LinkIsOver, match="Ask an admin"):
         use_link(store, secret, "Bob", PASSWORD, NOW + after)
     user = use_link(store, secret, "Bob", PASSWORD, NOW + timedelta(days=2))
-    assert (user.role, user.created_by) == (Role.VIEWER, "Ann")
+    assert (user.role, user.created_by) == (UserRole.VIEWER, "Ann")
 
 
 def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
     """Once; the second time there is nothing to withdraw."""
-    secret, link = make_link(store, LinkKind.INVITATION, Role.VIEWER, by="Ann", now=NOW)
+    secret, link = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
     assert [one.id for one in store.access_links.open(NOW)] == [link.id]
     assert store.access_links.revoke(link.id, NOW)
     assert not store.access_links.revoke(link.id, NOW)
@@ -96,7 +96,7 @@ def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
 @pytest.mark.parametrize("name", ["ann berg", " ANN  BERG ", "Ann Berg"])
 def test_a_name_is_taken_whatever_its_capitals(store: Store, ann: User, name: str) -> None:
     """And the link is as good as before, for another name."""
-    secret, _ = make_link(store, LinkKind.INVITATION, Role.VIEWER, by="Ann", now=NOW)
+    secret, _ = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
     with pytest.raises(NameTaken, match="choose another name"):
         use_link(store, secret, name, PASSWORD, NOW)
     assert use_link(store, secret, "Bob", PASSWORD, NOW).name == "Bob"
@@ -113,7 +113,7 @@ def test_a_name_is_taken_whatever_its_capitals(store: Store, ann: User, name: st
 )
 def test_what_is_not_taken_costs_no_link(store: Store, ann: User, name, password, error) -> None:
     """A sentence, and another try."""
-    secret, _ = make_link(store, LinkKind.INVITATION, Role.VIEWER, by="Ann", now=NOW)
+    secret, _ = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
     with pytest.raises(error):
         use_link(store, secret, name, password, NOW)
     assert find_link(store, secret, NOW).is_open(NOW)
@@ -123,13 +123,13 @@ def test_a_link_for_a_password_changes_that_and_nothing_else(store: Store, ann: 
     """The role stays, whatever name is sent; every session ends, and only the last link works."""
     cookie = begin_session(store, ann.id, now=NOW)
     made = [
-        make_link(store, LinkKind.PASSWORD, Role.ADMIN, by="A", now=NOW, user=ann.id)[0]
+        make_link(store, OneTimeLinkKind.PASSWORD, UserRole.ADMIN, by="A", now=NOW, user=ann.id)[0]
         for _ in range(2)
     ]
     with pytest.raises(LinkIsOver):
         use_link(store, made[0], "Karl", "quite another phrase", NOW)
     user = use_link(store, made[1], "Karl", "quite another phrase", NOW)
-    assert (user.name, user.role) == ("Ann Berg", Role.ENGINEER)
+    assert (user.name, user.role) == ("Ann Berg", UserRole.ENGINEER)
     assert check(store, "Ann Berg", PASSWORD, NOW) is None
     assert check(store, "Ann Berg", "quite another phrase", NOW) is not None
     assert user_of_cookie(store, cookie, NOW) is None
@@ -144,12 +144,12 @@ def test_a_link_that_was_never_made_is_over(store: Store, ann: User, secret: str
 
 def test_there_is_always_an_admin(store: Store, ann: User) -> None:
     """The last one can be neither disabled nor made less."""
-    first = store.accounts.add("Karl", Role.ADMIN, "hash", by="test", now=NOW)
+    first = store.accounts.add("Karl", UserRole.ADMIN, "hash", by="test", now=NOW)
     for change in (
         lambda: store.accounts.disable(first.id, NOW),
-        lambda: store.accounts.set_role(first.id, Role.VIEWER),
+        lambda: store.accounts.set_role(first.id, UserRole.VIEWER),
     ):
         with pytest.raises(LastAdmin, match="Karl is the only admin"):
             change()
-    store.accounts.set_role(ann.id, Role.ADMIN)
+    store.accounts.set_role(ann.id, UserRole.ADMIN)
     assert store.accounts.disable(first.id, NOW).disabled == NOW

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from stemwatch.service.access import login
 from stemwatch.service.access.login import WRONG, LoginRefused, TooMany, confirm, sign_in
 from stemwatch.service.access.sessions import user_of_cookie
-from stemwatch.service.store.accounts.audit import Wanted
-from stemwatch.service.store.accounts.records import Role, User
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import User, UserRole
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW, PASSWORD
 
@@ -24,11 +24,11 @@ HERE = "192.0.2.7"
 def test_name_and_password_open_a_session(store: Store, ann: User) -> None:
     """Capitals and blanks of the name do not matter; the cookie finds the user again."""
     user, cookie = sign_in(store, "  ann BERG ", PASSWORD, now=NOW, address=HERE)
-    assert (user.name, user.role) == ("Ann Berg", Role.ENGINEER)
+    assert (user.name, user.role) == ("Ann Berg", UserRole.ENGINEER)
     current_user = user_of_cookie(store, cookie, NOW)
     assert (current_user.name, current_user.role, current_user.how) == (
         "Ann Berg",
-        Role.ENGINEER,
+        UserRole.ENGINEER,
         "session",
     )
     assert store.accounts.find("Ann Berg").last_login == NOW
@@ -36,7 +36,7 @@ def test_name_and_password_open_a_session(store: Store, ann: User) -> None:
 
 def test_every_refusal_says_the_same(store: Store, ann: User) -> None:
     """A wrong password, a name that nobody has, a user who is disabled: one sentence."""
-    store.accounts.add("Off", Role.VIEWER, "no hash", by="test", now=NOW)
+    store.accounts.add("Off", UserRole.VIEWER, "no hash", by="test", now=NOW)
     store.accounts.disable(store.accounts.find("Off").id, NOW)
     said = set()
     for name, password in (("Ann Berg", "x"), ("nobody", PASSWORD), ("Off", "x"), ("", "")):
@@ -127,7 +127,7 @@ def test_the_store_keeps_no_name_that_was_tried(store: Store) -> None:
     """A password typed into the field of the name is in no table."""
     fail(store, "my secret password", 1)
     assert "secret" not in login.key_of_name("my secret password")
-    (entry,) = store.audit.read(Wanted())
+    (entry,) = store.audit.read(AuditFilter())
     assert (entry.who, entry.about) == ("", "a name that nobody has")
     assert entry.outcome.value == "refused"
 
@@ -136,14 +136,14 @@ def test_good_and_bad_logins_are_in_the_audit_log(store: Store, ann: User) -> No
     """With name, address and outcome."""
     fail(store, ann.name, 1)
     sign_in(store, ann.name, PASSWORD, now=NOW, address="198.51.100.9")
-    found = [(one.who, one.address, one.outcome.value) for one in store.audit.read(Wanted())]
+    found = [(one.who, one.address, one.outcome.value) for one in store.audit.read(AuditFilter())]
     assert found == [("Ann Berg", "198.51.100.9", "done"), ("Ann Berg", HERE, "refused")]
 
 
 def test_a_dated_hash_is_renewed_by_a_login(store: Store) -> None:
     """Parameters can be raised without anybody choosing a new password."""
     weak = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1).hash(PASSWORD)
-    store.accounts.add("Old", Role.VIEWER, weak, by="test", now=NOW)
+    store.accounts.add("Old", UserRole.VIEWER, weak, by="test", now=NOW)
     sign_in(store, "Old", PASSWORD, now=NOW, address=HERE)
     assert store.accounts.password_of("Old")[1].startswith("$argon2id$v=19$m=65536,t=3,p=4$")
     assert sign_in(store, "Old", PASSWORD, now=NOW, address=HERE)

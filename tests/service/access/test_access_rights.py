@@ -12,20 +12,20 @@ from hypothesis import strategies as st
 
 from stemwatch.service.access.permissions import PERMISSIONS, CurrentUser, Operation, scopes_of
 from stemwatch.service.store.accounts import audit
-from stemwatch.service.store.accounts.audit import AuditLog, Wanted
-from stemwatch.service.store.accounts.records import Entry, Outcome, Role, Scope
+from stemwatch.service.store.accounts.audit import AuditFilter, AuditLog
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, Scope, UserRole
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW
 
-ROLES = st.sampled_from(Role)
+ROLES = st.sampled_from(UserRole)
 OPERATIONS = st.sampled_from(Operation)
 MAY = {
-    Role.VIEWER: {Operation.READ, Operation.METRICS, Operation.OWN, Operation.LOG_OUT},
-    Role.ENGINEER: {
+    UserRole.VIEWER: {Operation.READ, Operation.METRICS, Operation.OWN, Operation.LOG_OUT},
+    UserRole.ENGINEER: {
         *(Operation.ALERT, Operation.NOTE, Operation.MAINTENANCE, Operation.BASELINE),
         *(Operation.RUN, Operation.CANCEL),
     },
-    Role.ADMIN: {Operation.USERS, Operation.TOKENS, Operation.AUDIT, Operation.UNDECLARED},
+    UserRole.ADMIN: {Operation.USERS, Operation.TOKENS, Operation.AUDIT, Operation.UNDECLARED},
 }
 
 
@@ -38,7 +38,9 @@ def test_every_operation_has_its_right() -> None:
 
 
 @given(ROLES, ROLES, OPERATIONS)
-def test_a_higher_role_may_all_that_a_lower_may(one: Role, other: Role, what: Operation) -> None:
+def test_a_higher_role_may_all_that_a_lower_may(
+    one: UserRole, other: UserRole, what: Operation
+) -> None:
     """Signed in by a password."""
     lower, higher = sorted((one, other), key=lambda role: role.rank)
     if CurrentUser(name="", role=lower, how="").may(what):
@@ -47,7 +49,7 @@ def test_a_higher_role_may_all_that_a_lower_may(one: Role, other: Role, what: Op
 
 @given(ROLES, st.frozensets(st.sampled_from(Scope)), OPERATIONS)
 def test_a_token_may_nothing_that_its_user_may_not(
-    role: Role, scopes: frozenset[Scope], what: Operation
+    role: UserRole, scopes: frozenset[Scope], what: Operation
 ) -> None:
     """Whatever its scopes; and without a scope nothing but what is open to all."""
     token = CurrentUser(name="", role=role, how="", scopes=scopes)
@@ -56,8 +58,8 @@ def test_a_token_may_nothing_that_its_user_may_not(
         assert scopes or what is Operation.OPEN
 
 
-@pytest.mark.parametrize("role", Role)
-def test_the_scopes_of_a_role_are_those_it_can_use(role: Role) -> None:
+@pytest.mark.parametrize("role", UserRole)
+def test_the_scopes_of_a_role_are_those_it_can_use(role: UserRole) -> None:
     """As many as its rank says."""
     assert len(scopes_of(role)) == role.rank + 1
 
@@ -68,7 +70,7 @@ def test_the_scopes_of_a_role_are_those_it_can_use(role: Role) -> None:
 )
 def test_what_is_signed_always_names_who_is_signed_in(said: str, signed: str) -> None:
     """For whomever a program says that it acts."""
-    assert CurrentUser(name="Ann", role=Role.ENGINEER, how="").signature(said) == signed
+    assert CurrentUser(name="Ann", role=UserRole.ENGINEER, how="").signature(said) == signed
 
 
 def test_the_audit_log_is_added_to_and_read_and_nothing_else() -> None:
@@ -83,25 +85,29 @@ def test_the_audit_log_is_added_to_and_read_and_nothing_else() -> None:
     assert names & {"update", "delete", "upsert", "merge"} == set()
 
 
-def entry(number: int, **changes: str) -> Entry:
+def entry(number: int, **changes: str) -> AuditEntry:
     """An entry, a minute after the one before."""
     fields = {"who": "Ann", "how": "session", "address": "192.0.2.7", "action": "add a note"}
-    return Entry(at=NOW + timedelta(minutes=number), **{**fields, **changes})
+    return AuditEntry(at=NOW + timedelta(minutes=number), **{**fields, **changes})
 
 
 def test_the_log_is_read_by_who_what_when_and_outcome(store: Store) -> None:
     """The newest first, page by page without a gap when something is added meanwhile."""
     for number in range(10):
         store.audit.add(entry(number, who="Bob" if number % 2 else "Ann"))
-    store.audit.add(Entry(**{**vars(entry(10)), "outcome": Outcome.REFUSED}))
-    assert len(store.audit.read(Wanted(who="Bob"))) == 5
-    assert len(store.audit.read(Wanted(outcome=Outcome.REFUSED))) == 1
-    assert store.audit.read(Wanted(action="sign in")) == []
+    store.audit.add(AuditEntry(**{**vars(entry(10)), "outcome": AuditOutcome.REFUSED}))
+    assert len(store.audit.read(AuditFilter(who="Bob"))) == 5
+    assert len(store.audit.read(AuditFilter(outcome=AuditOutcome.REFUSED))) == 1
+    assert store.audit.read(AuditFilter(action="sign in")) == []
     start, stop = NOW + timedelta(minutes=3), NOW + timedelta(minutes=6)
-    assert [one.at.minute for one in store.audit.read(Wanted(start=start, stop=stop))] == [5, 4, 3]
-    first = store.audit.read(Wanted(limit=4))
+    assert [one.at.minute for one in store.audit.read(AuditFilter(start=start, stop=stop))] == [
+        5,
+        4,
+        3,
+    ]
+    first = store.audit.read(AuditFilter(limit=4))
     store.audit.add(entry(11))
-    second = store.audit.read(Wanted(limit=4, before=first[-1].id))
+    second = store.audit.read(AuditFilter(limit=4, before=first[-1].id))
     assert [one.at.minute for one in first + second] == [10, 9, 8, 7, 6, 5, 4, 3]
     assert store.audit.actions() == ["add a note"]
 
@@ -109,4 +115,4 @@ def test_the_log_is_read_by_who_what_when_and_outcome(store: Store) -> None:
 def test_what_somebody_sends_cannot_fill_the_log(store: Store) -> None:
     """Long fields are cut."""
     store.audit.add(entry(0, about="x" * 10_000))
-    assert len(store.audit.read(Wanted())[0].about) == audit.LONGEST
+    assert len(store.audit.read(AuditFilter())[0].about) == audit.LONGEST

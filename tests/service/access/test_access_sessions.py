@@ -23,7 +23,7 @@ from stemwatch.service.access.tokens import (
     user_of_environment,
     user_of_token,
 )
-from stemwatch.service.store.accounts.records import Role, Scope, User
+from stemwatch.service.store.accounts.records import Scope, User, UserRole
 from stemwatch.service.store.store import Store, open_store
 from tests.service.access.conftest import NOW
 
@@ -85,7 +85,7 @@ def test_a_new_password_and_a_disabled_user_end_every_session(store: Store, ann:
 
 def test_other_sessions_can_be_ended_and_one_kept(store: Store, ann: User) -> None:
     """Those of other users stay as well."""
-    bob = store.accounts.add("Bob", Role.VIEWER, "hash", by="test", now=NOW)
+    bob = store.accounts.add("Bob", UserRole.VIEWER, "hash", by="test", now=NOW)
     kept, gone, his = (begin_session(store, who.id, now=NOW) for who in (ann, ann, bob))
     store.web_sessions.end_others(ann.id, user_of_cookie(store, kept, NOW).session)
     assert user_of_cookie(store, kept, NOW)
@@ -123,7 +123,7 @@ def test_a_token_is_worth_no_more_than_its_user(store: Store, ann: User) -> None
         make_token(store, ann, "script", [], now=NOW)
     token = make_token(store, ann, "script", [Scope.READ, Scope.ACT], now=NOW)
     assert user_of_token(store, token, NOW).may(Operation.NOTE)
-    store.accounts.set_role(ann.id, Role.VIEWER)
+    store.accounts.set_role(ann.id, UserRole.VIEWER)
     assert not user_of_token(store, token, NOW).may(Operation.NOTE)
     assert user_of_token(store, token, NOW).may(Operation.READ)
 
@@ -152,5 +152,5 @@ def test_the_environments_token_is_none_where_there_is_none() -> None:
     """An empty or short one lets nobody in, whatever is sent."""
     for expected in ("", "short"):
         assert user_of_environment(expected, expected) is None
-    assert user_of_environment("x" * 16, "x" * 16).role is Role.ENGINEER
+    assert user_of_environment("x" * 16, "x" * 16).role is UserRole.ENGINEER
     assert user_of_environment("x" * 15, "x" * 16) is None

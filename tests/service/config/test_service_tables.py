@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.config import Plant, PlantFileError, load_plant
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 VALVES = """
 [[sources]]
@@ -77,7 +77,9 @@ workers = 3
     assert plant.is_live("FIC-1")
     assert plant.is_live("FIC-2")
     assert plant.source_files("inbox") == ()
-    assert plant.schedules[0] == Schedule(name="nightly", cron="30 2 * * 1-5", areas=("100",))
+    assert plant.schedules[0] == ScreeningSchedule(
+        name="nightly", cron="30 2 * * 1-5", areas=("100",)
+    )
     assert plant.schedules[1].window_s == 7200.0
     assert (plant.alerts.raise_after_runs, plant.alerts.of_runs) == (1, 3)
     assert (plant.service.workers, plant.service.valve_timeout_s) == (3, 120.0)
@@ -102,7 +104,7 @@ def test_devices_are_part_of_what_verdicts_depend_on(tmp_path: Path) -> None:
         ('[[schedules]]\nname = "s"\nevery_s = 60\nareas = ["900"]', "unknown area '900'"),
         ('[[schedules]]\nname = "s"\nevery_s = 60\nvalves = ["X"]', "unknown valve 'X'"),
         ('[[schedules]]\nname = "s"\nevrey_s = 60', "did you mean 'every_s'?"),
-        ('[[notifiers]]\nname = "n"\nkind = "pager"', '"mail", "webhook" or "file"'),
+        ('[[notifiers]]\nname = "n"\nkind = "pager"', "one of 'file', 'mail', 'webhook'"),
         ('[[notifiers]]\nname = "n"\nkind = "mail"\nhost = "h"', "host, sender, to for mail"),
         ('[[notifiers]]\nname = "n"\nkind = "webhook"\nurl = "ftp://x"', "http:// or https://"),
         (

@@ -16,7 +16,7 @@ from sqlalchemy import Connection, Engine, inspect, text
 
 from stemwatch.service.store.administration.migrate import config_for
 from stemwatch.service.store.database.engine import for_writing, make_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.samples.partitions import is_partition
 
 AT_US = 1_772_344_800_000_000  # 2026-03-01 06:00 UTC
@@ -59,7 +59,7 @@ _SPECIAL: dict[str, Any] = {
 @contextmanager
 def database_at(url: str, revision: str, *, rows: bool = True) -> Iterator[Engine]:
     """An engine for a database that the migrations up to ``revision`` made, with rows in it."""
-    engine = make_engine(Address(url))
+    engine = make_engine(DatabaseUrl(url))
     try:
         with for_writing(engine).begin() as connection:
             command.upgrade(config_for(connection), revision)

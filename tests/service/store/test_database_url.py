@@ -7,7 +7,7 @@ import traceback
 
 import pytest
 
-from stemwatch.service.store.database_url import Address, masked, masked_command
+from stemwatch.service.store.database_url import DatabaseUrl, masked, masked_command
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
 
@@ -24,7 +24,7 @@ WITH_PASSWORD = [
 @pytest.mark.parametrize("url", WITH_PASSWORD)
 def test_an_address_shows_itself_masked(url: str) -> None:
     """However the address is turned into text, the password is not in it; ``reveal`` has it."""
-    address = Address(url)
+    address = DatabaseUrl(url)
     for shown in (str(address), repr(address), f"{address:}", f"{[address]}"):
         assert "geheim" not in shown
         assert "***" in shown
@@ -37,7 +37,7 @@ def test_an_address_shows_itself_masked(url: str) -> None:
 )
 def test_an_address_without_a_password_is_shown_whole(url: str) -> None:
     """Only secrets are hidden."""
-    assert url == str(Address(url))
+    assert url == str(DatabaseUrl(url))
 
 
 def test_the_masked_form_still_says_which_store_it_is() -> None:

@@ -14,7 +14,7 @@ from sqlalchemy.dialects import sqlite
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database.columns import UtcDateTime
 from stemwatch.service.store.database.engine import BUSY_TIMEOUT_MS, make_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
 
@@ -31,7 +31,7 @@ def url(tmp_path: Path) -> str:
 def test_every_connection_is_prepared(url: str, pragma: str, expected: object) -> None:
     """Readers do not wait for the writer, references hold, and writers wait for one another."""
     open_store(url).close()
-    engine = make_engine(Address(url))
+    engine = make_engine(DatabaseUrl(url))
     with engine.connect() as connection:
         assert expected == connection.execute(text(f"PRAGMA {pragma}")).scalar()
     engine.dispose()

@@ -14,7 +14,7 @@ import httpx
 import pytest
 from sqlalchemy import create_engine, make_url, text
 
-from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
 from tests.service.store.conftest import postgres_server as postgres_server
@@ -66,7 +66,9 @@ def client_of() -> Iterator[Callable[[Site], httpx.Client]]:
     """Serves a site and gives a client of it, signed in as admin unless told otherwise."""
     open_ones = []
 
-    def start(site: Site, role: Role | None = Role.ADMIN, **options: object) -> httpx.Client:
+    def start(
+        site: Site, role: UserRole | None = UserRole.ADMIN, **options: object
+    ) -> httpx.Client:
         around = made_plant.serving(site)
         if role is not None:
             options = {"cookies": cookie_of(site, role), **options}

@@ -20,7 +20,7 @@ from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.serve.http_server import http_server
 from stemwatch.service.serve.page_server import address_of, listen
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
@@ -124,7 +124,7 @@ def fill(store: Store, *, months: int = 3) -> None:
     store.add_note(STICKY, NOW - timedelta(days=3), "squeaks <b>loudly</b>", "Shift B")
     store.alerts.raise_all(
         [
-            Raised(
+            RaisedAlert(
                 cause=f"sticky:{valve}",
                 kind=AlertKind.STICKY,
                 severity=severity,

@@ -5,15 +5,15 @@ from __future__ import annotations
 from stemwatch.service.access.permissions import scopes_of
 from stemwatch.service.access.sessions import begin_session
 from stemwatch.service.access.tokens import make_token
-from stemwatch.service.store.accounts.records import Role, Scope, User
+from stemwatch.service.store.accounts.records import Scope, User, UserRole
 from stemwatch.service.web.auth.session_cookie import NAME
 from stemwatch.service.web.site import Site
 
 PASSWORD = "a long phrase of the tests"
-NAMES = {Role.VIEWER: "V. Iewer", Role.ENGINEER: "E. Ngineer", Role.ADMIN: "A. Dmin"}
+NAMES = {UserRole.VIEWER: "V. Iewer", UserRole.ENGINEER: "E. Ngineer", UserRole.ADMIN: "A. Dmin"}
 
 
-def user_of(site: Site, role: Role = Role.ADMIN) -> User:
+def user_of(site: Site, role: UserRole = UserRole.ADMIN) -> User:
     """The user of the tests with this role; nobody knows a password of theirs."""
     found = site.store.accounts.find(NAMES[role])
     if found is not None:
@@ -21,13 +21,13 @@ def user_of(site: Site, role: Role = Role.ADMIN) -> User:
     return site.store.accounts.add(NAMES[role], role, "no hash", by="test", now=site.clock())
 
 
-def cookie_of(site: Site, role: Role = Role.ADMIN) -> dict[str, str]:
+def cookie_of(site: Site, role: UserRole = UserRole.ADMIN) -> dict[str, str]:
     """The cookie of a browser in which the user with this role has just signed in."""
     return {NAME: begin_session(site.store, user_of(site, role).id, now=site.clock())}
 
 
 def bearer_of(
-    site: Site, role: Role = Role.ADMIN, scopes: tuple[Scope, ...] = ()
+    site: Site, role: UserRole = UserRole.ADMIN, scopes: tuple[Scope, ...] = ()
 ) -> dict[str, str]:
     """The header of a program with a token of this user, of every scope unless told otherwise."""
     user = user_of(site, role)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from stemwatch.service.access.first_user import first_link, make_user
-from stemwatch.service.store.accounts.records import Entry, Outcome, Role, Scope
+from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, Scope, UserRole
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, serving
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, cookie_of, user_of
@@ -21,14 +21,14 @@ ADMIN_PAGES = ("/account", "/users", "/tokens", "/audit")
 @pytest.fixture
 def peopled(live: Site) -> Site:
     """The small plant with users of every role, a token, and a log with odd words in it."""
-    for role in Role:
+    for role in UserRole:
         user_of(live, role)
-    bearer_of(live, Role.ENGINEER, (Scope.READ,))
-    for outcome in Outcome:
+    bearer_of(live, UserRole.ENGINEER, (Scope.READ,))
+    for outcome in AuditOutcome:
         live.store.audit.add(
-            Entry(
+            AuditEntry(
                 at=NOW,
-                who=NAMES[Role.ENGINEER],
+                who=NAMES[UserRole.ENGINEER],
                 how="session",
                 address="2001:db8:aaaa:bbbb:cccc:dddd:eeee:ffff",
                 action="add a note",
@@ -52,7 +52,7 @@ def opened(browser, peopled: Site) -> Iterator[Opened]:
 
 def test_somebody_signs_in_by_keyboard_and_out_again(browser, live: Site) -> None:
     """The page that was wanted comes after the login; after signing out nothing is left."""
-    make_user(live.store, "Ann", PASSWORD, Role.ENGINEER)
+    make_user(live.store, "Ann", PASSWORD, UserRole.ENGINEER)
     with serving(live) as base:
         at = Opened(browser, base)
         page = at.page(valve_path(STICKY))
@@ -126,9 +126,9 @@ def test_a_token_is_made_and_shown_once(opened: Opened) -> None:
 def test_an_admin_disables_somebody(opened: Opened, peopled: Site) -> None:
     """Unfolded, clicked, said; the card tells it."""
     page = opened.page("/users")
-    card = page.locator(".card", has_text=NAMES[Role.VIEWER])
+    card = page.locator(".card", has_text=NAMES[UserRole.VIEWER])
     card.locator("summary").click()
     card.get_by_role("button", name="Disable").click()
     page.get_by_text("The user is disabled").wait_for()
-    assert "disabled" in page.locator(".card", has_text=NAMES[Role.VIEWER]).inner_text()
-    assert peopled.store.accounts.find(NAMES[Role.VIEWER]).disabled == NOW
+    assert "disabled" in page.locator(".card", has_text=NAMES[UserRole.VIEWER]).inner_text()
+    assert peopled.store.accounts.find(NAMES[UserRole.VIEWER]).disabled == NOW

@@ -17,7 +17,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from stemwatch.service.access.permissions import CurrentUser, Operation
-from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.route_permissions import ROUTE_OPERATIONS
@@ -47,8 +47,8 @@ class Api:
     """The API of a small plant, and the headers by which each role is let in."""
 
     def __init__(self, site: Site) -> None:
-        self.bearers = {role: bearer_of(site, role) for role in Role}
-        headers = {**HOST, **self.bearers[Role.ADMIN]}
+        self.bearers = {role: bearer_of(site, role) for role in UserRole}
+        headers = {**HOST, **self.bearers[UserRole.ADMIN]}
         self.schema = schemathesis.openapi.from_asgi(
             "/api/openapi.json", create_app(site), headers=headers
         )
@@ -89,8 +89,8 @@ def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
 
 
 @pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
-@pytest.mark.parametrize("role", Role)
-def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: Role) -> None:
+@pytest.mark.parametrize("role", UserRole)
+def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: UserRole) -> None:
     """No failure, no undescribed status, no field of another shape; and whoever lacks the right
     is refused whatever is sent."""
     found = api.ask(name, api.bearers[role])

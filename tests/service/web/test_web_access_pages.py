@@ -12,8 +12,8 @@ import pytest
 from stemwatch.service.access.first_user import make_user
 from stemwatch.service.access.links import make_link
 from stemwatch.service.access.tokens import make_token
-from stemwatch.service.store.accounts.audit import Wanted
-from stemwatch.service.store.accounts.records import LinkKind, Role, Scope
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import OneTimeLinkKind, Scope, UserRole
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.session_cookie import NAME, SECURE_NAME
 from stemwatch.service.web.pages.login_page import safe_place
@@ -46,7 +46,7 @@ class Browser:
 @pytest.fixture
 def stranger(live: Site, client_of) -> Browser:
     """Somebody who has not signed in, where Ann (engineer) could."""
-    make_user(live.store, "Ann", PASSWORD, Role.ENGINEER)
+    make_user(live.store, "Ann", PASSWORD, UserRole.ENGINEER)
     return Browser(client_of(live, None))
 
 
@@ -123,7 +123,7 @@ def test_with_tls_the_cookie_never_travels_without(live: Site) -> None:
     """Behind a proxy with TLS it is secure and bound to this very name."""
     import asyncio
 
-    make_user(live.store, "Ann", PASSWORD, Role.VIEWER)
+    make_user(live.store, "Ann", PASSWORD, UserRole.VIEWER)
     transport = httpx.ASGITransport(create_app(live))
 
     async def ask() -> str:
@@ -172,8 +172,8 @@ def test_the_first_admin_comes_by_the_link_and_invites_the_others(store, client_
     second = Browser(client_of(site, None))
     fields = {"link": invited.partition("=")[2], "name": "Ann", "password": PASSWORD}
     assert second.send(invited, "/welcome", **fields, again=PASSWORD).status_code == 303
-    assert store.accounts.find("Ann").role is Role.ENGINEER
-    said = [(one.who, one.action) for one in store.audit.read(Wanted())[::-1]]
+    assert store.accounts.find("Ann").role is UserRole.ENGINEER
+    said = [(one.who, one.action) for one in store.audit.read(AuditFilter())[::-1]]
     assert said == [
         ("Karl", "become a user"), ("Karl", "manage users"), ("Ann", "become a user"),
     ]  # fmt: skip
@@ -201,7 +201,7 @@ def test_a_token_is_shown_once_and_revoked(stranger: Browser, live: Site) -> Non
     page = stranger.send("/account", "/account/tokens/make", **fields).text
     secret = re.search(r'value="(stw_[\w-]{43})"', page)[1]
     assert secret not in stranger.client.get("/account").text
-    assert secret not in str(live.store.audit.read(Wanted()))
+    assert secret not in str(live.store.audit.read(AuditFilter()))
     with serving(live) as base:
         headers = {"authorization": f"Bearer {secret}"}
         me = httpx.get(f"{base}/api/v1/me", headers=headers, trust_env=False).json()
@@ -229,7 +229,7 @@ def test_nobody_makes_or_revokes_what_is_not_theirs(stranger: Browser, live: Sit
 
 def test_an_admin_manages_users(admin: Browser, live: Site) -> None:
     """Role, new password, disable, enable; each is in the log with the name of the user."""
-    ann = user_of(live, Role.VIEWER)
+    ann = user_of(live, UserRole.VIEWER)
     number = {"user": str(ann.id)}
     admin.send("/users", "/users/role", **number, role="engineer")
     page = admin.send("/users", "/users/password", **number).text
@@ -240,8 +240,8 @@ def test_an_admin_manages_users(admin: Browser, live: Site) -> None:
     assert admin.send("/users", "/users/password", **number).status_code == 409
     admin.send("/users", "/users/enable", **number)
     found = live.store.accounts.get(ann.id)
-    assert (found.role, found.disabled) == (Role.ENGINEER, None)
-    about = [one.about for one in live.store.audit.read(Wanted(action="manage users"))[::-1]]
+    assert (found.role, found.disabled) == (UserRole.ENGINEER, None)
+    about = [one.about for one in live.store.audit.read(AuditFilter(action="manage users"))[::-1]]
     assert about[0] == f"user {ann.id}; role engineer; {ann.name}; before viewer"
     assert all(ann.name in one for one in about)
 
@@ -268,7 +268,7 @@ def test_what_cannot_be_done_with_users_is_refused(admin: Browser, path, fields,
 def test_a_link_can_be_withdrawn_from_the_page(admin: Browser, live: Site) -> None:
     """It stands in the list until then, without its secret."""
     secret, link = make_link(
-        live.store, LinkKind.INVITATION, Role.VIEWER, by="A", now=NOW, note="for Bob"
+        live.store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="A", now=NOW, note="for Bob"
     )
     page = admin.client.get("/users").text
     assert "for Bob" in page
@@ -289,12 +289,12 @@ def test_the_audit_page_filters_and_pages(admin: Browser, live: Site) -> None:
     assert "No entry matches" in admin.client.get("/audit?start=2026-03-31").text
     assert "<b>Eve" not in page
     lines = admin.client.get("/api/v1/audit?limit=5").json()
-    assert [one["who"] for one in lines] == [NAMES[Role.ADMIN]] * 5
+    assert [one["who"] for one in lines] == [NAMES[UserRole.ADMIN]] * 5
 
 
 def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of) -> None:
     """Pages are whole without them."""
-    reader, doer = client_of(live, Role.VIEWER), client_of(live, Role.ENGINEER)
+    reader, doer = client_of(live, UserRole.VIEWER), client_of(live, UserRole.ENGINEER)
     for path in ("/alerts", f"/valve?id={STICKY}", "/runs"):
         places = [re.findall(r'action="([^"]+)"', one.get(path).text) for one in (reader, doer)]
         assert set(places[0]) <= {"/logout"}
@@ -311,9 +311,9 @@ def test_the_first_use_of_a_page_after_long_is_the_login(live: Site, client_of) 
 
 def test_tokens_of_everybody_are_seen_and_ended_by_an_admin(admin: Browser, live: Site) -> None:
     """With owner and first letters."""
-    bearer_of(live, Role.ENGINEER)
+    bearer_of(live, UserRole.ENGINEER)
     page = admin.client.get("/tokens").text
-    assert NAMES[Role.ENGINEER] in page
+    assert NAMES[UserRole.ENGINEER] in page
     (token,) = live.store.api_tokens.all()
     admin.send("/tokens", "/tokens/revoke", token=str(token.id))
     assert live.store.api_tokens.all()[0].revoked == NOW

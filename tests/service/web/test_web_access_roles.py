@@ -14,8 +14,8 @@ from starlette.routing import BaseRoute
 from stemwatch.service.access.permissions import PERMISSIONS, CurrentUser, Operation
 from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.access.tokens import BEGINS
-from stemwatch.service.store.accounts.audit import Wanted
-from stemwatch.service.store.accounts.records import Role, Scope
+from stemwatch.service.store.accounts.audit import AuditFilter
+from stemwatch.service.store.accounts.records import Scope, UserRole
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.route_permissions import ROUTE_OPERATIONS
 from tests.service.web.made_plant import STICKY
@@ -77,7 +77,7 @@ def test_a_route_that_was_forgotten_is_shut(live, monkeypatch):
     monkeypatch.setattr(permits, "ROUTE_OPERATIONS", forgotten)
     app = create_app(live)
     assert ask(app, "GET", "/alerts", headers=bearer_of(live)).status_code == 403
-    answer = ask(app, "GET", "/alerts", cookies=cookie_of(live, Role.ENGINEER))
+    answer = ask(app, "GET", "/alerts", cookies=cookie_of(live, UserRole.ENGINEER))
     assert answer.status_code == 403
     assert STICKY not in answer.text
 
@@ -93,7 +93,7 @@ def request_for(name: str) -> tuple[str, str, dict[str, Any]]:
     return method, path, {"data": FORM}
 
 
-def let_in(live, role: Role, way: str) -> tuple[CurrentUser | None, dict[str, Any]]:
+def let_in(live, role: UserRole, way: str) -> tuple[CurrentUser | None, dict[str, Any]]:
     """Who asks in this way, and what the request carries for it."""
     if way == "session":
         cookies = cookie_of(live, role)
@@ -117,7 +117,7 @@ def expected(name: str, current_user: CurrentUser | None, *, is_form: bool) -> s
 
 
 @pytest.mark.parametrize("way", ["session", "token", "nobody"])
-@pytest.mark.parametrize("role", Role)
+@pytest.mark.parametrize("role", UserRole)
 def test_nobody_gets_what_the_table_does_not_allow(live, app, role, way):
     """Every route: let in where the right is there, else refused with nothing in the answer."""
     current_user, carried = let_in(live, role, way)
@@ -156,7 +156,7 @@ def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, s
     """Though its user is admin: a scope is no ladder."""
     method, place = path.split()
     what = {"json": {"text": "x"}} if method == "POST" else {}
-    headers = bearer_of(live, Role.ADMIN, scopes)
+    headers = bearer_of(live, UserRole.ADMIN, scopes)
     answer = ask(app, method, place, params={"id": STICKY}, headers=headers, **what)
     assert answer.status_code == status
 
@@ -176,9 +176,9 @@ def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, s
 )
 def test_no_spelling_of_an_address_gets_around_the_table(live, app, path):
     """What the application would answer is what the door looked at."""
-    answer = ask(app, "GET", path, cookies=cookie_of(live, Role.VIEWER))
+    answer = ask(app, "GET", path, cookies=cookie_of(live, UserRole.VIEWER))
     assert answer.status_code in (307, 403, 404)
-    assert NAMES[Role.ADMIN] not in answer.text
+    assert NAMES[UserRole.ADMIN] not in answer.text
 
 
 @pytest.mark.parametrize("method", ["HEAD", "OPTIONS", "PUT", "DELETE", "PATCH", "TRACE"])
@@ -204,21 +204,21 @@ def test_who_opens_a_page_is_led_to_the_login_and_back(live, app):
 
 def test_whoever_is_refused_is_told_what_is_missing(live, app):
     """The role that is needed and the one that is there; or the scope."""
-    answer = ask(app, "GET", "/users", cookies=cookie_of(live, Role.ENGINEER))
-    assert f"needs the role admin; {NAMES[Role.ENGINEER]} is engineer" in answer.text
-    headers = bearer_of(live, Role.ADMIN, (Scope.READ,))
+    answer = ask(app, "GET", "/users", cookies=cookie_of(live, UserRole.ENGINEER))
+    assert f"needs the role admin; {NAMES[UserRole.ENGINEER]} is engineer" in answer.text
+    headers = bearer_of(live, UserRole.ADMIN, (Scope.READ,))
     answer = ask(app, "GET", "/api/v1/audit", headers=headers)
     assert "needs the scope admin" in answer.json()["detail"]
 
 
 def test_a_role_holds_from_the_next_request_on(live, app):
     """Taken or given, for sessions and tokens alike."""
-    cookies, headers = cookie_of(live, Role.ENGINEER), bearer_of(live, Role.ENGINEER)
-    user_of(live, Role.ADMIN)
-    user = live.store.accounts.find(NAMES[Role.ENGINEER])
-    live.store.accounts.set_role(user.id, Role.ADMIN)
+    cookies, headers = cookie_of(live, UserRole.ENGINEER), bearer_of(live, UserRole.ENGINEER)
+    user_of(live, UserRole.ADMIN)
+    user = live.store.accounts.find(NAMES[UserRole.ENGINEER])
+    live.store.accounts.set_role(user.id, UserRole.ADMIN)
     assert ask(app, "GET", "/users", cookies=cookies).status_code == 200
-    live.store.accounts.set_role(user.id, Role.VIEWER)
+    live.store.accounts.set_role(user.id, UserRole.VIEWER)
     assert ask(app, "GET", "/users", cookies=cookies).status_code == 403
     note = {"params": {"id": STICKY}, "json": {"text": "x"}}
     assert ask(app, "POST", "/api/v1/valve/note", headers=headers, **note).status_code == 403
@@ -226,17 +226,17 @@ def test_a_role_holds_from_the_next_request_on(live, app):
 
 def test_every_change_and_every_refusal_is_in_the_audit_log(live, app):
     """Who, how, from where, what, about what, and what became of it; reading is not in it."""
-    cookies = cookie_of(live, Role.ENGINEER)
+    cookies = cookie_of(live, UserRole.ENGINEER)
     ask(app, "GET", "/", cookies=cookies)
     ask(app, "GET", "/users", cookies=cookies)
     params = {"id": STICKY}
-    headers = bearer_of(live, Role.ENGINEER)
+    headers = bearer_of(live, UserRole.ENGINEER)
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": "s"}, headers=headers)
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": ""}, headers=headers)
     ask(app, "POST", "/api/v1/runs", json={}, headers={"authorization": f"Bearer {BEGINS}x"})
-    found = live.store.audit.read(Wanted())[::-1]
+    found = live.store.audit.read(AuditFilter())[::-1]
     said = [(one.who, one.how, one.action, one.about, one.outcome.value) for one in found]
-    me = NAMES[Role.ENGINEER]
+    me = NAMES[UserRole.ENGINEER]
     assert said == [
         (me, "session", "manage users", "", "refused"),
         (me, "token test", "add a note", f"id {STICKY}", "done"),
@@ -250,4 +250,4 @@ def test_strangers_cannot_fill_the_audit_log(live, app):
     """A hundred bad tokens from one address within a minute are one entry."""
     for number in range(100):
         ask(app, "GET", "/api/v1/runs", headers={"authorization": f"Bearer {number}"})
-    assert len(live.store.audit.read(Wanted())) == 1
+    assert len(live.store.audit.read(AuditFilter())) == 1

@@ -7,13 +7,13 @@ from datetime import timedelta
 import pytest
 
 from stemwatch.service.access.sessions import form_token_of
-from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.auth.forms import COOKIE
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
 
-ME = NAMES[Role.ADMIN]  # whoever is signed in signs; no form asks for a name
+ME = NAMES[UserRole.ADMIN]  # whoever is signed in signs; no form asks for a name
 JSON = {"content-type": "application/json"}
 
 
@@ -125,10 +125,10 @@ def test_a_run_is_queued_seen_and_cancelled(live, send, client):
 
 def test_progress_and_time_left_are_seen(live, client):
     """What is done, what was set aside with its reason, and how long it will still take."""
-    from stemwatch.service.store.runs.queue import Wanted
+    from stemwatch.service.store.runs.queue import RunRequest
     from stemwatch.service.store.screenings.records import ValveState
 
-    number = live.store.queue.put(Wanted(who="K"), software_version="0.1")
+    number = live.store.queue.put(RunRequest(who="K"), software_version="0.1")
     live.store.queue.claim("worker")
     live.store.queue.plan(number, [STICKY, WATCH, HEALTHY, HOSTILE])
     live.store.queue.mark(number, STICKY, ValveState.DONE)

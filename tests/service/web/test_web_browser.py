@@ -9,7 +9,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from stemwatch.service.store.accounts.records import Role
+from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, plant_of, serving
@@ -205,7 +205,7 @@ def test_an_alert_is_acknowledged_from_the_valves_page(opened, live):
     page.get_by_text("The alert is acknowledged.").wait_for()
     assert page.locator("nav .badge").first.inner_text().startswith("1")
     assert "packing is ordered" in page.locator(".card").first.inner_text()
-    assert live.store.alerts.open(valve=STICKY)[0].acknowledged_by == NAMES[Role.ADMIN]
+    assert live.store.alerts.open(valve=STICKY)[0].acknowledged_by == NAMES[UserRole.ADMIN]
 
 
 def test_a_name_that_is_a_script_stays_a_name(opened):
@@ -219,11 +219,11 @@ def test_a_name_that_is_a_script_stays_a_name(opened):
 
 def test_runs_refresh_by_themselves(opened, live):
     """A run that begins while somebody looks appears without a reload."""
-    from stemwatch.service.store.runs.queue import Wanted
+    from stemwatch.service.store.runs.queue import RunRequest
 
     page = opened.page("/runs")
     assert "No run waits" in page.locator("#going").inner_text()
-    live.store.queue.put(Wanted(who="K. Berg"), software_version="0.1")
+    live.store.queue.put(RunRequest(who="K. Berg"), software_version="0.1")
     page.locator("#going .card").wait_for(timeout=15_000)
 
 

@@ -15,7 +15,7 @@ from sqlalchemy import text
 from stemwatch.service.store.administration import check as checking
 from stemwatch.service.store.administration.backup import disposing
 from stemwatch.service.store.database.engine import for_writing, make_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import HEALTHY, STICKY, write_small_plant
 from tests.service.store.administration.test_store_transfer import rows_of
@@ -131,7 +131,10 @@ def test_check_tells_a_sound_database_from_a_broken_one(
     assert sound.status == 0, sound.said
     assert "PostgreSQL" in sound.said
     assert "Nothing is wrong" in sound.said
-    with disposing(make_engine(Address(url))) as engine, for_writing(engine).begin() as connection:
+    with (
+        disposing(make_engine(DatabaseUrl(url))) as engine,
+        for_writing(engine).begin() as connection,
+    ):
         connection.execute(text("INSERT INTO samples VALUES (77, 5, 1.0, 0, NULL)"))
         connection.execute(text("SELECT setval('runs_id_seq', 1)"))
         connection.execute(text("DROP VIEW stemwatch_samples_v1"))
@@ -148,9 +151,9 @@ def test_check_speaks_of_partitions(new_database: NewDatabase) -> None:
     with database_at(url, "0005", rows=False), open_store(url) as store:
         store.samples.prepare_days()
     now = datetime.now(UTC)
-    health = checking.check(Address(url), now)
+    health = checking.check(DatabaseUrl(url), now)
     assert "8 partitions by day" in health.notes[0]
     assert health.problems == ()
-    late = checking.check(Address(url), now + timedelta(days=30))
+    late = checking.check(DatabaseUrl(url), now + timedelta(days=30))
     assert any("tomorrow has no partition yet" in note for note in late.notes)
     assert {table.size_bytes is not None for table in late.tables} == {True}

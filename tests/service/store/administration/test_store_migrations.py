@@ -14,9 +14,9 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.administration.migrate import downgrade, is_compared, upgrade
 from stemwatch.service.store.all_tables import metadata
 from stemwatch.service.store.database.engine import make_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.samples.partitions import is_partition
 from stemwatch.service.store.store import Store, open_store
 
@@ -32,7 +32,7 @@ def tables(engine: Engine) -> set[str]:
 def test_migrations_and_models_agree(store_url: str) -> None:
     """What the migrations build is what the models describe, to the last index and constraint."""
     open_store(store_url).close()
-    engine = make_engine(Address(store_url))
+    engine = make_engine(DatabaseUrl(store_url))
     with engine.connect() as connection:
         opts = {"compare_type": True, "include_object": is_compared}
         context = MigrationContext.configure(connection, opts=opts)
@@ -47,11 +47,11 @@ def test_migrations_and_models_agree(store_url: str) -> None:
 def test_downgrade_to_base_and_up_again(store_url: str) -> None:
     """Every migration can be undone and done again, leaving nothing behind and nothing out."""
     open_store(store_url).close()
-    engine = make_engine(Address(store_url))
+    engine = make_engine(DatabaseUrl(store_url))
     assert TABLES == tables(engine)
     downgrade(engine, "base")
     assert set() == tables(engine)
-    upgrade(engine, Address(store_url))
+    upgrade(engine, DatabaseUrl(store_url))
     assert TABLES == tables(engine)
     engine.dispose()
 
@@ -64,7 +64,7 @@ def test_one_step_down_and_up_keeps_what_older_schemas_know(
         store.save(make_screening(), store.begin_run(software_version="1"))
         store.add_note("FIC-101", NOW, "gone with its table")
         before = store.latest()
-    engine = make_engine(Address(store_url))
+    engine = make_engine(DatabaseUrl(store_url))
     downgrade(engine, "0001")
     assert {"indicators", "runs", "screenings", "valves"} == tables(engine)
     engine.dispose()
@@ -83,9 +83,9 @@ def test_the_services_tables_go_and_come_without_touching_results(
         store.save(make_screening(), run)
         store.finish_run(run)
         store.set_baseline("FIC-101", b"n", reason="first healthy window")
-        store.queue.put(Wanted(schedule="daily", due=NOW), software_version="1")
+        store.queue.put(RunRequest(schedule="daily", due=NOW), software_version="1")
         before = (store.latest(), store.baseline("FIC-101"), store.run(run))
-    engine = make_engine(Address(store_url))
+    engine = make_engine(DatabaseUrl(store_url))
     downgrade(engine, "0002")
     assert "samples" not in tables(engine)
     with engine.connect() as connection:
@@ -108,7 +108,7 @@ def test_opening_again_keeps_everything(
 
 def test_a_newer_schema_is_refused(store: Store, store_url: str) -> None:
     """An old program leaves a new program's store alone and names both schemas."""
-    engine = make_engine(Address(store_url))
+    engine = make_engine(DatabaseUrl(store_url))
     with engine.begin() as connection:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
     engine.dispose()
@@ -121,7 +121,7 @@ def test_a_newer_schema_is_refused(store: Store, store_url: str) -> None:
 def test_one_active_network_is_the_databases_own_rule(store: Store, store_url: str) -> None:
     """Even a writer that knows nothing of the store cannot make two baselines active."""
     store.set_baseline("FIC-101", b"n", reason="first healthy window")
-    engine = make_engine(Address(store_url))
+    engine = make_engine(DatabaseUrl(store_url))
     copy = text(
         "INSERT INTO networks (id, valve, kind, network, created, reason, active) "
         "SELECT 99, valve, kind, network, created, reason, active FROM networks"

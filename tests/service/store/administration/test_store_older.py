@@ -13,7 +13,7 @@ from stemwatch.service.store.administration.migrate import (
     take_back,
     upgrade,
 )
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
 from tests.service.store.made_rows import AT_US, REVISIONS, contents, database_at
@@ -46,7 +46,7 @@ def test_up_and_down_again_gives_every_value_back(store_url: str, revision: str)
     """From any older schema to the newest and back: each table is as it was, to the last value."""
     with database_at(store_url, revision) as engine:
         before = contents(engine)
-        upgrade(engine, Address(store_url))
+        upgrade(engine, DatabaseUrl(store_url))
         downgrade(engine, revision)
         assert before == contents(engine)
 
@@ -57,7 +57,7 @@ def test_down_and_up_again_keeps_what_the_older_schema_holds(store_url: str) -> 
     with database_at(store_url, NEWEST) as engine:
         before = contents(engine)
         downgrade(engine, "0004")
-        upgrade(engine, Address(store_url))
+        upgrade(engine, DatabaseUrl(store_url))
         assert before == contents(engine)
 
 
@@ -73,10 +73,10 @@ def test_taking_the_schema_back_refuses_what_is_none(store_url: str) -> None:
     """A schema that does not exist, or that is newer than the present one, is named."""
     with database_at(store_url, "0002") as engine:
         with pytest.raises(StoreError, match=r"there is no schema 0999; 0001, 0002"):
-            take_back(engine, Address(store_url), "0999")
+            take_back(engine, DatabaseUrl(store_url), "0999")
         with pytest.raises(StoreError, match=r"has schema 0002, which is older already"):
-            take_back(engine, Address(store_url), "0003")
-        take_back(engine, Address(store_url), "0001")
+            take_back(engine, DatabaseUrl(store_url), "0003")
+        take_back(engine, DatabaseUrl(store_url), "0001")
         assert "networks" not in contents(engine)
 
 

@@ -23,9 +23,14 @@ from stemwatch.service.store.administration.backup import (
     restore,
 )
 from stemwatch.service.store.administration.row_batches import Digest, batch_of, read_batches
-from stemwatch.service.store.administration.schema import Column, Kind, Table, shape_of
+from stemwatch.service.store.administration.schema import (
+    ColumnKind,
+    TableColumn,
+    TableSchema,
+    shape_of,
+)
 from stemwatch.service.store.database.engine import make_engine
-from stemwatch.service.store.database_url import Address
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
 from tests.service.store.made_rows import REVISIONS, database_at
@@ -45,7 +50,7 @@ WAYS = [
 
 def rows_of(url: str) -> dict[str, list[dict[str, object]]]:
     """Every row of every table, the same from either engine."""
-    address = Address(url)
+    address = DatabaseUrl(url)
     with disposing(make_engine(address)) as engine, one_instant(engine, address) as connection:
         return {
             table.name: pa.Table.from_batches(
@@ -68,7 +73,7 @@ def test_a_copy_has_every_value(new_database: NewDatabase, origin: str, target: 
     """Each table comes over with every row and value, and the copy works on."""
     first, second = new_database(origin), new_database(target)
     with database_at(first, "0005"):
-        told = copy(Address(first), Address(second))
+        told = copy(DatabaseUrl(first), DatabaseUrl(second))
     assert rows_of(first) == rows_of(second)
     assert {2} == {one.rows for one in told.values()}
     numbers_go_on(second)
@@ -81,9 +86,9 @@ def test_a_backup_is_restored_on_either_engine(
     """One form of file for both engines; only its owner may read it."""
     first, second, file = new_database(origin), new_database(target), tmp_path / "to" / "b.zip"
     with database_at(first, "0005"):
-        written = backup(Address(first), file)
+        written = backup(DatabaseUrl(first), file)
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
-    assert written == restore(file, Address(second))
+    assert written == restore(file, DatabaseUrl(second))
     assert rows_of(first) == rows_of(second)
     numbers_go_on(second)
 
@@ -96,8 +101,8 @@ def test_a_backup_of_an_older_schema_is_brought_up(
     """A database is backed up as it is, before the upgrade; restoring migrates the data."""
     first, second, file = new_database("sqlite"), new_database(engine), tmp_path / "b.zip"
     with database_at(first, revision):
-        backup(Address(first), file)
-    restore(file, Address(second))
+        backup(DatabaseUrl(first), file)
+    restore(file, DatabaseUrl(second))
     with open_store(first):  # brings the original up
         pass
     assert rows_of(first) == rows_of(second)
@@ -107,10 +112,10 @@ def test_a_database_with_rows_is_left_alone(store_url: str, tmp_path: Path) -> N
     """Restoring over a database in use is refused, with what is in it."""
     file = tmp_path / "b.zip"
     with database_at(store_url, "0005"):
-        backup(Address(store_url), file)
+        backup(DatabaseUrl(store_url), file)
         before = rows_of(store_url)
         with pytest.raises(StoreError, match=r"is not empty \(rows: .*valves 2.*nothing was"):
-            restore(file, Address(store_url))
+            restore(file, DatabaseUrl(store_url))
         assert before == rows_of(store_url)
 
 
@@ -120,9 +125,9 @@ def test_an_opened_but_empty_database_may_be_filled(
     """Tables without rows are no obstacle."""
     first, file = new_database("sqlite"), tmp_path / "b.zip"
     with database_at(first, "0003"):
-        backup(Address(first), file)
+        backup(DatabaseUrl(first), file)
     open_store(store_url).close()
-    restore(file, Address(store_url))
+    restore(file, DatabaseUrl(store_url))
     assert len(rows_of(store_url)["valves"]) == 2
 
 
@@ -132,7 +137,7 @@ def test_a_changed_backup_is_refused_and_nothing_is_kept(
     """A row that was changed in the file shows in the digest; the database stays empty."""
     first, file, forged = new_database("sqlite"), tmp_path / "b.zip", tmp_path / "c.zip"
     with database_at(first, "0005"):
-        backup(Address(first), file)
+        backup(DatabaseUrl(first), file)
     with zipfile.ZipFile(file) as good, zipfile.ZipFile(forged, "w") as bad:
         manifest = json.loads(good.read("manifest.json"))
         manifest["tables"]["networks"]["digest"] = "0" * 64
@@ -140,15 +145,15 @@ def test_a_changed_backup_is_refused_and_nothing_is_kept(
             content = json.dumps(manifest) if name == "manifest.json" else good.read(name)
             bad.writestr(name, content)
     with pytest.raises(StoreError, match=r"networks: 2 rows with digest .* nothing was changed"):
-        restore(forged, Address(store_url))
+        restore(forged, DatabaseUrl(store_url))
     assert rows_of(store_url) == {}
 
 
 def test_a_file_that_is_cut_short_is_named(new_database: NewDatabase, tmp_path: Path) -> None:
     """Half a file, a missing file and any other zip are told from a backup."""
-    first, file, target = new_database("sqlite"), tmp_path / "b.zip", Address("sqlite://")
+    first, file, target = new_database("sqlite"), tmp_path / "b.zip", DatabaseUrl("sqlite://")
     with database_at(first, "0005"):
-        backup(Address(first), file)
+        backup(DatabaseUrl(first), file)
     half = tmp_path / "half.zip"
     half.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     with pytest.raises(StoreError, match=r"half.zip: no backup .* cut short"):
@@ -168,9 +173,9 @@ def test_a_newer_backup_is_refused(new_database: NewDatabase, tmp_path: Path) ->
     with database_at(first, "0005") as engine:
         with engine.begin() as connection:
             connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
-        backup(Address(first), file)
+        backup(DatabaseUrl(first), file)
     with pytest.raises(StoreError, match=r"newer stemwatch \(schema 9999.*Install the newer"):
-        restore(file, Address(new_database("sqlite")))
+        restore(file, DatabaseUrl(new_database("sqlite")))
 
 
 def test_backups_overwrite_nothing_and_need_a_database(
@@ -179,14 +184,14 @@ def test_backups_overwrite_nothing_and_need_a_database(
     """A file that is there stays; a database that is not there is not made."""
     first, file = new_database("sqlite"), tmp_path / "b.zip"
     with pytest.raises(StoreError, match="there is no database at"):
-        backup(Address(first), file)
+        backup(DatabaseUrl(first), file)
     assert not Path(first.removeprefix("sqlite:///")).exists()
     file.write_text("mine")
     with database_at(first, "0005"), pytest.raises(StoreError, match="there is a file already"):
-        backup(Address(first), file)
+        backup(DatabaseUrl(first), file)
     assert file.read_text() == "mine"
     with pytest.raises(StoreError, match="is the database itself"):
-        copy(Address(first), Address(first))
+        copy(DatabaseUrl(first), DatabaseUrl(first))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -195,7 +200,7 @@ def test_a_backup_holds_one_instant(new_database: NewDatabase, engine: str, tmp_
     url = new_database(engine)
     with (
         database_at(url, "0005") as theirs,
-        one_instant(theirs, Address(url)) as connection,
+        one_instant(theirs, DatabaseUrl(url)) as connection,
         open_store(url) as store,
     ):
         tables = {table.name: table for table in shape_of(connection).tables}
@@ -213,10 +218,17 @@ VALUES = st.tuples(
     st.none() | st.booleans(),
     st.none() | st.datetimes(timezones=st.just(UTC)),
 )
-KINDS = (Kind.WHOLE, Kind.NUMBER, Kind.TEXT, Kind.BYTES, Kind.YES_NO, Kind.TIME)
-TABLE = Table(
+KINDS = (
+    ColumnKind.WHOLE,
+    ColumnKind.NUMBER,
+    ColumnKind.TEXT,
+    ColumnKind.BYTES,
+    ColumnKind.YES_NO,
+    ColumnKind.TIME,
+)
+TABLE = TableSchema(
     name="any",
-    columns=tuple(Column(name=kind.name, kind=kind) for kind in KINDS),
+    columns=tuple(TableColumn(name=kind.name, kind=kind) for kind in KINDS),
     key=("WHOLE",),
 )
 

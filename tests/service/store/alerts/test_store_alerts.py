@@ -8,14 +8,14 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, Raised
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store, open_store
 
 SOON = timedelta(hours=1)
 
 
-def found(cause: str = "sticky:FIC-1", **changes) -> Raised:
+def found(cause: str = "sticky:FIC-1", **changes) -> RaisedAlert:
     fields = {
         "cause": cause,
         "kind": AlertKind.STICKY,
@@ -23,7 +23,7 @@ def found(cause: str = "sticky:FIC-1", **changes) -> Raised:
         "text": "FIC-1: It sticks.",
         "valve": "FIC-1",
     }
-    return Raised(**fields | changes)
+    return RaisedAlert(**fields | changes)
 
 
 def test_a_cause_has_one_open_alert(store: Store, store_url: str) -> None:

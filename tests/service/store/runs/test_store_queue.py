@@ -11,7 +11,7 @@ import pytest
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState, ValveState
 from stemwatch.service.store.store import Store, open_store
 
@@ -20,7 +20,7 @@ NOT_AT_ALL = timedelta(0)
 
 
 def put(store: Store, **wanted) -> int | None:
-    return store.queue.put(Wanted(**wanted), software_version="1")
+    return store.queue.put(RunRequest(**wanted), software_version="1")
 
 
 def test_two_services_never_get_the_same_run(store: Store, store_url: str) -> None:
@@ -154,18 +154,21 @@ def test_settings_are_kept(store: Store) -> None:
 def test_schedules_of_the_file_follow_the_file(store: Store) -> None:
     """A schedule that goes from the file goes; one that stays keeps how far it has got; another
     rhythm begins anew; what a person saved stays, and the file's are not changed by people."""
-    from stemwatch.service.store.runs.schedule import Schedule
+    from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
-    daily, hourly = Schedule(name="daily", cron="0 5 * * *"), Schedule(name="h", every_s=3600.0)
+    daily, hourly = (
+        ScreeningSchedule(name="daily", cron="0 5 * * *"),
+        ScreeningSchedule(name="h", every_s=3600.0),
+    )
     store.schedules.take_from_file([daily, hourly])
-    store.schedules.save(Schedule(name="mine", every_s=60.0, origin="Ann"))
+    store.schedules.save(ScreeningSchedule(name="mine", every_s=60.0, origin="Ann"))
     store.schedules.note("daily", DUE, DUE)
     store.schedules.note("h", DUE, DUE)
-    store.schedules.take_from_file([daily, Schedule(name="h", every_s=1800.0)])
+    store.schedules.take_from_file([daily, ScreeningSchedule(name="h", every_s=1800.0)])
     kept = {one.schedule.name: one for one in store.schedules.all()}
     assert (kept["daily"].last_due, kept["h"].last_due) == (DUE, None)
     with pytest.raises(StoreError, match="stands in the plant file"):
-        store.schedules.save(Schedule(name="daily", every_s=60.0, origin="Ann"))
+        store.schedules.save(ScreeningSchedule(name="daily", every_s=60.0, origin="Ann"))
     store.schedules.take_from_file([])
     store.schedules.remove("daily")
     assert [one.schedule.name for one in store.schedules.all()] == ["mine"]

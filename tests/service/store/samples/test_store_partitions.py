@@ -15,7 +15,7 @@ from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrations.versions import v0005_production
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.instants import microseconds
-from stemwatch.service.store.samples.partitions import DAY_US, DAYS_AHEAD, Layout
+from stemwatch.service.store.samples.partitions import DAY_US, DAYS_AHEAD, SampleLayout
 from stemwatch.service.store.store import Store, open_store
 from tests.service.store.made_rows import database_at
 
@@ -64,7 +64,7 @@ def test_days_are_made_ahead(site: Store) -> None:
     assert set(range(today, today + DAYS_AHEAD + 1)) <= days_of(site)
     assert rows_in(site, partitions.partition_name(today)) == 1
     with site.access.reading() as session:
-        assert partitions.layout_of(session.connection()) is Layout.PARTITIONS
+        assert partitions.layout_of(session.connection()) is SampleLayout.PARTITIONS
 
 
 def test_a_sample_without_a_day_is_not_lost(site: Store) -> None:

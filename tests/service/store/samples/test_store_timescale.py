@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import text
 
 from stemwatch.service.store.samples import partitions
-from stemwatch.service.store.samples.partitions import Layout
+from stemwatch.service.store.samples.partitions import SampleLayout
 from stemwatch.service.store.store import open_store
 from tests.service.store.made_rows import database_at
 from tests.service.store.samples.test_store_partitions import NOW, batch
@@ -32,7 +32,7 @@ def test_timescaledb_is_used_where_it_is_installed(new_database: Callable[[str],
         connection.commit()
     with open_store(url) as store:
         with store.access.reading() as session:
-            assert partitions.layout_of(session.connection()) is Layout.HYPERTABLE
+            assert partitions.layout_of(session.connection()) is SampleLayout.HYPERTABLE
         store.samples.write(batch(NOW - 5 * DAY, NOW))
         store.samples.write(batch(NOW - 5 * DAY, NOW, value=9.0))
         assert store.samples.read("plc", "OP").values.tolist() == [1.0, 1.0]

@@ -158,11 +158,11 @@ def test_a_body_that_is_too_long_is_not_read(client):
 
 def test_settings_show_no_secret(store, client_of, tmp_path):
     """The database's password and secrets of sources are masked."""
-    from stemwatch.service.store.database_url import Address
+    from stemwatch.service.store.database_url import DatabaseUrl
     from tests.service.web.made_plant import plant_of
 
     plant = plant_of(tmp_path, store)
-    store.address = Address("postgresql://plant:geheim@db/stemwatch")
+    store.address = DatabaseUrl("postgresql://plant:geheim@db/stemwatch")
     text = client_of(Site(store=store, plant=plant)).get("/settings").text
     assert "geheim" not in text
     assert "***" in text

@@ -13,9 +13,9 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from stemwatch.service.store.runs.queue import Wanted
+from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
-from tests.service.running_service import SERVICE, Site, get, site_in, until
+from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
 PATIENCE_S = 20.0
 HALF_A_HEADER = b"GET / HTTP/1.1\r\nX-Waits: "
@@ -83,7 +83,9 @@ def under_siege(
     began = time.monotonic()
     with site.store() as store, strangers(address, connections):
         for _ in range(runs):
-            number = store.queue.put(Wanted(valves=("FIC-104",), who="Ann"), software_version="1")
+            number = store.queue.put(
+                RunRequest(valves=("FIC-104",), who="Ann"), software_version="1"
+            )
 
             def over(number: int = number) -> bool:
                 asked = time.monotonic()

@@ -7,17 +7,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
-from apscheduler.triggers.base import BaseTrigger
-
 from stemwatch.service.config.cron import CronTimes
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 # Intervals are counted from a fixed midnight, so that a restart does not shift them.
 _ANCHOR = datetime(2000, 1, 3)
 # Looking back further than this takes longer than it is worth for a schedule of every minute.
 _LOOK_BACK = timedelta(days=32)
 _MOST = 100_000
-_INSTANT = timedelta(microseconds=1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,21 +29,7 @@ class Missed:
     at_least: bool = False
 
 
-class ScheduleTrigger(BaseTrigger):  # type: ignore[misc]  # APScheduler 3 has no types
-    """A schedule as a trigger of APScheduler, without jitter: that comes when a run begins."""
-
-    def __init__(self, schedule: Schedule, zone: str) -> None:
-        self.schedule, self.zone = schedule, zone
-
-    def get_next_fire_time(
-        self, previous_fire_time: datetime | None, now: datetime
-    ) -> datetime | None:
-        """The first instant after the previous one, and not before ``now``."""
-        after = now - _INSTANT if previous_fire_time is None else max(previous_fire_time, now)
-        return next_due(self.schedule, after, self.zone)
-
-
-def next_due(schedule: Schedule, after: datetime, zone: str) -> datetime | None:
+def next_due(schedule: ScreeningSchedule, after: datetime, zone: str) -> datetime | None:
     """The first instant later than ``after``, in UTC; ``None`` where there is none any more."""
     if schedule.every_s is not None:
         number = _number(schedule, after, zone)
@@ -54,7 +37,9 @@ def next_due(schedule: Schedule, after: datetime, zone: str) -> datetime | None:
     return _cron(schedule, zone).after(after)
 
 
-def due_between(schedule: Schedule, after: datetime, until: datetime, zone: str) -> Missed | None:
+def due_between(
+    schedule: ScreeningSchedule, after: datetime, until: datetime, zone: str
+) -> Missed | None:
     """The instants in (``after``, ``until``], or ``None`` where there are none."""
     if schedule.every_s is not None:
         first, last = (_number(schedule, one, zone) for one in (after, until))
@@ -70,7 +55,7 @@ def due_between(schedule: Schedule, after: datetime, until: datetime, zone: str)
     return found
 
 
-def jitter(schedule: Schedule, due: datetime) -> timedelta:
+def jitter(schedule: ScreeningSchedule, due: datetime) -> timedelta:
     """How long after ``due`` the run begins: from 0 to ``jitter_s``, spread evenly over names and
     instants, and the same in every process."""
     digest = hashlib.sha256(f"{schedule.name}|{due.timestamp():.6f}".encode()).digest()
@@ -78,7 +63,9 @@ def jitter(schedule: Schedule, due: datetime) -> timedelta:
     return timedelta(seconds=share * schedule.jitter_s)
 
 
-def _count(schedule: Schedule, after: datetime, until: datetime, zone: str) -> Missed | None:
+def _count(
+    schedule: ScreeningSchedule, after: datetime, until: datetime, zone: str
+) -> Missed | None:
     times = _cron(schedule, zone)
     last, count, place = None, 0, after
     while count < _MOST:
@@ -92,7 +79,7 @@ def _count(schedule: Schedule, after: datetime, until: datetime, zone: str) -> M
     return Missed(last=last, count=count, at_least=count == _MOST)
 
 
-def _cron(schedule: Schedule, zone: str) -> CronTimes:
+def _cron(schedule: ScreeningSchedule, zone: str) -> CronTimes:
     if schedule.cron is None:
         raise ValueError(f"schedule {schedule.name}: neither cron nor every_s is given")
     return CronTimes(schedule.cron, zone)
@@ -102,11 +89,11 @@ def _anchor(zone: str) -> datetime:
     return _ANCHOR.replace(tzinfo=ZoneInfo(zone)).astimezone(UTC)
 
 
-def _number(schedule: Schedule, instant: datetime, zone: str) -> int:
+def _number(schedule: ScreeningSchedule, instant: datetime, zone: str) -> int:
     """How many whole intervals lie between the anchor and ``instant``."""
     every = timedelta(seconds=schedule.every_s or 1.0)
     return (instant - _anchor(zone)) // every
 
 
-def _instant(schedule: Schedule, number: int, zone: str) -> datetime:
+def _instant(schedule: ScreeningSchedule, number: int, zone: str) -> datetime:
     return _anchor(zone) + number * timedelta(seconds=schedule.every_s or 1.0)

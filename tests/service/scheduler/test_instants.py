@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.service.config.cron import CronTimes
-from stemwatch.service.scheduler.triggers import due_between, jitter, next_due
-from stemwatch.service.store.runs.schedule import Schedule
+from stemwatch.service.scheduler.instants import due_between, jitter, next_due
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 BERLIN = "Europe/Berlin"
 NOON = datetime(2026, 3, 2, 12, 0, tzinfo=UTC)  # a Monday
@@ -39,7 +39,7 @@ def local(instant: datetime | None) -> str:
 )
 def test_cron_as_cron_means_it(cron: str, expected: str) -> None:
     """Five fields in the plant's zone; 0 and 7 are Sunday, as everywhere but in the library."""
-    assert local(next_due(Schedule(name="s", cron=cron), NOON, BERLIN)) == expected
+    assert local(next_due(ScreeningSchedule(name="s", cron=cron), NOON, BERLIN)) == expected
 
 
 @pytest.mark.parametrize("cron", ["* * * *", "61 * * * *", "0 6 * * 8", "0 6 * * fr", "x * * * *"])
@@ -51,7 +51,7 @@ def test_a_cron_that_is_none_is_refused(cron: str) -> None:
 
 def test_a_day_keeps_its_hour_when_clocks_change() -> None:
     """At 5:30 means at 5:30 on the wall, in summer as in winter."""
-    schedule = Schedule(name="s", cron="30 5 * * *")
+    schedule = ScreeningSchedule(name="s", cron="30 5 * * *")
     before = datetime(2026, 3, 28, 12, 0, tzinfo=UTC)  # clocks go forward in the night
     first = next_due(schedule, before, BERLIN)
     assert first - next_due(schedule, before - DAY, BERLIN) == timedelta(hours=23)
@@ -60,13 +60,13 @@ def test_a_day_keeps_its_hour_when_clocks_change() -> None:
 
 def test_the_hours_that_clocks_leave_out_and_repeat() -> None:
     """Nothing is lost in spring, nothing comes twice in autumn, and each hour has its run."""
-    nightly = Schedule(name="s", cron="30 2 * * *")
+    nightly = ScreeningSchedule(name="s", cron="30 2 * * *")
     spring = datetime(2026, 3, 28, 22, 0, tzinfo=UTC)
     assert local(next_due(nightly, spring, BERLIN)) == "Sun 29.03. 03:30"
     autumn = datetime(2026, 10, 24, 22, 0, tzinfo=UTC)
     first = next_due(nightly, autumn, BERLIN)
     assert next_due(nightly, first, BERLIN) - first == timedelta(hours=25)
-    quarter = Schedule(name="s", cron="*/15 * * * *")
+    quarter = ScreeningSchedule(name="s", cron="*/15 * * * *")
     for begin in (spring, autumn):
         found = due_between(quarter, begin, begin + timedelta(hours=8), BERLIN)
         assert (found.count, found.last) == (32, begin + timedelta(hours=8))
@@ -76,8 +76,8 @@ def test_the_hours_that_clocks_leave_out_and_repeat() -> None:
 def test_every_reading_of_the_wall_clock_is_met(hours: int, cron: str) -> None:
     """Seen from any instant of two years, the next one is what looking at each minute finds."""
     after = NOON + timedelta(hours=hours)
-    found = next_due(Schedule(name="s", cron=cron), after, BERLIN)
-    assert due_between(Schedule(name="s", cron=cron), after, found, BERLIN).count == 1
+    found = next_due(ScreeningSchedule(name="s", cron=cron), after, BERLIN)
+    assert due_between(ScreeningSchedule(name="s", cron=cron), after, found, BERLIN).count == 1
     minute, hour, day, _, weekday = cron.split()
     place = found - timedelta(minutes=1)
     while place > max(after, found - timedelta(days=2)):
@@ -100,7 +100,7 @@ def test_every_reading_of_the_wall_clock_is_met(hours: int, cron: str) -> None:
 def test_intervals_do_not_depend_on_who_asks(every_s, after_s, length_s) -> None:
     """The last instant up to now is the one that stepping from instant to instant finds, and the
     next one is one interval later."""
-    schedule = Schedule(name="s", every_s=every_s)
+    schedule = ScreeningSchedule(name="s", every_s=every_s)
     after = NOON + timedelta(seconds=after_s)
     until = after + timedelta(seconds=length_s)
     first = next_due(schedule, after, BERLIN)
@@ -119,10 +119,10 @@ def test_intervals_do_not_depend_on_who_asks(every_s, after_s, length_s) -> None
 
 def test_what_was_missed_is_counted() -> None:
     """All instants between two looks are found, also those of years."""
-    hourly = Schedule(name="s", cron="0 * * * *")
+    hourly = ScreeningSchedule(name="s", cron="0 * * * *")
     missed = due_between(hourly, NOON, NOON + timedelta(hours=5, minutes=1), BERLIN)
     assert (missed.last, missed.count) == (NOON + timedelta(hours=5), 5)
-    yearly = Schedule(name="s", cron="0 0 1 1 *")
+    yearly = ScreeningSchedule(name="s", cron="0 0 1 1 *")
     found = due_between(yearly, NOON, NOON + 800 * DAY, BERLIN)
     assert (local(found.last), found.count) == ("Sat 01.01. 00:00", 2)
     assert due_between(hourly, NOON, NOON + 100 * DAY, BERLIN).at_least
@@ -131,7 +131,7 @@ def test_what_was_missed_is_counted() -> None:
 @given(st.text(min_size=1), st.floats(0, 86400), st.integers(0, 10**6))
 def test_jitter_is_bounded_and_the_same_for_all(name: str, most_s: float, minute: int) -> None:
     """Two processes hold a run back by the same time, from nothing to what was asked."""
-    schedule = Schedule(name=name, every_s=60.0, jitter_s=most_s)
+    schedule = ScreeningSchedule(name=name, every_s=60.0, jitter_s=most_s)
     due = NOON + timedelta(minutes=minute)
     assert timedelta(0) <= jitter(schedule, due) <= timedelta(seconds=most_s)
     assert jitter(schedule, due) == jitter(schedule, due)
@@ -139,5 +139,7 @@ def test_jitter_is_bounded_and_the_same_for_all(name: str, most_s: float, minute
 
 def test_jitter_spreads_valves_that_are_due_together() -> None:
     """Ten schedules of one instant do not begin together."""
-    due = [jitter(Schedule(name=f"s{n}", every_s=60, jitter_s=600), NOON) for n in range(10)]
+    due = [
+        jitter(ScreeningSchedule(name=f"s{n}", every_s=60, jitter_s=600), NOON) for n in range(10)
+    ]
     assert max(due) - min(due) > timedelta(seconds=120)
