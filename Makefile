@@ -12,7 +12,8 @@ SECONDS ?= 600
 SEED ?=
 # STRICT=1 turns skipped browser and database tests into failures.
 STRICT ?=
-WORKERS ?= 2
+# More than two cores: tests that wait for a clock or a process leave theirs to others.
+WORKERS ?= 3
 
 # Wheels only: a plant computer has no compiler. The environment may say otherwise.
 export PIP_ONLY_BINARY ?= :all:
@@ -30,7 +31,8 @@ BIN := $(VENV)/bin
 LOG := $(VENV)/log.txt
 # Compiling all that is installed takes most of the time, and little of it is ever imported.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
-SOURCE := $(if $(filter no,$(EDITABLE)),.,--editable .)
+# With what make live needs beside the product.
+SOURCE := $(if $(filter no,$(EDITABLE)),,--editable )'.[live-demo]'
 PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find stemwatch service models connectors -type f \
 	-not -path '*/__pycache__/*'))
 INPUTS := pyproject.toml constraints.txt setup.py $(PACKAGE_FILES)

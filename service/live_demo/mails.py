@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from email import message_from_bytes, policy
 from email.message import EmailMessage
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 LIST = "index.html"
 TEMPLATE = "mails.html"
+EXTRA = (
+    "the live demo catches mails with the package aiosmtpd, which is not installed; "
+    "install it with `pip install 'stemwatch[live-demo]'`"
+)
 LARGEST = 1 << 20
 _SHOWN = 100  # the newest mails that the list shows
 
@@ -33,12 +38,17 @@ class Caught:
     text: str
 
 
+class MailCatcherMissing(OSError):
+    """The package that takes the mails is not installed; the sentence says how to install it."""
+
+
 class MailCatcher:
     """Takes mails by SMTP on loopback, keeps each as ``0001.eml`` and so on in ``folder``, and
     lists them in ``index.html`` there, the newest first.
 
     Use it with ``async with``; ``port`` 0 takes a free one, which ``port`` then tells. ``told`` is
-    called with each mail. A mail of more than 1 MiB is refused.
+    called with each mail. A mail of more than 1 MiB is refused. Raises ``MailCatcherMissing`` where
+    the extra ``live-demo`` is not installed.
     """
 
     def __init__(
@@ -58,6 +68,8 @@ class MailCatcher:
         return self.folder / LIST
 
     async def __aenter__(self) -> MailCatcher:
+        if find_spec("aiosmtpd") is None:
+            raise MailCatcherMissing(EXTRA)
         self.folder.mkdir(parents=True, exist_ok=True)
         self._write_list()
         loop = asyncio.get_running_loop()

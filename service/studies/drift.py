@@ -17,7 +17,6 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.narx.baseline import BaselineScore, score_baseline
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
-from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator import (
     PlantLoop,
@@ -26,7 +25,7 @@ from stemwatch.models.studies.simulator import (
     simulate_loop,
 )
 from stemwatch.models.studies.simulator.parts import some_setpoints
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 WINDOWS, WINDOW_S = 6, 600.0
 JUDGED = 3  # the last scored windows, whose median ratio is the valve's score
@@ -115,7 +114,7 @@ def run_drift(
         for first in range(0, valves, BATCH)
     ]
     done: dict[int, list[Followed]] = {}
-    for place, followed in executor.map(follow_batch, batches):
+    for place, followed in map_items(executor, follow_batch, batches):
         done[place] = followed
         tell(sum(map(len, done.values())) // len(ways))
     return [one for place in sorted(done) for one in done[place]]
@@ -123,6 +122,8 @@ def run_drift(
 
 def follow_batch(batch: DriftBatch) -> list[Followed]:
     """Simulate the baseline windows, train on them, simulate the later windows and score them."""
+    from stemwatch.models.narx.training import train
+
     first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
     # On the CPU, so that the counts are the same on every machine.
     settings = NarxSettings(device="cpu")

@@ -140,6 +140,7 @@ def test_intervals_hold_the_truth(shape):
     assert S_high - S_low < S
 
 
+@pytest.mark.long
 def test_intervals_hold_at_about_their_rate():
     """Of drawn sticking valves without positioner most 95 % intervals hold the simulated values."""
     held = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import smtplib
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -105,6 +106,16 @@ def test_a_demo_begins_anew_in_its_own_folder_only(tmp_path: Path) -> None:
     with pytest.raises(FileExistsError, match="not made by a live demo"):
         DemoFolder(plant)
     assert [path.name for path in plant.iterdir()] == ["plant.toml"]
+
+
+def test_without_the_extra_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One sentence, before anything is begun in the folder."""
+    monkeypatch.setitem(sys.modules, "aiosmtpd", None)
+    with pytest.raises(OSError, match=r"pip install 'stemwatch\[live-demo\]'"):
+        caught(tmp_path / "mails", lambda port: None)
+    assert not (tmp_path / "mails").exists()
 
 
 def caught(folder: Path, send: Callable[[int], None]) -> MailCatcher:

@@ -75,6 +75,7 @@ def test_a_force_balance_finds_its_own_friction(recorded, command, name, sharp):
     assert fit.training.fit_percent > 95.0
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth(recorded, command):
     """Of ten records of one valve, S and J lie in nearly all of their intervals of 95 %."""
     inside = 0

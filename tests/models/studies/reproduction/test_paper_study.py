@@ -30,6 +30,7 @@ from stemwatch.models.verdict import Shape
 
 SEEDS = 2
 EACH = 8
+study = pytest.mark.long  # trains networks for minutes
 by_case = pytest.mark.parametrize("case", CASES, ids=lambda case: case.shape.value)
 
 
@@ -57,6 +58,7 @@ def errors_on(case: PaperCase, inputs: list[Floats]) -> Floats:
     return rmse(runs, np.stack(truths))
 
 
+@study
 @by_case
 def test_the_papers_sine_is_followed_within_a_two_hundredth(case: PaperCase) -> None:
     """RMSE at most 0.005 of the amplitude, in the free run."""
@@ -66,6 +68,7 @@ def test_the_papers_sine_is_followed_within_a_two_hundredth(case: PaperCase) -> 
     assert rmse(run, y) <= 0.005
 
 
+@study
 @by_case
 @pytest.mark.parametrize("family", FAMILIES)
 def test_new_inputs_are_followed(case: PaperCase, family: str) -> None:
@@ -74,6 +77,7 @@ def test_new_inputs_are_followed(case: PaperCase, family: str) -> None:
     assert np.median(errors) <= (0.02 if case.shape is Shape.OVERSHOOT else 0.005)
 
 
+@study
 @by_case
 def test_four_in_five_new_inputs_are_followed_closely(case: PaperCase) -> None:
     """At most 0.03 on 80 % of all inputs, of whichever kind."""
@@ -81,6 +85,7 @@ def test_four_in_five_new_inputs_are_followed_closely(case: PaperCase) -> None:
     assert np.mean(errors_on(case, inputs) <= 0.03) >= 0.8
 
 
+@study
 @by_case
 def test_training_betters_the_start_on_its_record(case: PaperCase) -> None:
     """The chosen seed's free run over the record is better than any start's."""
@@ -98,6 +103,7 @@ def test_the_fit_of_S_and_J_is_the_products_and_near_the_truth() -> None:
     assert fit_S_J(u, case.respond(u)) == pytest.approx((case.S, case.J), abs=0.005)
 
 
+@study
 def test_the_sine_alone_does_not_tell_the_breakaway_level() -> None:
     """Trained on the sine only, ours has it within 1e-4 and yet misses other sines by 0.01."""
     case = CASES[2]
@@ -130,6 +136,7 @@ def test_the_papers_narx_learns_its_sine_better_than_the_feedforward_network() -
     assert rmse(simulate(step, weights, [u], [y])[:, 0], y).min() < case.narx.rmse
 
 
+@study
 def test_the_same_seeds_give_the_same_networks() -> None:
     """Trained twice, both of ours and both of the paper's are equal bit by bit."""
     case = CASES[3]
@@ -149,6 +156,7 @@ def test_the_same_seeds_give_the_same_networks() -> None:
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
 
 
+@study
 def test_more_seeds_leave_the_first_start_as_it_is() -> None:
     """The first seed starts from the fitted S and J themselves, whatever the number of seeds."""
     case = CASES[1]

@@ -212,6 +212,7 @@ def test_a_zero_shift_moves_the_reading_by_itself() -> None:
     assert run.truth.tag == case.loop.tag
 
 
+@pytest.mark.long
 def test_most_of_the_routine_records_show_what_is_hidden() -> None:
     """Of ten routine minutes for each effect of the catalogue, nearly all are excited."""
     found = [simulate_hidden(_short(draw_effect(slug, 1, 4)[0]))[0] for slug in EFFECTS]

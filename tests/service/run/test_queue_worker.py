@@ -17,8 +17,7 @@ from sqlalchemy import text
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import Plant
-from stemwatch.service.scheduler import Runner
-from stemwatch.service.scheduler.run import UNKNOWN
+from stemwatch.service.run.queue_worker import UNKNOWN, QueueWorker
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
@@ -26,13 +25,13 @@ from stemwatch.service.store.store import Store
 HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"
 WORK = """
 import sys, threading
+from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.config import load_plant
-from stemwatch.service.scheduler import Runner
 from stemwatch.service.store.store import open_store
 if __name__ == "__main__":
     plant = load_plant(sys.argv[1], environment={})
     with open_store(plant.storage) as store:
-        Runner(store, plant).once(threading.Event())
+        QueueWorker(store, plant).once(threading.Event())
 """
 
 
@@ -43,8 +42,8 @@ def put(store: Store, **wanted) -> int:
 
 
 def work(store: Store, plant: Plant, **how) -> None:
-    runner = Runner(store, plant, **how)
-    assert runner.once(threading.Event())
+    worker = QueueWorker(store, plant, **how)
+    assert worker.once(threading.Event())
 
 
 def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None:
@@ -66,7 +65,7 @@ def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None
     (screening,) = plant_store.screenings(STICKY)
     assert screening.run_id == second
     assert screening.baseline_id == plant_store.baseline(STICKY).id
-    assert not Runner(plant_store, plant).once(threading.Event())
+    assert not QueueWorker(plant_store, plant).once(threading.Event())
 
 
 def test_a_valve_that_is_not_there_is_set_aside(make_plant, plant_store: Store) -> None:
@@ -90,7 +89,7 @@ def test_a_schedule_screens_its_area(make_plant, plant_store: Store) -> None:
 def test_a_valve_that_hangs_is_set_aside(make_plant, plant_store: Store, monkeypatch) -> None:
     """No result in its time: it is given up with that reason, and the run is over."""
     # A worker needs longer than a second to start at all.
-    monkeypatch.setattr("stemwatch.service.scheduler.workers._STARTING_S", -0.9)
+    monkeypatch.setattr("stemwatch.service.executors.local_processes._FIRST_S", -0.9)
     plant = make_plant("[service]\nworkers = 1\nvalve_timeout_s = 1\n")
     number = put(plant_store, valves=(STICKY,))
     work(plant_store, plant)
@@ -106,8 +105,8 @@ def test_a_cancelled_run_ends_and_says_by_whom(make_plant, plant_store: Store) -
     plant_store.queue.ask_to_cancel(number, "Ben")
     assert plant_store.run(number).state is RunState.CANCELLED
     number = put(plant_store)
-    runner = Runner(plant_store, plant, beat_s=0.05)
-    working = threading.Thread(target=runner.once, args=(threading.Event(),))
+    worker = QueueWorker(plant_store, plant, beat_s=0.05)
+    working = threading.Thread(target=worker.once, args=(threading.Event(),))
     working.start()
     _until(lambda: plant_store.run(number).state is RunState.RUNNING)
     plant_store.queue.ask_to_cancel(number, "Ben")
@@ -123,7 +122,7 @@ def test_a_service_that_stops_leaves_its_run_for_the_next(make_plant, plant_stor
     number = put(plant_store)
     stop = threading.Event()
     stop.set()
-    assert Runner(plant_store, plant).once(stop)
+    assert QueueWorker(plant_store, plant).once(stop)
     assert plant_store.run(number).state is RunState.RUNNING
     work(plant_store, plant)
     assert plant_store.run(number).state is RunState.DONE

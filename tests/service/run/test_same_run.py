@@ -1,4 +1,4 @@
-"""A scheduled run on a Dask cluster keeps and reports what the same run with local workers does."""
+"""However a run is asked for and wherever it is done: the same rows, the same report."""
 
 from __future__ import annotations
 
@@ -12,14 +12,19 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from stemwatch.service.config import load_plant
+from stemwatch.service import __version__
+from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.run import chunking
-from stemwatch.service.scheduler import Runner
+from stemwatch.service.run.engine import RunNow, screen_now
+from stemwatch.service.run.plan import Request
+from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 from tests.service.clusters import Cluster
 
+Ask = Callable[[Plant, Store], Path]
 TABLES = ("screenings", "indicators", "networks")
 # Numbers given in the order in which results came, and what the clock said.
 NOT_COMPARED = {"id", "screening_id", "seconds", "at", "created"}
@@ -39,7 +44,7 @@ def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     """Runs a schedule with one line in ``[service]``, in a folder of its own."""
     monkeypatch.setattr(chunking, "PER_WORKER", 1)
 
-    def work(service: str) -> Kept:
+    def work(service: str, ask: Ask) -> Kept:
         folder = tmp_path / str(len(list(tmp_path.iterdir())))
         folder.mkdir()
         file = folder / "plant.toml"
@@ -49,19 +54,38 @@ def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         file.write_text(f"[service]\n{service}\n{schedule}\n{described}", encoding="utf-8")
         loaded = load_plant(file, environment={})
         with open_store(loaded.storage) as store:
-            store.schedules.take_from_file(loaded.schedules)
-            number = store.queue.put(RunRequest(schedule="hourly"), software_version="1")
-            assert number is not None
-            assert Runner(store, loaded).once(threading.Event())
-            done = store.run(number)
-            assert (done.state, done.done, done.set_aside) == (RunState.DONE, 3, 0), done.reason
+            report = ask(loaded, store)
             return Kept(
                 rows={table: _rows(store, table) for table in TABLES},
-                valves=_plain(json.loads(Path(done.report, "valves.json").read_bytes())),
-                files=sorted(path.name for path in Path(done.report).iterdir()),
+                valves=_plain(json.loads((report / "valves.json").read_bytes())),
+                files=sorted(path.name for path in report.iterdir()),
             )
 
     return work
+
+
+def by_schedule(plant: Plant, store: Store) -> Path:
+    """What a schedule asks for, done by the worker of the queue; the folder of its report."""
+    store.schedules.take_from_file(plant.schedules)
+    number = store.queue.put(RunRequest(schedule="hourly"), software_version=__version__)
+    assert number is not None
+    assert QueueWorker(store, plant).once(threading.Event())
+    done = store.run(number)
+    assert (done.state, done.done, done.set_aside) == (RunState.DONE, 3, 0), done.reason
+    return Path(done.report)
+
+
+def by_command(executor: Executor) -> Ask:
+    """What ``stemwatch screen --plant`` asks for."""
+
+    def ask(plant: Plant, store: Store) -> Path:
+        out = plant.beside("report")
+        how = RunNow(store=store, executor=executor, out=out, limits=plant.limits)
+        found = screen_now(Request(plant=plant), how)
+        assert (found.not_read, found.not_saved) == ((), ())
+        return out
+
+    return ask
 
 
 def _rows(store: Store, table: str) -> list[dict[str, Any]]:
@@ -82,14 +106,17 @@ def _plain(found: Any) -> Any:
     return found
 
 
-def test_a_run_on_a_cluster_keeps_the_same(kept, cluster: Cluster) -> None:
-    """Screenings with their intervals, indicators, networks and the report's objects are the same
+def test_every_way_keeps_the_same(kept, cluster: Cluster) -> None:
+    """A schedule's run here and on a cluster, and the command line's run of the same plant:
+    screenings with their intervals, indicators, networks and the report's objects are the same
     number for number, though other networks trained together."""
-    near, far = kept("workers = 1"), kept(f'executor = "{cluster.address}"')
-    assert near == far
+    near = kept("workers = 1", by_schedule)
+    assert near == kept(f'executor = "{cluster.address}"', by_schedule)
+    assert near == kept("workers = 1", by_command(InProcess()))
+    assert near == kept("workers = 1", by_command(LocalProcesses(2, isolated=True)))
     valves = ["FIC-104", "FIC-107", "FIC-113"]
-    assert [one["valve"] for one in far.rows["screenings"]] == valves
-    assert sorted(one["valve"] for one in far.valves) == valves
-    assert {one["valve"] for one in far.rows["indicators"]} == set(valves)
-    assert {one["valve"] for one in far.rows["networks"]} == {"FIC-104", "FIC-107"}
-    assert {"report.html", "valves.csv", "valves.xlsx"} <= set(far.files)
+    assert [one["valve"] for one in near.rows["screenings"]] == valves
+    assert sorted(one["valve"] for one in near.valves) == valves
+    assert {one["valve"] for one in near.rows["indicators"]} == set(valves)
+    assert {one["valve"] for one in near.rows["networks"]} == {"FIC-104", "FIC-107"}
+    assert {"report.html", "valves.csv", "valves.xlsx"} <= set(near.files)

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
-from apscheduler.triggers.base import BaseTrigger
-
 from stemwatch.service.config.cron import CronTimes
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
@@ -17,7 +15,6 @@ _ANCHOR = datetime(2000, 1, 3)
 # Looking back further than this takes longer than it is worth for a schedule of every minute.
 _LOOK_BACK = timedelta(days=32)
 _MOST = 100_000
-_INSTANT = timedelta(microseconds=1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,20 +27,6 @@ class Missed:
     last: datetime
     count: int
     at_least: bool = False
-
-
-class ScheduleTrigger(BaseTrigger):  # type: ignore[misc]  # APScheduler 3 has no types
-    """A schedule as a trigger of APScheduler, without jitter: that comes when a run begins."""
-
-    def __init__(self, schedule: ScreeningSchedule, zone: str) -> None:
-        self.schedule, self.zone = schedule, zone
-
-    def get_next_fire_time(
-        self, previous_fire_time: datetime | None, now: datetime
-    ) -> datetime | None:
-        """The first instant after the previous one, and not before ``now``."""
-        after = now - _INSTANT if previous_fire_time is None else max(previous_fire_time, now)
-        return next_due(self.schedule, after, self.zone)
 
 
 def next_due(schedule: ScreeningSchedule, after: datetime, zone: str) -> datetime | None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.service.config.cron import CronTimes
-from stemwatch.service.scheduler.triggers import due_between, jitter, next_due
+from stemwatch.service.scheduler.instants import due_between, jitter, next_due
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 BERLIN = "Europe/Berlin"

@@ -26,7 +26,7 @@ from stemwatch.service.serve.page_server import CannotListen, listen
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
-from tests.service.running_service import SERVICE, Site, get, site_in, until
+from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
 
 @pytest.fixture

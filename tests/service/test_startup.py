@@ -1,0 +1,85 @@
+"""What is loaded when: torch trains networks, and nothing that trains none waits for it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+# The process that workers are forked from loads what they train with.
+PRELOAD = "stemwatch.service.executors.worker_preload"
+ROOMS = ("stemwatch", "connectors", "service")
+
+# In a fresh interpreter, one after the other: where torch is not there at the end, none loaded it.
+EVERY = """
+import sys
+from importlib import import_module
+for name in sys.argv[1:]:
+    import_module(name)
+    if "torch" in sys.modules:
+        sys.exit(name + " loads torch when it is imported")
+print("none")
+"""
+
+
+def modules_of(room: str) -> list[str]:
+    """The names of all modules of a folder at the top of the repository."""
+    found = []
+    for path in sorted((REPOSITORY / room).rglob("*.py")):
+        if "migrations" in path.parts or path.stem == "__main__":
+            continue  # run by their own commands
+        parts = path.relative_to(REPOSITORY).with_suffix("").parts
+        parts = parts[:-1] if parts[-1] == "__init__" else parts
+        found.append(".".join(parts if room == "stemwatch" else ("stemwatch", *parts)))
+    return found
+
+
+def run(code: str, *arguments: object, cwd: Path | None = None) -> str:
+    """What a fresh interpreter prints for ``code``."""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_no_module_loads_torch_when_it_is_imported() -> None:
+    """Commands, pages, the store, the report, connectors and the front door: none of them."""
+    modules = [name for room in ROOMS for name in modules_of(room) if name != PRELOAD]
+    assert len(modules) > 100
+    assert run(EVERY, *modules) == "none\n"
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["inspect", "export"]], ids=lambda words: words[0]
+)
+def test_commands_that_train_nothing_load_no_torch(
+    one_valve: Path, arguments: list[str], tmp_path: Path
+) -> None:
+    """From the command line to the last line that it prints."""
+    words = ["stemwatch", *(str(one_valve) if word == "export" else word for word in arguments)]
+    code = (
+        f"import sys; sys.argv = {words!r}\n"
+        "from stemwatch.service.cli import main\n"
+        "try:\n    main()\nfinally:\n    assert 'torch' not in sys.modules\n"
+    )
+    assert run(code, cwd=tmp_path)
+
+
+def test_reading_through_the_front_door_loads_no_torch(one_valve: Path) -> None:
+    """``import stemwatch`` and ``stemwatch.read``."""
+    code = (
+        "import sys, stemwatch\n"
+        "assert 'numpy' not in sys.modules\n"
+        f"print(stemwatch.read({str(one_valve)!r}, op='FIC-104.OP', mv='FIC-104.ZT'))\n"
+        "assert 'torch' not in sys.modules\n"
+    )
+    assert run(code)
