@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from stemwatch.connectors.settings import Name, Positive, TomlTable, contradiction
 from stemwatch.service.config.cron import CronTimes
-from stemwatch.service.config.problems import contradiction
-from stemwatch.service.config.schema import Name, Positive, Table
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 NOTIFIERS = "stemwatch.notifiers"
@@ -27,7 +26,7 @@ def _readable_cron(expression: str) -> str:
     return expression
 
 
-class ScheduleTable(Table):
+class ScheduleTable(TomlTable):
     """``[[schedules]]``: when which valves are screened."""
 
     name: Name = Field(description="a name of its own for the schedule, as text")
@@ -60,7 +59,7 @@ class ScheduleTable(Table):
         return ScreeningSchedule(**values)
 
 
-class AlertRules(Table):
+class AlertRules(TomlTable):
     """``[alerts]``: what is worth telling somebody, and when.
 
     A finding is raised when it was there in ``raise_after_runs`` of the last ``of_runs`` runs, and
@@ -105,7 +104,7 @@ def notifier_kinds() -> tuple[str, ...]:
     return tuple(sorted(point.name for point in entry_points(group=NOTIFIERS)))
 
 
-class NotifierTable(Table):
+class NotifierTable(TomlTable):
     """``[[notifiers]]``: who is told of alerts, and how. Which keys are needed follows ``kind``."""
 
     name: Name = Field(description="a name of its own for the notifier, as text")
@@ -160,7 +159,7 @@ class NotifierTable(Table):
         return self
 
 
-class ServiceSection(Table):
+class ServiceSection(TomlTable):
     """``[service]``: where the service keeps its files, and how much of everything."""
 
     address: Annotated[str, Field(pattern=r"^(|https?://[^\s?#]+)$")] = Field(

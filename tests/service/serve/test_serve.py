@@ -26,7 +26,7 @@ from stemwatch.service.serve.page_server import CannotListen, listen
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
-from tests.service.running_service import SERVICE, Site, get, site_in, until
+from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
 def _owner(store: Store, number: int) -> str:
     from sqlalchemy import text
 
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         statement = text("SELECT owner FROM runs WHERE id = :n")
         return str(session.execute(statement, {"n": number}).scalar_one())
 
