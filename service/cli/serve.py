@@ -40,8 +40,9 @@ def serve(
     first admin.
     """
     from stemwatch.service.cli import views
+    from stemwatch.service.logs import set_up_logs
     from stemwatch.service.serve import ListenAddress, Service
-    from stemwatch.service.serve.plant_secrets import hide_secrets, set_up_logs
+    from stemwatch.service.serve.plant_secrets import hide_secrets
 
     loaded = _load(plant)
     set_up_logs(as_json=json_logs)

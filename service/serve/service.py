@@ -20,7 +20,7 @@ from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.collector_process import CollectorProcess
 from stemwatch.service.serve.page_server import PageServer, address_of, listen
-from stemwatch.service.serve.periodic_tasks import LEASE, duties, repeat
+from stemwatch.service.serve.periodic_tasks import LEASE, periodic_tasks, repeat
 from stemwatch.service.serve.startup_server import StartupServer
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store, open_store
@@ -100,9 +100,9 @@ class Service:
             hosts=self._where.hosts,
         )
         working.append(threading.Thread(target=worker.work, args=(halt,), name="runner"))
-        for name, every_s, duty in duties(store, plant, worker.owner):
+        for name, every_s, task in periodic_tasks(store, plant, worker.owner):
             working.append(
-                threading.Thread(target=repeat, args=(name, every_s, duty, halt), name=name)
+                threading.Thread(target=repeat, args=(name, every_s, task, halt), name=name)
             )
         for thread in working:
             thread.start()
@@ -124,7 +124,7 @@ class Service:
             worker.wake()
             for thread in working:
                 thread.join()
-            _let_go(store, worker.owner)
+            _release_lease(store, worker.owner)
 
     def _open(self, stop: threading.Event) -> Store | None:
         """The store, as soon as it is there; ``None`` where ``stop`` came first."""
@@ -145,7 +145,7 @@ class Service:
         self._threads.append(thread)
 
 
-def _let_go(store: Store, owner: str) -> None:
+def _release_lease(store: Store, owner: str) -> None:
     try:
         store.leases.let_go(LEASE, owner)
     except StoreError as error:

@@ -15,7 +15,7 @@ import pytest
 
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
-from tests.service.running_service import SERVICE, Site, get, site_in, until
+from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
 PATIENCE_S = 20.0
 HALF_A_HEADER = b"GET / HTTP/1.1\r\nX-Waits: "
