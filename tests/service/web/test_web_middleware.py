@@ -64,7 +64,7 @@ def test_a_database_that_is_away_is_said_so(live, client, monkeypatch):
     def away(*_):
         raise StoreError("postgresql://plant@db/x: reading failed")
 
-    monkeypatch.setattr(type(live.store.access), "reading", away)
+    monkeypatch.setattr(type(live.store.transactions), "reading", away)
     for path in ("/", "/api/v1/valves", "/healthz"):
         answer = client.get(path)
         assert answer.status_code == 503
