@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
+from stemwatch.connectors.settings import nearest
 from stemwatch.inputs import (
     FileOptions,
     FilePath,
@@ -29,7 +30,6 @@ from stemwatch.results import (
     explained,
     screened,
 )
-from stemwatch.service.config.problems import nearest
 
 if TYPE_CHECKING:
     from stemwatch.service.explain.explained import Explained

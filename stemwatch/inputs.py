@@ -23,10 +23,10 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian import ReadOptions, propose_valves
 from stemwatch.connectors.historian.tag_names import parse_tag
+from stemwatch.connectors.settings import nearest
 from stemwatch.dataframe import DataFrameSource
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.config.problems import nearest
 from stemwatch.service.run.plan import Request, make_plan
 from stemwatch.service.run.task import Task, case_of
 
@@ -149,7 +149,7 @@ def one_recording(data: object, said: InputOptions) -> Recording:
     holds several valves and none was chosen, ``TypeError`` for what is no data at all.
     """
     if isinstance(data, str | os.PathLike):
-        return _one_of_file(os.fspath(data), said)
+        return _one_of_file(os.fsdecode(data), said)
     if isinstance(data, Recording):
         if said != InputOptions():
             raise ValueError(
@@ -173,12 +173,12 @@ def several(data: object, said: InputOptions) -> list[Recording | Screening]:
     """Every recording of a path, a list or a dict, in order; one that cannot be read is a
     screening with the reason."""
     if isinstance(data, str | os.PathLike):
-        return _of_path(os.fspath(data), said)
+        return _of_path(os.fsdecode(data), said)
     named = data.items() if isinstance(data, Mapping) else [("", one) for one in _listed(data)]
     found: list[Recording | Screening] = []
     for place, (name, one) in enumerate(named):
         if isinstance(one, str | os.PathLike):
-            found += [_renamed(each, name) for each in _of_path(os.fspath(one), said)]
+            found += [_renamed(each, name) for each in _of_path(os.fsdecode(one), said)]
         else:
             found.append(_one_or_reason(one, str(name), said, place))
     return found

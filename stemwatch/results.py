@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
+from stemwatch.connectors.settings import nearest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.config.problems import nearest
 from stemwatch.service.explain.explain_json import to_object
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries

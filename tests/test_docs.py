@@ -16,6 +16,7 @@ import pytest
 import typer
 from pydantic import BaseModel
 
+from stemwatch.connectors.historian.connector import TextExportSettings
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.narx.example import NarxSettings
 from stemwatch.models.screening import Case, Options, screen
@@ -23,7 +24,7 @@ from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.cli import app
 from stemwatch.service.config.load import LimitsTable, TopTable
-from stemwatch.service.config.schema import Source, Tag, Valve
+from stemwatch.service.config.schema import Tag, Valve
 from stemwatch.service.config.service_schema import (
     AlertRules,
     NotifierTable,
@@ -43,7 +44,7 @@ COMMAND_LINE = re.compile(r"^(?:\$ |> )?stemwatch ([a-z-]+)(.*)$", re.MULTILINE)
 TABLES = (
     TopTable,
     LimitsTable,
-    Source,
+    TextExportSettings,
     Valve,
     Tag,
     AlertRules,
@@ -129,7 +130,7 @@ def test_every_page_is_reached_from_the_readme() -> None:
 
 
 @pytest.mark.parametrize(
-    "model", [TopTable, LimitsTable, Source, Valve, Tag], ids=lambda m: m.__name__
+    "model", [TopTable, LimitsTable, TextExportSettings, Valve, Tag], ids=lambda m: m.__name__
 )
 def test_every_key_of_the_plant_file_is_described(model: type[BaseModel]) -> None:
     """Each key that plant.toml takes stands in docs/plant-file.md."""

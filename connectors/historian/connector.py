@@ -6,10 +6,20 @@ import os
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
 
 from stemwatch.connectors.connector import WHOLE, Connector, TagInfo, TagMapping, ValveTags, Window
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.settings import (
+    Encoding,
+    Name,
+    Positive,
+    SourceSettings,
+    Zone,
+    contradiction,
+)
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
@@ -19,6 +29,91 @@ if TYPE_CHECKING:
 _DEFAULTS = ReadOptions()
 
 
+class TextExportSettings(SourceSettings):
+    """``[[sources]]`` without a kind, or of kind ``csv``: text exports and how to read them.
+
+    What is not given is decided by the reader from the file itself, and the report says so.
+    """
+
+    kind: Literal["csv"] | None = Field(default=None, description='"csv", or nothing')
+    path: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="a file or pattern such as exports/*.csv, relative to the plant file",
+    )
+    folder: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="a folder that exports are dropped into, relative to the plant file",
+    )
+    zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
+    encoding: Encoding | None = Field(
+        default=None, description="an encoding such as utf-8 or cp1252"
+    )
+    separator: Literal[",", ";", "\t", "|", " "] | None = Field(
+        default=None, description='one of "," ";" "\\t" "|" " "'
+    )
+    decimal: Literal[".", ","] | None = Field(default=None, description='"." or ","')
+    day_first: bool | None = Field(
+        default=None, description="true (31.12.2025) or false (12/31/2025)"
+    )
+    time_format: Name | None = Field(
+        default=None, description='a format such as "%d.%m.%Y %H:%M:%S"'
+    )
+    time_column: Name | None = Field(
+        default=None, description="the heading of the time column, as text"
+    )
+    interval_s: Positive | None = Field(
+        default=None, description="seconds between samples, above 0"
+    )
+    tag_column: Name | None = Field(
+        default=None, description="the heading of the column of tag names, as text"
+    )
+    value_column: Name | None = Field(
+        default=None, description="the heading of the column of values, as text"
+    )
+    quality_column: Name | None = Field(
+        default=None, description="the heading of the column of quality codes, as text"
+    )
+    good_quality: list[Name] | None = Field(
+        default=None, description='a list of the codes that mean good, such as ["192", "Good"]'
+    )
+    ambiguous_hour: Literal["infer", "first", "second"] | None = Field(
+        default=None,
+        description='"infer", "first" (summer time) or "second" (standard time): which hour is '
+        "meant where clocks are put back and one local hour occurs twice",
+    )
+    missing_hour: Literal["shift", "leave_out"] | None = Field(
+        default=None,
+        description='"shift" (forward by an hour) or "leave_out": what becomes of rows in the '
+        "hour that clocks skip when they are put forward",
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.path is None) == (self.folder is None):
+            found = "nothing" if self.path is None else "both path and folder"
+            expected = (
+                "a file or pattern such as exports/*.csv, relative to the plant file; or folder "
+                "instead, for exports that are dropped there"
+            )
+            raise contradiction(("path",), found, expected)
+        return self
+
+    @model_validator(mode="after")
+    def _two_marks(self) -> Self:
+        if self.separator is not None and self.separator == self.decimal:
+            found = f"{self.decimal!r}, which is also the separator"
+            raise contradiction(("decimal",), found, "two different marks")
+        return self
+
+    def read_options(self) -> dict[str, Any]:
+        """What the file says of reading, under the names of ``ReadOptions``; the rest is left to
+        the reader."""
+        options = self.model_dump(exclude={"name", "kind", "path", "folder"}, exclude_none=True)
+        if "good_quality" in options:
+            options["good_quality"] = tuple(options["good_quality"])
+        return options
+
+
 class HistorianFile:
     """One CSV or text export, read as it was written.
 
@@ -26,6 +121,8 @@ class HistorianFile:
     said in ``options`` is decided from the whole file; each decision is a sentence in the
     recording's provenance. Implements ``stemwatch.connectors.connector.Connector``.
     """
+
+    settings = TextExportSettings
 
     def __init__(self, path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> None:
         self.path = Path(path)

@@ -10,13 +10,14 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 
 from stemwatch.connectors.modbus.blocks import MAX_WORDS
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.device import DEFAULT_PORT, FASTEST_S, SLOWEST_S, Link, LinkKind
 from stemwatch.connectors.modbus.register import Register
 from stemwatch.connectors.modbus.register_address import LAST_ADDRESS, Table, parse_address
+from stemwatch.connectors.settings import TomlTable
 
 
 class TableMistake(Exception):
@@ -40,14 +41,6 @@ def _member(kind: type[StrEnum], in_file: Callable[[str], str]) -> BeforeValidat
     return BeforeValidator(convert)
 
 
-class _Table(BaseModel):
-    """A TOML table: no unknown keys, no silent conversion of one type into another."""
-
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, str_strip_whitespace=True
-    )
-
-
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 UnitId = Annotated[int, Field(ge=0, le=255)]
 Kind = Annotated[DataType, _member(DataType, str.upper)]
@@ -59,7 +52,7 @@ Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 _ORDERS = "ABCD, CDAB, BADC or DCBA"
 
 
-class RegisterTable(_Table):
+class RegisterTable(TomlTable):
     """``[[devices.registers]]``: one tag of a device."""
 
     tag: Name = Field(description="the tag's name, as text of 1 to 200 letters")
@@ -90,7 +83,7 @@ class RegisterTable(_Table):
     description: str = Field(default="", description="text on one line")
 
 
-class DeviceTable(_Table):
+class DeviceTable(TomlTable):
     """``[[devices]]``: one connection and its polling; the registers are looked into one by one."""
 
     name: Name = Field(description="a name of its own for the device, as text of 1 to 200 letters")

@@ -8,13 +8,25 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
-from stemwatch.connectors.connector import WHOLE, TagInfo, UnknownTag, ValveTags, Window
-from stemwatch.connectors.opcua.session import OpcUaServer
+from stemwatch.connectors.archive.secret import Secret
+from stemwatch.connectors.archive.settings import ArchiveSettings
+from stemwatch.connectors.connector import (
+    WHOLE,
+    ArchiveAddress,
+    TagInfo,
+    UnknownTag,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.opcua.session import OpcUaServer, Security
+from stemwatch.connectors.settings import Name, Positive, Text, contradiction
 from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
@@ -45,12 +57,86 @@ class OpcUaAddress(OpcUaServer):
         return OpcUaArchive(self)
 
 
+Policy = Literal["None", "Basic256Sha256", "Aes128Sha256RsaOaep", "Aes256Sha256RsaPss"]
+
+
+class OpcUaSettings(ArchiveSettings):
+    """``kind = "opcua"``: a server's history; tags are node ids."""
+
+    url: Name = Field(description="an address such as opc.tcp://host:4840/path")
+    security_policy: Policy = Field(
+        default="None",
+        description='"None", "Basic256Sha256", "Aes128Sha256RsaOaep" or "Aes256Sha256RsaPss"',
+    )
+    security_mode: Literal["Sign", "SignAndEncrypt"] = Field(
+        default="SignAndEncrypt", description='"Sign" or "SignAndEncrypt"'
+    )
+    certificate: Name | None = Field(
+        default=None, description="this client's certificate, a file relative to the plant file"
+    )
+    private_key: Name | None = Field(
+        default=None, description="its private key, a file relative to the plant file"
+    )
+    server_certificate: Name | None = Field(
+        default=None, description="the server's certificate, a file relative to the plant file"
+    )
+    user: Text | None = Field(default=None, description="the name to log in with, as text")
+    secret_variable: Name | None = Field(
+        default=None, description="the name of the environment variable that holds the password"
+    )
+    secret_file: Name | None = Field(
+        default=None, description="the name of a file that holds nothing but the password"
+    )
+    timeout_s: Positive = Field(default=30.0, description="seconds, above 0")
+    page: Annotated[int, Field(ge=2, le=1_000_000)] = Field(
+        default=50_000, description="samples asked for at a time, 2 to 1000000"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if not self.url.startswith("opc.tcp://"):
+            raise contradiction(("url",), repr(self.url), "an address with opc.tcp://")
+        if self.security_policy != "None":
+            for key in ("certificate", "private_key"):
+                if getattr(self, key) is None:
+                    raise contradiction((key,), "nothing", f"a file, for {self.security_policy}")
+        if self.user is not None and (self.secret_variable is None) == (self.secret_file is None):
+            found = "a user without one place for the password"
+            raise contradiction(("user",), found, "secret_variable or secret_file as well")
+        return self
+
+    def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
+        """Of the server; certificates count from ``folder``."""
+
+        def beside(name: str | None) -> str:
+            return "" if name is None else str(folder / name)
+
+        security = Security(
+            policy=self.security_policy,
+            mode=self.security_mode,
+            certificate=beside(self.certificate),
+            private_key=beside(self.private_key),
+            server_certificate=beside(self.server_certificate),
+            user=self.user or "",
+            password=Secret(variable=self.secret_variable or "", file=beside(self.secret_file)),
+        )
+        return OpcUaAddress(
+            url=self.url,
+            security=security,
+            timeout_s=self.timeout_s,
+            page=self.page,
+            before_s=3600.0 if self.before_s is None else self.before_s,
+        )
+
+
 class OpcUaArchive:
     """A server that keeps history; implements ``stemwatch.connectors.connector.Connector``.
 
     A tag is a node id such as ``ns=2;s=FIC-101.OP``. Nothing is ever written, called or
     subscribed to.
     """
+
+    settings = OpcUaSettings
 
     def __init__(self, address: OpcUaAddress) -> None:
         self.address = address

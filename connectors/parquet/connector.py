@@ -7,10 +7,14 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from pydantic import Field
+
+from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     WHOLE,
+    ArchiveAddress,
     ConnectorError,
     TagInfo,
     UnknownTag,
@@ -18,6 +22,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.settings import Name
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
@@ -50,6 +55,31 @@ class ParquetAddress:
         return self.path
 
 
+class ParquetSettings(ArchiveSettings):
+    """``kind = "parquet"``: a file, a folder, or a partitioned folder."""
+
+    path: Annotated[str, Field(min_length=1)] = Field(
+        description="a Parquet file, a folder of them or a pattern, relative to the plant file"
+    )
+    time_column: Name | None = Field(default=None, description="the name of the time column")
+    tag_column: Name | None = Field(
+        default=None, description="the name of the column, or folder key, of tags or valves"
+    )
+    value_column: Name | None = Field(default=None, description="the name of the value column")
+    quality_column: Name | None = Field(default=None, description="the name of the quality column")
+    ambiguous_hour: Literal["infer", "first", "second"] | None = Field(
+        default=None, description='"infer", "first" (summer time) or "second" (standard time)'
+    )
+    missing_hour: Literal["shift", "leave_out"] | None = Field(
+        default=None, description='"shift" (forward by an hour) or "leave_out"'
+    )
+
+    def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
+        """Of the files."""
+        path = self.path if "://" in self.path else str(folder / self.path)
+        return ParquetAddress(path, self.read_options(zone), before_s=self.before_s or 0.0)
+
+
 class ParquetArchive:
     """One Parquet file, a folder of them, or a partitioned folder.
 
@@ -58,6 +88,8 @@ class ParquetArchive:
     row for each instant of a valve with the columns op, mv, pv, sp, mode, whose tags are then
     ``VALVE.op`` and so on. Of ``options`` those that name columns, zone and good codes count.
     """
+
+    settings = ParquetSettings
 
     def __init__(
         self,
@@ -114,7 +146,7 @@ class ParquetArchive:
     def _load(self, valve: ValveTags, window: Window) -> ValveColumns:
         from stemwatch.connectors.archive.valve_columns import ValveColumns, bounds_of, nothing_in
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
-        from stemwatch.connectors.parquet.layout import WORDS
+        from stemwatch.connectors.parquet.column_layout import WORDS
         from stemwatch.connectors.parquet.reading import column_of, read_pieces
 
         notes, bounds = ReadingNotes(), bounds_of(window, self.before_s)

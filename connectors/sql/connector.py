@@ -9,12 +9,16 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, Self
 from zoneinfo import ZoneInfo
 
+from pydantic import Field, model_validator
+
 from stemwatch.connectors.archive.secret import Secret
+from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     WHOLE,
+    ArchiveAddress,
     ConnectorError,
     TagInfo,
     UnknownTag,
@@ -23,6 +27,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.settings import Name, NotEmpty, contradiction
 from stemwatch.connectors.sql.template import fault_of
 from stemwatch.models.recording import Recording, Role
 
@@ -34,7 +39,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.reading_notes import ReadingNotes
     from stemwatch.connectors.historian.times import Instants
     from stemwatch.connectors.sql.database import Database
-    from stemwatch.connectors.sql.rows import Samples
+    from stemwatch.connectors.sql.query_rows import Samples
 
 CHUNK = 20_000
 _SQLITE = "sqlite:///"
@@ -80,11 +85,73 @@ _ALWAYS = (Role.OP, Role.MV)
 _TEXT_BOUNDS = "%Y-%m-%d %H:%M:%S"
 
 
+_URL = "a database URL such as postgresql://user@host/database"
+
+
+class SqlSettings(ArchiveSettings):
+    """``kind = "sql"``: a database that is asked with a query of the user's own."""
+
+    url: NotEmpty | None = Field(default=None, description=_URL)
+    url_variable: Name | None = Field(
+        default=None, description="the name of the environment variable that holds the URL"
+    )
+    query: NotEmpty = Field(
+        description="one SELECT of time, value and perhaps quality, with :tag, :start and :end"
+    )
+    tags_query: NotEmpty | None = Field(
+        default=None, description="one SELECT of tag and perhaps unit, which lists all tags"
+    )
+    bounds_format: Name | None = Field(
+        default=None,
+        description="how :start and :end are written, where times are kept as text, such as "
+        "%Y-%m-%dT%H:%M:%S",
+    )
+    ambiguous_hour: Literal["infer", "first", "second"] | None = Field(
+        default=None, description='"infer", "first" (summer time) or "second" (standard time)'
+    )
+    missing_hour: Literal["shift", "leave_out"] | None = Field(
+        default=None, description='"shift" (forward by an hour) or "leave_out"'
+    )
+
+    @model_validator(mode="after")
+    def _one_url(self) -> Self:
+        if (self.url is None) == (self.url_variable is None):
+            found = "nothing" if self.url is None else "both url and url_variable"
+            raise contradiction(("url",), found, f"{_URL}; or url_variable instead")
+        return self
+
+    @model_validator(mode="after")
+    def _only_reads(self) -> Self:
+        for key, given in (("query", self.query), ("tags_query", self.tags_query)):
+            if given is not None and (fault := fault_of(given, with_tag=key == "query")):
+                raise contradiction((key,), fault.found, fault.expected)
+        return self
+
+    def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
+        """Of the database; a path in a SQLite URL counts from ``folder``."""
+        url = (
+            Secret(text=beside(self.url, folder))
+            if self.url
+            else Secret(variable=self.url_variable or "")
+        )
+        return SqlAddress(
+            name=self.name,
+            url=url,
+            query=self.query,
+            tags_query=self.tags_query or "",
+            bounds_format=self.bounds_format or "",
+            options=self.read_options(zone),
+            before_s=0.0 if self.before_s is None else self.before_s,
+        )
+
+
 class SqlArchive:
     """A database behind a query template; implements ``stemwatch.connectors.connector.Connector``.
 
     Raises ``UnreadableSource`` for a template that is not one SELECT with the right parameters.
     """
+
+    settings = SqlSettings
 
     def __init__(self, address: SqlAddress) -> None:
         self.address = address
@@ -182,7 +249,7 @@ class SqlArchive:
         self, connection: Connection, tag: str, role: Role, window: Window, notes: ReadingNotes
     ) -> tuple[Column, Instants | None]:
         from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
-        from stemwatch.connectors.sql.rows import column_of, instants_of
+        from stemwatch.connectors.sql.query_rows import column_of, instants_of
 
         samples = self._samples(connection, tag, window)
         if not samples.times:
@@ -198,7 +265,7 @@ class SqlArchive:
 
     def _samples(self, connection: Connection, tag: str, window: Window) -> Samples:
         from stemwatch.connectors.sql.database import ask
-        from stemwatch.connectors.sql.rows import gathered
+        from stemwatch.connectors.sql.query_rows import gathered
 
         parameters = {"tag": tag, **self._bounds(window)}
         names, parts = ask(connection, self.address.query, parameters, self.address.chunk)
@@ -246,7 +313,7 @@ class SqlArchive:
         from itertools import islice
 
         from stemwatch.connectors.sql.database import ask
-        from stemwatch.connectors.sql.rows import gathered
+        from stemwatch.connectors.sql.query_rows import gathered
 
         parameters = {"tag": tag, **self._bounds(WHOLE)}
         names, parts = ask(connection, self.address.query, parameters, 1)

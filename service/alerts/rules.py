@@ -15,6 +15,7 @@ from enum import Enum
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
+from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -124,7 +125,7 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
 
 
 def _sticky(one: JudgedScreening) -> str:
-    return f"It sticks: S is {one.S} of OP span. {one.advice}"
+    return f"{one.reason} {one.advice}".strip()
 
 
 def _grown(one: JudgedScreening, before: Estimate | None) -> str:
@@ -141,8 +142,7 @@ def _departed(ratio: float) -> str:
 def _mismatch(one: JudgedScreening) -> str:
     if one.mismatch is None or not one.mismatch.effects:
         return "Something beside stiction was found."
-    effect = one.mismatch.effects[0]
-    return f"{effect.sentence} {effect.check}".strip()
+    return present_effect(one.mismatch.effects[0]).in_short
 
 
 def _raised(valve: StoredValve, kind: AlertKind, text: str, one: JudgedScreening) -> RaisedAlert:

@@ -102,14 +102,14 @@ def _worked(
     from rich.progress import Progress
 
     from stemwatch.service.cli import views
-    from stemwatch.service.executors import choose_executor
+    from stemwatch.service.executors import choose_executor, map_items
     from stemwatch.service.explain.explained import Job, explain_one
 
     jobs = [Job(asked=one, narx=narx, limits=limits) for one in wanted]
     done: dict[int, Explained] = {}
     with Progress(console=views.err, transient=True) as progress:
         bar = progress.add_task("explaining", total=len(jobs))
-        for place, found in choose_executor(workers).map(explain_one, jobs):
+        for place, found in map_items(choose_executor(workers), explain_one, jobs):
             done[place] = found
             progress.update(bar, advance=1)
     return [done[place] for place in sorted(done)]

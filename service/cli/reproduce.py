@@ -45,13 +45,13 @@ def reproduce(
     from stemwatch.models.studies.reproduction.study import StudyTask
     from stemwatch.models.studies.reproduction.study import study as study_case
     from stemwatch.service.cli import views
-    from stemwatch.service.executors import choose_executor
+    from stemwatch.service.executors import choose_executor, map_items
 
     tasks = [StudyTask(case=case, seeds=seeds) for case in CASES]
     found: dict[int, CaseResult] = {}
     with Progress(console=views.err) as progress:
         bar = progress.add_task("cases", total=len(tasks))
-        for place, result in choose_executor(workers).map(study_case, tasks):
+        for place, result in map_items(choose_executor(workers), study_case, tasks):
             found[place] = result
             progress.update(bar, completed=len(found))
     results = [found[place] for place in sorted(found)]

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
     from stemwatch.service.run.plan import Request
 
+LONGEST_S = 600.0  # that a valve may take where no plant file says it
 MOST_REASONS = 5  # of a run in which nothing could be read
 TAGS = "Which tag is what (one valve per file)"
 
@@ -102,20 +103,27 @@ def _run(
     new_baseline: bool,
     json_file: Path | None,
 ) -> tuple[Screening, ...]:
+    from stemwatch.service.executors import LocalProcesses, choose_executor
+    from stemwatch.service.process_lifecycle import expect_workers
+
+    plant = request.plant
+    timeout_s = plant.service.valve_timeout_s if plant else LONGEST_S
+    executor = choose_executor(*workers, item_timeout_s=timeout_s)
+    if isinstance(executor, LocalProcesses) and plant and len(plant.valves) > 1:
+        expect_workers()
+
+    # Imported only now, while the workers' server imports what they need.
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
-    from stemwatch.service.executors import choose_executor
-    from stemwatch.service.run.engine import Run, RunResult, run
+    from stemwatch.service.run.engine import RunNow, RunResult, screen_now
     from stemwatch.service.store.store import open_store
 
-    executor = choose_executor(*workers)
-    plant = request.plant
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
     out.mkdir(parents=True, exist_ok=True)
     address = db or (plant.storage if plant else f"sqlite:///{out / 'stemwatch.db'}")
     with open_store(address) as store, views.screening_progress(0) as tell:
-        how = Run(
+        how = RunNow(
             store=store,
             executor=executor,
             out=out,
@@ -123,7 +131,7 @@ def _run(
             command=("stemwatch", *sys.argv[1:]),
             new_baseline=new_baseline,
         )
-        result: RunResult = run(request, how, tell)
+        result: RunResult = screen_now(request, how, tell)
     show(result, json_file)
     return result.brief
 

@@ -40,8 +40,9 @@ def serve(
     first admin.
     """
     from stemwatch.service.cli import views
+    from stemwatch.service.logs import set_up_logs
     from stemwatch.service.serve import ListenAddress, Service
-    from stemwatch.service.serve.plant_secrets import hide_secrets, set_up_logs
+    from stemwatch.service.serve.plant_secrets import hide_secrets
 
     loaded = _load(plant)
     set_up_logs(as_json=json_logs)
@@ -78,7 +79,7 @@ def run_now(
     """
     from stemwatch.service import __version__
     from stemwatch.service.cli import views
-    from stemwatch.service.scheduler import Runner
+    from stemwatch.service.run.queue_worker import QueueWorker
     from stemwatch.service.serve.periodic_tasks import LEASE
     from stemwatch.service.store.runs.queue import RunRequest
     from stemwatch.service.store.store import open_store
@@ -97,7 +98,9 @@ def run_now(
         stop = threading.Event()
         working = None
         if not served:
-            working = threading.Thread(target=_work, args=(Runner(store, loaded), stop, number))
+            working = threading.Thread(
+                target=_work, args=(QueueWorker(store, loaded), stop, number)
+            )
             working.start()
         try:
             if wait or working is not None:
@@ -118,12 +121,12 @@ def _load(plant: Path) -> Plant:
     return loaded
 
 
-def _work(runner, stop: threading.Event, number: int) -> None:  # type: ignore[no-untyped-def]
+def _work(worker, stop: threading.Event, number: int) -> None:  # type: ignore[no-untyped-def]
     """Work on the queue until the run of this number is over; runs before it are done first."""
     from stemwatch.service.store.errors import StoreError
 
     try:
-        while not stop.is_set() and runner.once(stop):
+        while not stop.is_set() and worker.once(stop):
             pass
     except StoreError as error:
         from stemwatch.service.cli import views

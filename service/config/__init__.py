@@ -4,7 +4,6 @@ from stemwatch.service.config.load import load_plant as load_plant
 from stemwatch.service.config.plant import Plant as Plant
 from stemwatch.service.config.problems import PlantFileError as PlantFileError
 from stemwatch.service.config.problems import Problem as Problem
-from stemwatch.service.config.schema import Source as Source
 from stemwatch.service.config.schema import Tag as Tag
 from stemwatch.service.config.schema import Tags as Tags
 from stemwatch.service.config.schema import Valve as Valve

@@ -15,19 +15,20 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, Field, ValidationError, create_model
 
+from stemwatch.connectors.archive.settings import ArchiveSettings
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian.connector import TextExportSettings
+from stemwatch.connectors.settings import SourceSettings, TomlTable, either_of, nearest
 from stemwatch.models.limits import Limits
-from stemwatch.service.config.archives import KINDS, ArchiveSource
 from stemwatch.service.config.plant import Plant
 from stemwatch.service.config.problems import (
     Place,
     PlantFileError,
     Problem,
     described,
-    either_of,
-    nearest,
     problems_of,
 )
-from stemwatch.service.config.schema import PlantSection, Source, StorageSection, Table, Valve
+from stemwatch.service.config.schema import PlantSection, StorageSection, Valve
 from stemwatch.service.config.service_schema import (
     AlertRules,
     NotifierTable,
@@ -48,10 +49,10 @@ _FIELDS: dict[str, Any] = {
     limit.name: (_TYPES[limit.name], Field(default=limit.default, description="a number"))
     for limit in fields(Limits)
 }
-LimitsTable = create_model("LimitsTable", __base__=Table, **_FIELDS)
+LimitsTable = create_model("LimitsTable", __base__=TomlTable, **_FIELDS)
 
 
-class TopTable(Table):
+class TopTable(TomlTable):
     """The whole file; its limits, sources and valves are looked into one by one."""
 
     plant: PlantSection = Field(default=PlantSection(), description="a table with name and zone")
@@ -104,13 +105,13 @@ class PlantReading:
 
     fatal: list[Problem] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
-    sources: dict[str, Source] = field(default_factory=dict)
+    sources: dict[str, TextExportSettings] = field(default_factory=dict)
     valves: dict[str, Valve] = field(default_factory=dict)
     source_places: dict[str, Place] = field(default_factory=dict)  # of the faulty ones too
     valve_places: dict[str, Place] = field(default_factory=dict)
     orphans: dict[str, list[str]] = field(default_factory=dict)  # valves of a faulty source
     devices: dict[str, Device] = field(default_factory=dict)
-    archives: dict[str, ArchiveSource] = field(default_factory=dict)
+    archives: dict[str, ArchiveSettings] = field(default_factory=dict)
     schedules: dict[str, ScreeningSchedule] = field(default_factory=dict)
     notifiers: dict[str, NotifierTable] = field(default_factory=dict)
 
@@ -189,16 +190,46 @@ def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, found: Plan
         place = place_of(file, lines, "sources", position, name)
         again = name_taken("name", name, place, found.source_places)
         found.problems += again
-        if "kind" in table:
-            read_archive(table, place, found, known=not again)
+        model = _settings_model(table, place, found)
+        if model is None:
             continue
         try:
-            source = Source.model_validate(table)
+            source = model.model_validate(table)
         except ValidationError as error:
-            found.problems += problems_of(error, Source, place)
+            found.problems += problems_of(error, model, place)
             continue
-        if not again:
+        if again:
+            continue
+        if isinstance(source, TextExportSettings):
             found.sources[source.name] = source
+        elif isinstance(source, ArchiveSettings):
+            found.archives[source.name] = source
+
+
+def _settings_model(
+    table: dict[str, Any], place: Place, found: PlantReading
+) -> type[SourceSettings] | None:
+    """What the table must look like, as the connector of its kind says; ``None`` and a problem
+    where there is no such connector, or none that can be used."""
+    if "kind" not in table:
+        return TextExportSettings
+    # Late: a plant file without archives need not ask what is installed.
+    from stemwatch.connectors.registry import installed_connectors, settings_of
+
+    kind = table["kind"]
+    try:
+        model = settings_of(kind) if isinstance(kind, str) else None
+    except ConnectorError as error:
+        expected = "a connector that can be used"
+        found.problems.append(place.problem(("kind",), f"{kind!r}: {error}", expected))
+        return None
+    if model is not None:
+        return model
+    kinds = installed_connectors()
+    expected = either_of(kinds) + "; without kind a source is a text export"
+    expected += nearest(kind, kinds) if isinstance(kind, str) else ""
+    found.problems.append(place.problem(("kind",), described(kind), expected))
+    return None
 
 
 def _read_valves(data: dict[str, Any], file: str, lines: TomlLines, found: PlantReading) -> None:
@@ -253,24 +284,6 @@ def _report_orphans(found: PlantReading) -> None:
             "the mistakes in this source to be mended",
         )
         found.problems.append(problem)
-
-
-def read_archive(table: dict[str, Any], place: Place, found: PlantReading, *, known: bool) -> None:
-    """Keep the archive if nothing is wrong with it and its name is its own (``known``)."""
-    kind = table["kind"]
-    model = KINDS.get(kind) if isinstance(kind, str) else None
-    if model is None:
-        expected = either_of(KINDS) + "; without kind a source is a text export"
-        expected += nearest(kind, KINDS) if isinstance(kind, str) else ""
-        found.problems.append(place.problem(("kind",), described(kind), expected))
-        return
-    try:
-        source = model.model_validate(table)
-    except ValidationError as error:
-        found.problems += problems_of(error, model, place)
-        return
-    if known:
-        found.archives[source.name] = source
 
 
 Read = TypeVar("Read", bound=BaseModel)

@@ -10,11 +10,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import ArchiveAddress, TagMapping, ValveTags
+from stemwatch.connectors.historian.connector import TextExportSettings
 from stemwatch.models.limits import Limits
-from stemwatch.service.config.archives import ArchiveSource
 from stemwatch.service.config.problems import Problem
-from stemwatch.service.config.schema import Source, Tag, Valve
+from stemwatch.service.config.schema import Tag, Valve
 from stemwatch.service.config.service_schema import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
@@ -36,13 +37,13 @@ class Plant:
     file: Path
     name: str
     zone: str | None
-    sources: Mapping[str, Source]
+    sources: Mapping[str, TextExportSettings]
     valves: Mapping[str, Valve]
     limits: Limits
     storage: DatabaseUrl
     problems: tuple[Problem, ...] = ()
     devices: Mapping[str, Device] = field(default_factory=dict)
-    archives: Mapping[str, ArchiveSource] = field(default_factory=dict)
+    archives: Mapping[str, ArchiveSettings] = field(default_factory=dict)
     schedules: tuple[ScreeningSchedule, ...] = ()
     notifiers: Mapping[str, NotifierTable] = field(default_factory=dict)
     alerts: AlertRules = field(default_factory=AlertRules)
@@ -70,11 +71,11 @@ class Plant:
         tags = {role: _mapping(tag) for role, tag in entry.tags.given().items()}
         return ValveTags(valve=entry.id, tags=tags)
 
-    def source_of(self, valve: str | Valve) -> Source:
+    def source_of(self, valve: str | Valve) -> TextExportSettings:
         """The source a valve is read from. Raises ``KeyError`` for one of a device."""
         return self.sources[self._valve(valve).source]
 
-    def source_files(self, source: str | Source) -> tuple[Path, ...]:
+    def source_files(self, source: str | TextExportSettings) -> tuple[Path, ...]:
         """The files a source's path or pattern matches now, in the order of their names; none for
         a folder, whose files go into the store."""
         path = self._source(source).path
@@ -84,7 +85,7 @@ class Plant:
         found = (Path(name) for name in glob.glob(str(pattern), recursive=True))
         return tuple(sorted(path for path in found if path.is_file()))
 
-    def read_options(self, source: str | Source) -> dict[str, Any]:
+    def read_options(self, source: str | TextExportSettings) -> dict[str, Any]:
         """The reading options of a source by name; the plant's zone where it names none."""
         options = self._source(source).read_options()
         return options if self.zone is None else {"zone": self.zone} | options
@@ -96,7 +97,9 @@ class Plant:
         settings = {
             "zone": self.zone,
             "limits": asdict(self.limits),
-            "sources": [source.model_dump() for _, source in sorted(self.sources.items())],
+            "sources": [
+                source.model_dump(exclude={"kind"}) for _, source in sorted(self.sources.items())
+            ],
             "valves": {valve.id: _verdict_settings(valve) for valve in self.valves.values()},
             **self._archive_settings(),
             **(
@@ -120,7 +123,7 @@ class Plant:
     def _valve(self, valve: str | Valve) -> Valve:
         return self.valves[valve] if isinstance(valve, str) else valve
 
-    def _source(self, source: str | Source) -> Source:
+    def _source(self, source: str | TextExportSettings) -> TextExportSettings:
         return self.sources[source] if isinstance(source, str) else source
 
 

@@ -5,16 +5,16 @@
 
 from __future__ import annotations
 
-import difflib
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails
 
+from stemwatch.connectors.settings import CONTRADICTION, either_of, nearest
 from stemwatch.service.store.database_url import masked
 
 KeyPath = tuple[str | int, ...]  # from the top of a file, or of a table, to a key
@@ -44,27 +44,6 @@ class PlantFileError(Exception):
 
     def __reduce__(self) -> tuple[type[PlantFileError], tuple[tuple[Problem, ...]]]:
         return PlantFileError, (self.problems,)
-
-
-KIND = "contradiction"
-
-
-def contradiction(key: tuple[str, ...], found: str, expected: str) -> PydanticCustomError:
-    """To be raised by a validator; ``key`` is where to look, from the table that is checked."""
-    context = {"key": key, "found": found, "expected": expected}
-    return PydanticCustomError(KIND, "found {found}; expected {expected}", context)
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """``" (did you mean 'zone'?)"``, or nothing where no known word comes close."""
-    by_lower = {name.lower(): name for name in sorted(known)}
-    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
-    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
-
-
-def either_of(known: Iterable[str]) -> str:
-    """``"one of area, id, source"``."""
-    return "one of " + ", ".join(sorted(known))
 
 
 @dataclass(frozen=True)
@@ -127,7 +106,7 @@ def _problem(details: ErrorDetails, model: type[BaseModel], place: Place) -> Pro
         if len(path) > 1 and path[-1] in model.model_fields:
             hint = f"; {path[-1]} belongs at the top of the file, before the first [table]"
         return place.problem(path, "an unknown key", either_of(known) + hint)
-    if details["type"] == KIND:
+    if details["type"] == CONTRADICTION:
         context = details["ctx"]
         return place.problem((*path, *context["key"]), context["found"], context["expected"])
     field = _field_at(model, path)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
-from zoneinfo import ZoneInfo, available_timezones
+from typing import Annotated, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
+from stemwatch.connectors.settings import (
+    Name,
+    Text,
+    TomlTable,
+    Zone,
+    contradiction,
+    either_of,
+    nearest,
+)
 from stemwatch.models.recording import Role
-from stemwatch.service.config.problems import contradiction, either_of, nearest
 
 EXPECTED = 'the full stroke with its unit, such as "40 mm", "1.5 in" or "90 deg"'
 _FORM = re.compile(r"(\d+(?:[.,]\d+)?)\s*(mm|cm|in|inch|deg|degrees|°)", re.IGNORECASE)
@@ -59,43 +65,6 @@ def parse_stroke(text: str) -> Stroke:
     return Stroke(full, unit)
 
 
-class Table(BaseModel):
-    """A TOML table: no unknown keys, no silent conversion of one type into another."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        strict=True,
-        frozen=True,
-        allow_inf_nan=False,
-        str_strip_whitespace=True,
-        validate_default=False,
-    )
-
-
-def _known_zone(zone: str) -> str:
-    try:
-        ZoneInfo(zone)
-    except (KeyError, ValueError, OSError):
-        raise ValueError(
-            "an IANA time zone such as Europe/Berlin" + nearest(zone, available_timezones())
-        ) from None
-    return zone
-
-
-def _known_encoding(encoding: str) -> str:
-    try:
-        codecs.lookup(encoding)
-    except (LookupError, ValueError):
-        raise ValueError("an encoding that Python knows, such as utf-8 or cp1252") from None
-    return encoding
-
-
-def _one_line(text: str) -> str:
-    if not text.isprintable():
-        raise ValueError("text without line breaks and control characters")
-    return text
-
-
 def _known_stroke(text: str) -> str:
     parse_stroke(text)
     return text
@@ -110,21 +79,14 @@ def _existing_source(name: str, info: ValidationInfo) -> str:
     raise contradiction((), f"the unknown source {name!r}", expected + nearest(name, known))
 
 
-Text = Annotated[str, AfterValidator(_one_line)]
-Name = Annotated[Text, Field(min_length=1, max_length=200)]
-Zone = Annotated[str, AfterValidator(_known_zone)]
-Encoding = Annotated[str, AfterValidator(_known_encoding)]
-Positive = Annotated[float, Field(gt=0)]
-
-
-class PlantSection(Table):
+class PlantSection(TomlTable):
     """``[plant]``."""
 
     name: Text = Field(default="", description="the plant's name as text")
     zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
 
 
-class StorageSection(Table):
+class StorageSection(TomlTable):
     """``[storage]``."""
 
     url: str | None = Field(
@@ -135,92 +97,7 @@ class StorageSection(Table):
     )
 
 
-class Source(Table):
-    """``[[sources]]``: where recordings come from and how to read them.
-
-    What is not given is decided by the reader from the file itself, and the report says so.
-    """
-
-    name: Name = Field(description="a name of its own for the source, as text of 1 to 200 letters")
-    path: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None,
-        description="a file or pattern such as exports/*.csv, relative to the plant file",
-    )
-    folder: Annotated[str, Field(min_length=1)] | None = Field(
-        default=None,
-        description="a folder that exports are dropped into, relative to the plant file",
-    )
-    zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
-    encoding: Encoding | None = Field(
-        default=None, description="an encoding such as utf-8 or cp1252"
-    )
-    separator: Literal[",", ";", "\t", "|", " "] | None = Field(
-        default=None, description='one of "," ";" "\\t" "|" " "'
-    )
-    decimal: Literal[".", ","] | None = Field(default=None, description='"." or ","')
-    day_first: bool | None = Field(
-        default=None, description="true (31.12.2025) or false (12/31/2025)"
-    )
-    time_format: Name | None = Field(
-        default=None, description='a format such as "%d.%m.%Y %H:%M:%S"'
-    )
-    time_column: Name | None = Field(
-        default=None, description="the heading of the time column, as text"
-    )
-    interval_s: Positive | None = Field(
-        default=None, description="seconds between samples, above 0"
-    )
-    tag_column: Name | None = Field(
-        default=None, description="the heading of the column of tag names, as text"
-    )
-    value_column: Name | None = Field(
-        default=None, description="the heading of the column of values, as text"
-    )
-    quality_column: Name | None = Field(
-        default=None, description="the heading of the column of quality codes, as text"
-    )
-    good_quality: list[Name] | None = Field(
-        default=None, description='a list of the codes that mean good, such as ["192", "Good"]'
-    )
-    ambiguous_hour: Literal["infer", "first", "second"] | None = Field(
-        default=None,
-        description='"infer", "first" (summer time) or "second" (standard time): which hour is '
-        "meant where clocks are put back and one local hour occurs twice",
-    )
-    missing_hour: Literal["shift", "leave_out"] | None = Field(
-        default=None,
-        description='"shift" (forward by an hour) or "leave_out": what becomes of rows in the '
-        "hour that clocks skip when they are put forward",
-    )
-
-    @model_validator(mode="after")
-    def _one_place(self) -> Self:
-        if (self.path is None) == (self.folder is None):
-            found = "nothing" if self.path is None else "both path and folder"
-            expected = (
-                "a file or pattern such as exports/*.csv, relative to the plant file; or folder "
-                "instead, for exports that are dropped there"
-            )
-            raise contradiction(("path",), found, expected)
-        return self
-
-    @model_validator(mode="after")
-    def _two_marks(self) -> Self:
-        if self.separator is not None and self.separator == self.decimal:
-            found = f"{self.decimal!r}, which is also the separator"
-            raise contradiction(("decimal",), found, "two different marks")
-        return self
-
-    def read_options(self) -> dict[str, Any]:
-        """What the file says of reading, under the names of ``ReadOptions``; the rest is left to
-        the reader."""
-        options = self.model_dump(exclude={"name", "path", "folder"}, exclude_none=True)
-        if "good_quality" in options:
-            options["good_quality"] = tuple(options["good_quality"])
-        return options
-
-
-class Tag(Table):
+class Tag(TomlTable):
     """``[valves.tags.op]``: one tag, and the engineering values at 0 % and 100 %."""
 
     tag: Name = Field(description="the tag's name in the source, as text of 1 to 200 letters")
@@ -243,7 +120,7 @@ class Tag(Table):
         return self
 
 
-class Tags(Table):
+class Tags(TomlTable):
     """``[valves.tags]``: the tag of each role; only OP must be there."""
 
     op: Tag = Field(
@@ -276,7 +153,7 @@ class Tags(Table):
         return {role: tag for role, tag in by_role.items() if tag is not None}
 
 
-class Valve(Table):
+class Valve(TomlTable):
     """``[[valves]]``, or one row of a valve list."""
 
     id: Name = Field(description="the valve's own name, as text of 1 to 200 letters")

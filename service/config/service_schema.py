@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from importlib.metadata import entry_points
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from stemwatch.connectors.settings import Name, Positive, TomlTable, contradiction
 from stemwatch.service.config.cron import CronTimes
-from stemwatch.service.config.problems import contradiction
-from stemwatch.service.config.schema import Name, Positive, Table
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 NOTIFIERS = "stemwatch.notifiers"
 Severity = Literal["high", "medium", "low"]
 SHORTEST_S = 10.0
+_HOST_AND_PORT = re.compile(r"[^/\s]+:\d+")
 
 
 def _readable_cron(expression: str) -> str:
@@ -25,7 +26,7 @@ def _readable_cron(expression: str) -> str:
     return expression
 
 
-class ScheduleTable(Table):
+class ScheduleTable(TomlTable):
     """``[[schedules]]``: when which valves are screened."""
 
     name: Name = Field(description="a name of its own for the schedule, as text")
@@ -58,7 +59,7 @@ class ScheduleTable(Table):
         return ScreeningSchedule(**values)
 
 
-class AlertRules(Table):
+class AlertRules(TomlTable):
     """``[alerts]``: what is worth telling somebody, and when.
 
     A finding is raised when it was there in ``raise_after_runs`` of the last ``of_runs`` runs, and
@@ -103,7 +104,7 @@ def notifier_kinds() -> tuple[str, ...]:
     return tuple(sorted(point.name for point in entry_points(group=NOTIFIERS)))
 
 
-class NotifierTable(Table):
+class NotifierTable(TomlTable):
     """``[[notifiers]]``: who is told of alerts, and how. Which keys are needed follows ``kind``."""
 
     name: Name = Field(description="a name of its own for the notifier, as text")
@@ -158,7 +159,7 @@ class NotifierTable(Table):
         return self
 
 
-class ServiceSection(Table):
+class ServiceSection(TomlTable):
     """``[service]``: where the service keeps its files, and how much of everything."""
 
     address: Annotated[str, Field(pattern=r"^(|https?://[^\s?#]+)$")] = Field(
@@ -183,9 +184,20 @@ class ServiceSection(Table):
     workers: Annotated[int, Field(ge=1, le=256)] | None = Field(
         default=None, description="a whole number of processes, 1 to 256"
     )
-    executor: Annotated[str, Field(pattern=r"^(local|dask://[^/\s]+:\d+)$")] = Field(
-        default="local", description='"local" or "dask://HOST:PORT"'
-    )
+    executor: Name = Field(default="local", description='"local" or "dask://HOST:PORT"')
     valve_timeout_s: Annotated[float, Field(ge=1)] = Field(
         default=120.0, description="seconds, 1 or more"
     )
+
+    @model_validator(mode="after")
+    def _known_executor(self) -> Self:
+        """``local``, a cluster, or what the entry point group ``stemwatch.executors`` has."""
+        name, separator, rest = self.executor.partition("://")
+        if self.executor == "local" or (name == "dask" and _HOST_AND_PORT.fullmatch(rest)):
+            return self
+        others = {entry.name for entry in entry_points(group="stemwatch.executors")} - {"dask"}
+        if separator and name in others:
+            return self
+        more = "".join(f', or "{other}://..."' for other in sorted(others))
+        expected = f'"local" or "dask://HOST:PORT"{more}'
+        raise contradiction(("executor",), repr(self.executor), expected)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from stemwatch.connectors.settings import either_of, nearest
 from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 from stemwatch.models.recording import Role
 from stemwatch.service.config.problems import (
@@ -13,8 +14,6 @@ from stemwatch.service.config.problems import (
     Place,
     PlantFileError,
     Problem,
-    either_of,
-    nearest,
 )
 
 _FACTS = ("id", "description", "area", "criticality", "source", "stroke")

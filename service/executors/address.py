@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
-from typing import TYPE_CHECKING
+from importlib.metadata import entry_points
 from urllib.parse import urlsplit
 
 from stemwatch.service.executors.executor import Executor
 from stemwatch.service.executors.in_process import InProcess
 from stemwatch.service.executors.local_processes import LocalProcesses
 
-if TYPE_CHECKING:
-    from stemwatch.service.executors.dask_cluster import DaskCluster
-
 LOCAL, IN_PROCESS, DASK = "local", "in-process", "dask"
+GROUP = "stemwatch.executors"
 EXPECTED = f"expected {LOCAL}, {IN_PROCESS} or {DASK}://HOST:PORT"
 
 
@@ -21,44 +20,51 @@ class UnknownExecutor(ValueError):
     """The text names no executor; the sentence says what was found and what was expected."""
 
 
-def choose_executor(workers: int | None, address: str = LOCAL) -> Executor:
+def choose_executor(
+    workers: int | None,
+    address: str = LOCAL,
+    *,
+    item_timeout_s: float = math.inf,
+    isolated: bool = False,
+) -> Executor:
     """The executor that ``address`` names.
 
-    ``local``: ``workers`` processes on this machine, by default one per core; one works here.
-    ``in-process``: here, whatever ``workers`` says. ``dask://HOST:PORT``: the workers of the Dask
-    scheduler there. Raises ``UnknownExecutor``; a cluster is not asked for before it is used.
+    ``local``: ``workers`` processes on this machine, by default one per core; one works here,
+    unless ``isolated``; an item that takes longer than ``item_timeout_s`` is given up.
+    ``in-process``: here, whatever ``workers`` says. ``NAME://...``: what the entry point group
+    ``stemwatch.executors`` has by that name makes of the address, such as ``dask://HOST:PORT``.
+    Raises ``UnknownExecutor``; nobody is asked for anything before the executor is used.
     """
     if address == IN_PROCESS:
         return InProcess()
     if address in ("", LOCAL):
         workers = workers or os.cpu_count() or 1
-        return LocalProcesses(workers) if workers > 1 else InProcess()
-    return cluster_at(address)
+        if workers == 1 and not isolated:
+            return InProcess()
+        return LocalProcesses(workers, item_timeout_s, isolated)
+    name, separator, _ = address.partition("://")
+    found = entry_points(group=GROUP, name=name) if separator else ()
+    for entry in found:
+        executor: Executor = entry.load()(address)
+        return executor
+    raise UnknownExecutor(f"executor {address!r} is unknown; {EXPECTED}{_others()}")
 
 
-def cluster_at(address: str) -> DaskCluster:
-    """The Dask cluster at ``dask://HOST:PORT``. Raises ``UnknownExecutor`` for anything else."""
-    from stemwatch.service.executors.dask_cluster import DaskCluster
-
-    return DaskCluster(_scheduler(address))
-
-
-def checked(address: str) -> str:
-    """``address`` itself. Raises ``UnknownExecutor`` where it names no executor."""
-    if address not in (LOCAL, IN_PROCESS):
-        _scheduler(address)
-    return address
-
-
-def _scheduler(address: str) -> str:
-    """``HOST:PORT`` of a cluster's scheduler."""
+def host_and_port(address: str, name: str) -> str:
+    """``HOST:PORT`` of ``name://HOST:PORT``. Raises ``UnknownExecutor`` for anything else."""
     try:
         parts = urlsplit(address)
         host, port = parts.hostname, parts.port
     except ValueError as error:
         raise UnknownExecutor(f"executor {address!r}: {error}; {EXPECTED}") from None
-    if parts.scheme != DASK or not host or port is None or parts.path.strip("/") or parts.query:
+    if parts.scheme != name or not host or port is None or parts.path.strip("/") or parts.query:
         raise UnknownExecutor(
-            f"executor {address!r} is unknown; {EXPECTED}, such as dask://10.0.0.5:8786"
+            f"executor {address!r} is unknown; {EXPECTED}, such as {name}://10.0.0.5:8786"
         )
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _others() -> str:
+    """Executors that other packages bring, for the sentence."""
+    names = sorted({entry.name for entry in entry_points(group=GROUP)} - {DASK})
+    return "".join(f", or {name}://..." for name in names)

@@ -9,24 +9,34 @@ from __future__ import annotations
 import importlib
 import logging
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 from stemwatch.service import __version__
-from stemwatch.service.executors.executor import Item, Result, one_thread
+from stemwatch.service.executors.address import DASK, host_and_port
+from stemwatch.service.executors.executor import (
+    Answer,
+    ExecutorUnavailable,
+    Failure,
+    Item,
+    Result,
+    failure_of,
+    one_thread,
+)
 
 log = logging.getLogger(__name__)
 
 CONNECT_S = 10.0
 WORKER_S = 60.0  # a cluster may be starting its first worker just now
 LOOK_S = 0.05  # between two looks at what is done, and whether it is still wanted
-AHEAD = 4  # pieces of work that wait at the cluster for each that is worked on
+AHEAD = 4  # batches that wait at the cluster for each that is worked on
+DEADLY = "several workers of the cluster died on it"
 
 
-class ClusterError(OSError):
+class ClusterError(ExecutorUnavailable):
     """A cluster cannot be used; the sentence says why and what to do."""
 
 
@@ -35,9 +45,11 @@ class DaskCluster:
     """The Dask cluster whose scheduler listens at ``scheduler``, as ``HOST:PORT``.
 
     Each piece of work goes to one worker, which opens the sources itself: paths must mean the same
-    there as here. A worker that dies costs time: its work goes to another, and what ended several
-    workers is done here. Raises ``ClusterError`` where the extra is not installed, nobody answers,
-    no worker comes, or a worker runs another version of the program.
+    there as here. A worker that dies costs time: its work goes to another, and what ends several
+    workers is lost. What a cluster cannot do is to end one batch that hangs without ending what
+    else that worker has: there is no time limit for an item. Raises ``ClusterError`` where the
+    extra is not installed, nobody answers, no worker comes, or a worker runs another version of the
+    program.
     """
 
     scheduler: str
@@ -48,33 +60,25 @@ class DaskCluster:
         with self._client() as client:
             return max(sum(_threads(client)), 1)
 
-    def map(
-        self, work: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Iterator[tuple[int, Result]]:
-        """``(place, work(item))`` for each item, as they are done."""
-
-        def here(item: Item) -> Result:
-            log.warning("several workers died on one piece of work; it is done here")
-            return work(item)
-
-        yield from self.hand_out(work, items, here, threading.Event())
-
     def hand_out(
         self,
-        work: Callable[[Item], Result],
-        items: Iterable[Item],
-        deadly: Callable[[Item], Result],
+        work: Callable[[Sequence[Item]], Sequence[Result]],
+        batches: Iterable[Sequence[Item]],
         stop: threading.Event,
-    ) -> Iterator[tuple[int, Result]]:
-        """``map`` that ends when ``stop`` is set, also while no worker answers.
+        *,
+        alone: bool = False,
+    ) -> Generator[Answer[Result]]:
+        """An answer for each batch, until ``stop``, also while no worker answers.
 
-        An item on which several workers died has the result ``deadly(item)``; it need not be the
-        one that ended them, as a worker holds others too. Only a few pieces for each worker are at
-        the cluster at a time, so that neither the scheduler nor a worker holds more than that,
-        however many items there are.
+        What several workers died on is lost; it need not be what ended them, as a worker holds
+        other batches too, unless it is ``alone``. Only a few batches for each worker are at the
+        cluster at a time, so that neither the scheduler nor a worker holds more than that.
         """
+        if stop.is_set():
+            return
         with self._client() as client:
-            yield from _Handing(client, work, items, deadly).results(stop)
+            ahead = 1 if alone else AHEAD * max(sum(_threads(client)), 1)
+            yield from _HandedOut(client, work, batches, ahead).answers(stop)
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
@@ -94,6 +98,11 @@ class DaskCluster:
             client.close()
 
 
+def cluster_at(address: str) -> DaskCluster:
+    """The cluster at ``dask://HOST:PORT``. Raises ``UnknownExecutor`` for anything else."""
+    return DaskCluster(host_and_port(address, DASK))
+
+
 def distributed() -> Any:
     """The package, without types. Raises ``ClusterError`` where it is not installed."""
     try:
@@ -105,66 +114,73 @@ def distributed() -> Any:
         ) from None
 
 
-class _Handing:
-    """The work of one call on its way: a few pieces out, the rest here."""
+class _HandedOut:
+    """The batches of one call: a few at the cluster, the rest here."""
 
     def __init__(
         self,
         client: Any,
-        work: Callable[[Any], Any],
-        items: Iterable[Any],
-        deadly: Callable[[Any], Any],
+        work: Callable[[Sequence[Any]], Sequence[Any]],
+        batches: Iterable[Sequence[Any]],
+        ahead: int,
     ) -> None:
-        self._client, self._work, self._deadly = client, work, deadly
-        self._waiting = enumerate(items)
-        self._out: dict[str, tuple[int, Any]] = {}  # by the future's key
+        self._client, self._work, self._ahead = client, work, ahead
+        self._waiting = enumerate(batches)
+        self._out: dict[str, int] = {}  # places by the futures' keys
 
-    def results(self, stop: threading.Event) -> Iterator[tuple[int, Any]]:
-        """Each place with its result, until ``stop``."""
-        ahead = AHEAD * max(sum(_threads(self._client)), 1)
-        out = distributed().as_completed(self._more(ahead), loop=self._client.loop)
+    def answers(self, stop: threading.Event) -> Generator[Answer[Any]]:
+        """The answer of each batch, until ``stop``."""
+        out = distributed().as_completed(self._more(self._ahead), loop=self._client.loop)
         while not out.is_empty() and not stop.is_set():
             done = out.next_batch(block=False)
             if not done:
                 stop.wait(LOOK_S)
             for future in done:
-                place, item = self._out.pop(future.key)
-                result = self._result(future, item)
+                answer = self._answer(future)
                 future.release()  # the cluster may forget it
                 out.update(self._more(1))
-                yield place, result
+                yield answer
 
     def _more(self, count: int) -> list[Any]:
-        """Hand out the next ``count`` pieces."""
+        """Hand out the next ``count`` batches."""
         futures = []
-        for place, item in islice(self._waiting, count):
-            future = self._client.submit(in_worker, self._work, item, __version__, pure=False)
-            self._out[future.key] = place, item
+        for place, batch in islice(self._waiting, count):
+            future = self._client.submit(
+                in_worker, self._work, list(batch), __version__, pure=False
+            )
+            self._out[future.key] = place
             futures.append(future)
         return futures
 
-    def _result(self, future: Any, item: Any) -> Any:
+    def _answer(self, future: Any) -> Answer[Any]:
         dask = distributed()
+        place = self._out.pop(future.key)
         try:
-            return future.result()
+            return Answer(place=place, results=future.result())
         except dask.KilledWorker:
-            return self._deadly(item)
+            return Answer(place=place, failure=Failure(reason=DEADLY, lost=True))
         except dask.CancelledError as error:
             raise ClusterError(
                 f"the cluster let go of the work ({error}): its scheduler was stopped or started "
                 "anew; run the same command again, what was saved is updated in place"
             ) from None
+        except ClusterError:
+            raise
+        except Exception as error:
+            return Answer(place=place, failure=failure_of(error))
 
 
-def in_worker(work: Callable[[Item], Result], item: Item, version: str) -> Result:
-    """``work(item)`` in a worker of the cluster. Raises ``ClusterError`` for another version."""
+def in_worker(
+    work: Callable[[Sequence[Item]], Sequence[Result]], batch: Sequence[Item], version: str
+) -> Sequence[Result]:
+    """``work(batch)`` in a worker of the cluster. Raises ``ClusterError`` for another version."""
     if version != __version__:
         raise ClusterError(
             f"a worker of the cluster runs stemwatch {__version__} and was asked by {version}; "
             "install one version everywhere, or the numbers would not be the same"
         )
     one_thread()
-    return work(item)
+    return work(batch)
 
 
 def _threads(client: Any) -> list[int]:

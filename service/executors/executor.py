@@ -1,36 +1,183 @@
-"""``Executor``: the seam to whatever does the work, and what every worker is told first."""
+"""``Executor``: the seam to whatever does the work, and what holds for every implementation of it.
+
+An executor only hands out batches and says what became of each. What is done about a batch that
+failed is decided here, once: ``outcomes`` for a run, in which one bad valve must cost nobody else
+anything, and ``map_items`` for a study, in which every item must have its result.
+"""
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from typing import Protocol, TypeVar
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from itertools import accumulate
+from typing import Generic, Protocol, TypeVar
+
+log = logging.getLogger(__name__)
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+LONGEST_REASON = 500
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """Why a batch has no results.
+
+    ``error`` is what the work raised, where it came back; ``lost`` says that whoever did the work
+    ended before it was done, which the work need not be the cause of.
+    """
+
+    reason: str
+    error: Exception | None = None
+    lost: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer(Generic[Result]):
+    """What became of the batch at ``place``: a result for each of its items, or a failure."""
+
+    place: int
+    results: Sequence[Result] = ()
+    failure: Failure | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome(Generic[Item, Result]):
+    """What became of the item at ``place`` of all items: its result, or the reason for none."""
+
+    place: int
+    item: Item
+    result: Result | None
+    reason: str = ""
 
 
 class Executor(Protocol):
-    """Does ``work`` on each item and yields ``(place, result)`` as soon as it is there.
+    """Does ``work`` on batches of items: here, in other processes, on other machines.
 
-    An implementation must yield each place once, in any order, raise what ``work`` raises, and do
-    again elsewhere what a worker that died had not finished. ``workers`` is how many items it does
-    at the same time.
+    An implementation must answer each batch once, in any order, as soon as it is done; answer with
+    a ``Failure`` where the work raised or whoever did it ended, and go on with the others; take
+    batches as they are needed; end soon after ``stop`` is set; and leave nothing running when the
+    caller stops asking. ``work`` travels by its name. What keeps the executor itself from working
+    (no cluster answers, no process can be started) is raised as ``ExecutorUnavailable``.
     """
 
     @property
     def workers(self) -> int:
-        """How many items are worked on at the same time."""
+        """How many batches are worked on at the same time; at least 1."""
         ...
 
-    def map(
-        self, work: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Iterator[tuple[int, Result]]:
-        """``(place, work(item))`` for each item, in the order in which they are done."""
+    def hand_out(
+        self,
+        work: Callable[[Sequence[Item]], Sequence[Result]],
+        batches: Iterable[Sequence[Item]],
+        stop: threading.Event,
+        *,
+        alone: bool = False,
+    ) -> Generator[Answer[Result]]:
+        """An answer for each batch. ``alone``: each failed in company before, so that no worker may
+        hold another beside it, and the process that asks does none of them, where it has others."""
         ...
+
+
+class ExecutorUnavailable(OSError):
+    """An executor cannot work at all; the sentence says why and what to do."""
+
+
+def outcomes(
+    executor: Executor,
+    work: Callable[[Sequence[Item]], Sequence[Result]],
+    batches: Sequence[Sequence[Item]],
+    stop: threading.Event,
+) -> Iterator[list[Outcome[Item, Result]]]:
+    """An outcome for each item, those of a batch together, as soon as they are there.
+
+    A batch that failed is done again item by item, when the others are done; so is an item whose
+    worker was lost, which need not have died of it. What fails then is given up with its reason.
+    Ends early when ``stop`` is set.
+    """
+    firsts = list(accumulate((len(batch) for batch in batches), initial=0))
+    again: list[tuple[int, Item]] = []
+    with closing(executor.hand_out(work, batches, stop)) as answers:
+        for answer in answers:
+            numbered = list(enumerate(batches[answer.place], start=firsts[answer.place]))
+            failure = answer.failure
+            if failure is not None and (len(numbered) > 1 or failure.lost):
+                text = "a batch of %d: %s; done again one by one"
+                log.warning(text, len(numbered), failure.reason)
+                again += numbered
+            else:
+                yield _outcomes_of(numbered, answer)
+    if again and not stop.is_set():
+        singles = [[item] for _, item in again]
+        with closing(executor.hand_out(work, singles, stop, alone=True)) as answers:
+            for answer in answers:
+                yield _outcomes_of([again[answer.place]], answer)
+
+
+def map_items(
+    executor: Executor, work: Callable[[Item], Result], items: Iterable[Item]
+) -> Iterator[tuple[int, Result]]:
+    """``(place, work(item))`` for each item, in the order in which they are done.
+
+    Raises what ``work`` raises. What ended two workers is done here, so that a worker that dies
+    costs time and no result. When the caller stops asking, what was not begun is dropped.
+    """
+    out: dict[int, Item] = {}
+
+    def singly() -> Iterator[Sequence[Item]]:
+        for place, item in enumerate(items):
+            out[place] = item
+            yield [item]
+
+    each = partial(_one, work)
+    never = threading.Event()
+    lost: list[tuple[int, Item]] = []
+    with closing(executor.hand_out(each, singly(), never)) as answers:
+        for answer in answers:
+            item = out.pop(answer.place)
+            if answer.failure is None:
+                yield answer.place, answer.results[0]
+            elif answer.failure.lost:
+                lost.append((answer.place, item))
+            else:
+                raise answer.failure.error or RuntimeError(answer.failure.reason)
+    if not lost:
+        return
+    log.warning("%d pieces of work lost their worker and are done again", len(lost))
+    again = executor.hand_out(each, [[item] for _, item in lost], never, alone=True)
+    with closing(again) as answers:
+        for answer in answers:
+            place, item = lost[answer.place]
+            if answer.failure is None:
+                yield place, answer.results[0]
+            elif answer.failure.lost:
+                log.warning("two workers were lost on one piece of work; it is done here")
+                yield place, work(item)
+            else:
+                raise answer.failure.error or RuntimeError(answer.failure.reason)
+
+
+def _outcomes_of(
+    numbered: Sequence[tuple[int, Item]], answer: Answer[Result]
+) -> list[Outcome[Item, Result]]:
+    if answer.failure is not None:
+        why = answer.failure.reason
+        return [Outcome(place=at, item=item, result=None, reason=why) for at, item in numbered]
+    pairs = zip(numbered, answer.results, strict=True)
+    return [Outcome(place=at, item=item, result=result) for (at, item), result in pairs]
+
+
+def failure_of(error: Exception) -> Failure:
+    """What the work raised, as the failure of its batch."""
+    return Failure(reason=f"{type(error).__name__}: {error}"[:LONGEST_REASON], error=error)
 
 
 def one_thread() -> None:
@@ -45,3 +192,7 @@ def one_thread() -> None:
     torch = sys.modules.get("torch")
     if torch is not None and torch.get_num_threads() != 1:
         torch.set_num_threads(1)
+
+
+def _one(work: Callable[[Item], Result], batch: Sequence[Item]) -> list[Result]:
+    return [work(item) for item in batch]

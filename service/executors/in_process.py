@@ -1,22 +1,34 @@
-"""``InProcess``: the work is done here, one item after the other."""
+"""``InProcess``: the work is done here, one batch after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import threading
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 
-from stemwatch.service.executors.executor import Item, Result
+from stemwatch.service.executors.executor import Answer, Item, Result, failure_of
 
 
 @dataclass(frozen=True)
 class InProcess:
-    """One item after the other, here. Items are taken as they are needed."""
+    """One batch after the other, here. What hangs or ends the process cannot be survived."""
 
     workers: int = 1
 
-    def map(
-        self, work: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Iterator[tuple[int, Result]]:
-        """``(place, work(item))`` for each item, in order."""
-        for place, item in enumerate(items):
-            yield place, work(item)
+    def hand_out(
+        self,
+        work: Callable[[Sequence[Item]], Sequence[Result]],
+        batches: Iterable[Sequence[Item]],
+        stop: threading.Event,
+        *,
+        alone: bool = False,
+    ) -> Generator[Answer[Result]]:
+        """An answer for each batch, in order; an error of the work is a failure of its batch."""
+        for place, batch in enumerate(batches):
+            if stop.is_set():
+                return
+            try:
+                answer = Answer(place=place, results=work(batch))
+            except Exception as error:
+                answer = Answer(place=place, failure=failure_of(error))
+            yield answer

@@ -1,15 +1,32 @@
-"""``LocalProcesses``: worker processes on this machine."""
+"""``LocalProcesses``: processes beside this one, each of which may hang or die without harm."""
 
 from __future__ import annotations
 
+import contextlib
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+import math
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any, Generic
 
-from stemwatch.service.executors.executor import Item, Result, one_thread
+from stemwatch.service.executors.executor import (
+    Answer,
+    ExecutorUnavailable,
+    Failure,
+    Item,
+    Result,
+    failure_of,
+    one_thread,
+)
 from stemwatch.service.executors.in_process import InProcess
+from stemwatch.service.logs import logs_as_parent
 from stemwatch.service.process_lifecycle import (
     begin_child,
     environment,
@@ -20,65 +37,222 @@ from stemwatch.service.process_lifecycle import (
 
 log = logging.getLogger(__name__)
 
-# A pool that broke is started again for what is left; one that breaks so often has an item in it
-# that ends every worker, or a machine without memory for so many.
-MOST_POOLS = 3
+_START_S = 120.0  # for a fresh process to be there
+_FIRST_S = 60.0  # for what its first batch makes it import and compile, beside the items' own time
+_LOOK_S = 0.5
+_MOST_STARTS = 5  # processes in a row that end before they are there
+_AGAIN_S = 0.3
 
 
 @dataclass(frozen=True)
 class LocalProcesses:
     """``workers`` processes on this machine, each with one thread for its numbers.
 
-    When a worker dies (killed, out of memory, a crash in a library), fresh workers do what was not
-    finished; after ``MOST_POOLS`` deaths the rest is done here, one by one. A death costs time and
-    not results. When the caller stops asking (Ctrl-C, an error), what was not begun is dropped.
+    A worker that dies (killed, out of memory, a crash in a library), or takes more than
+    ``item_timeout_s`` for each item of its batch, is replaced. A single batch is done here, where
+    starting a process would cost more than it brings, unless ``isolated``.
     """
 
     workers: int
+    item_timeout_s: float = math.inf
+    isolated: bool = False
 
-    def map(
-        self, work: Callable[[Item], Result], items: Iterable[Item]
-    ) -> Iterator[tuple[int, Result]]:
-        """``(place, work(item))`` for each item, as they are done."""
-        left = dict(enumerate(items))
-        if len(left) < 2:  # starting a process would cost more than it brings
-            yield from InProcess().map(work, left.values())
-            return
-        for _ in range(MOST_POOLS):
-            for place, result in self._in_a_pool(work, dict(left)):
-                del left[place]
-                yield place, result
-            if not left:
+    def hand_out(
+        self,
+        work: Callable[[Sequence[Item]], Sequence[Result]],
+        batches: Iterable[Sequence[Item]],
+        stop: threading.Event,
+        *,
+        alone: bool = False,
+    ) -> Generator[Answer[Result]]:
+        """An answer for each batch, as they are done."""
+        waiting = iter(batches)
+        if not (self.isolated or alone):
+            begin = list(islice(waiting, 2))
+            if len(begin) < 2:
+                yield from InProcess().hand_out(work, begin, stop)
                 return
-            log.warning("a worker process died; %d pieces of work are done again", len(left))
-        for place, item in left.items():
-            yield place, work(item)
-
-    def _in_a_pool(
-        self, work: Callable[[Item], Result], items: dict[int, Item]
-    ) -> Iterator[tuple[int, Result]]:
-        """What one pool gets done: everything, or what was finished before a worker died."""
-        pool = ProcessPoolExecutor(
-            self.workers,
-            mp_context=worker_context(),
-            initializer=prepare_worker,
-            initargs=(environment(),),
-        )
+            waiting = chain(begin, waiting)
+        pool = _Pool(work, self.workers, self.item_timeout_s)
         try:
-            with quiet_start():  # it is here that the processes begin
-                places = {pool.submit(work, item): place for place, item in items.items()}
-            for future in as_completed(list(places)):
-                place = places.pop(future)  # the future, and the result in it, is let go
-                yield place, future.result()
-        except BrokenProcessPool:
-            pass
+            yield from pool.answers(waiting, stop)
         finally:
-            pool.shutdown(cancel_futures=True)
+            pool.end()
 
 
-def prepare_worker(environment: Mapping[str, str]) -> None:
-    """One thread for the numbers; Ctrl-C ends the worker instead of its present item only, and it
-    ends with its parent."""
+@dataclass
+class _Worker:
+    process: BaseProcess
+    pipe: Connection
+    until: float  # when it is late
+    place: int = 0
+    batch: Sequence[Any] = ()
+    there: bool = False  # it has said that it is
+    fresh: bool = True  # it has had no batch yet
+
+
+class _Pool(Generic[Item, Result]):
+    """Processes that do ``work``, started as they are needed."""
+
+    def __init__(
+        self,
+        work: Callable[[Sequence[Item]], Sequence[Result]],
+        count: int,
+        item_timeout_s: float,
+    ) -> None:
+        self._work, self._count, self._timeout_s = work, count, item_timeout_s
+        self._context = worker_context()
+        self._idle: list[_Worker] = []
+        self._busy: list[_Worker] = []
+        self._failed_starts = 0
+
+    def answers(
+        self, batches: Iterable[Sequence[Item]], stop: threading.Event
+    ) -> Generator[Answer[Result]]:
+        """An answer for each batch, until ``stop``."""
+        numbered = enumerate(batches)
+        answered: list[Answer[Result]] = []
+        while not stop.is_set():
+            # Workers go on before the caller, who saves what it gets, has the answers.
+            for place, batch in islice(numbered, self._count - len(self._busy)):
+                self._employ(place, batch)
+            yield from answered
+            if not self._busy:
+                return
+            heard = [self._hear(worker) for worker in self._ready()]
+            answered = [answer for answer in heard if answer is not None]
+
+    def end(self) -> None:
+        """End every process, whatever it is doing."""
+        for worker in (*self._idle, *self._busy):
+            _end(worker)
+
+    def _employ(self, place: int, batch: Sequence[Item]) -> None:
+        worker = self._idle.pop() if self._idle else self._start()
+        worker.place, worker.batch = place, batch
+        self._busy.append(worker)
+        if worker.there:
+            self._send(worker)
+
+    def _start(self) -> _Worker:
+        """A new process. The server that it is forked from is renewed where it has died."""
+        for trial in range(_MOST_STARTS):
+            ours, theirs = self._context.Pipe()
+            process = self._context.Process(
+                target=_serve, args=(theirs, self._work, environment()), daemon=True
+            )
+            try:
+                with quiet_start():
+                    process.start()
+            except (EOFError, OSError) as error:
+                ours.close()
+                log.warning("a worker process could not be started: %r", error)
+                time.sleep(_AGAIN_S * (trial + 1))
+                continue
+            finally:
+                theirs.close()
+            return _Worker(process, ours, until=time.monotonic() + _START_S)
+        raise ExecutorUnavailable(
+            f"no worker process could be started in {_MOST_STARTS} trials; look for a limit on "
+            "processes, memory or open files (`ulimit -a`), or use fewer --workers"
+        )
+
+    def _send(self, worker: _Worker) -> None:
+        """Give a worker that waits its batch."""
+        first_s = _FIRST_S if worker.fresh else 0.0
+        worker.until = time.monotonic() + first_s + self._timeout_s * len(worker.batch)
+        worker.fresh = False
+        with contextlib.suppress(OSError):  # it died: seen when its answer is taken
+            worker.pipe.send(list(worker.batch))
+
+    def _ready(self) -> list[_Worker]:
+        """Workers with something to say, dead ones, and those whose time is over."""
+        heard = wait([worker.pipe for worker in self._busy], timeout=_LOOK_S)
+        now = time.monotonic()
+        return [one for one in self._busy if one.pipe in heard or now > one.until]
+
+    def _hear(self, worker: _Worker) -> Answer[Result] | None:
+        """What a worker says of its batch; ``None`` where it only says that it is there."""
+        try:
+            said = worker.pipe.recv() if worker.pipe.poll() else None
+        except (EOFError, OSError):
+            said = None
+        except Exception as error:  # an answer that cannot be made out here is one all the same
+            said = (), failure_of(error)
+        if said is not None and not worker.there:
+            worker.there, self._failed_starts = True, 0
+            self._send(worker)
+            return None
+        self._busy.remove(worker)
+        if said is not None:
+            self._idle.append(worker)
+            results, failure = said
+            return Answer(place=worker.place, results=results, failure=failure)
+        failure = self._why_nothing(worker)
+        _end(worker)
+        if worker.there:
+            return Answer(place=worker.place, failure=failure)
+        self._failed_starts += 1
+        if self._failed_starts >= _MOST_STARTS:
+            raise ExecutorUnavailable(
+                f"{self._failed_starts} worker processes in a row ended before they could begin "
+                f"({failure.reason}); look for a limit on memory or processes"
+            )
+        self._employ(worker.place, worker.batch)
+        return None
+
+    def _why_nothing(self, worker: _Worker) -> Failure:
+        worker.process.join(timeout=0.2)  # it may be dying just now
+        code = worker.process.exitcode
+        if code is None:
+            return Failure(reason=f"no result after {self._timeout_s:g} s")
+        if code < 0:
+            reason = f"the process that worked on it was ended by {signal.Signals(-code).name}"
+        else:
+            reason = f"the process that worked on it ended with status {code}"
+        return Failure(reason=reason, lost=True)
+
+
+def _end(worker: _Worker) -> None:
+    worker.pipe.close()
+    if worker.process.is_alive():
+        worker.process.kill()
+    worker.process.join(timeout=5.0)
+
+
+def _serve(
+    pipe: Connection,
+    work: Callable[[Sequence[Any]], Sequence[Any]],
+    environment: Mapping[str, str],
+) -> None:
+    """A worker's life: batches in, results out, until the pipe is closed."""
+    # Both may go to the whole group; ending in order is the parent's to decide, and what it is
+    # doing when it is told shall not look like a fault of the valve.
+    begin_child(ignore=(signal.SIGINT, signal.SIGTERM))
     take_environment(environment)
     one_thread()
-    begin_child()
+    logs_as_parent("worker")
+    with contextlib.suppress(EOFError, OSError):  # the other end is gone
+        pipe.send(True)
+        while True:
+            batch = pipe.recv()
+            answer: tuple[Sequence[Any], Failure | None]
+            try:
+                answer = list(work(batch)), None
+            except Exception as error:
+                answer = (), _that_travels(failure_of(error))
+            try:
+                pipe.send(answer)
+            except OSError:
+                raise
+            except Exception as error:  # results that cannot travel
+                pipe.send(((), _that_travels(failure_of(error))))
+
+
+def _that_travels(failure: Failure) -> Failure:
+    """The failure with its error where that survives the way, else with its words alone."""
+    try:
+        pickle.loads(pickle.dumps(failure.error))
+    except Exception:
+        return Failure(reason=failure.reason)
+    return failure

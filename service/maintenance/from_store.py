@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from datetime import UTC, datetime
 from pathlib import Path
 
-from stemwatch.models.screening_result import Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.stored import (
     background_of,
@@ -14,7 +13,7 @@ from stemwatch.service.maintenance.stored import (
 )
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
 from stemwatch.service.presenter.false_discoveries import tested
-from stemwatch.service.report.report_context import ReportContext, SourceNotRead
+from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.store import Store
@@ -54,25 +53,6 @@ def report_of_store(
     )
     background = background_of(store, plant, run)
     return write_maintenance(chosen, context, out_dir, background, everything=everything)
-
-
-def report_of_run(
-    store: Store, plant: Plant, run: int, screenings: Sequence[Screening], out_dir: Path
-) -> MaintenanceFiles:
-    """Write the report of all valves of a scheduled run. ``screenings`` are those of them whose
-    samples are still here, for the pictures; the others come as they are stored."""
-    here = {one.valve for one in screenings}
-    rest = [one for one in store.screenings_of_run(run) if one.valve not in here]
-    every = [*screenings, *rest]
-    aside = store.queue.set_aside(run)
-    context = ReportContext(
-        started=store.run(run).started,
-        plant=plant.name,
-        zone=plant.zone or "UTC",
-        valves=facts_of(store, plant, every),
-        sources_not_read=tuple(SourceNotRead(source=valve, reason=why) for valve, why in aside),
-    )
-    return write_maintenance(every, context, out_dir, background_of(store, plant, run))
 
 
 def _p_elsewhere(every: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:

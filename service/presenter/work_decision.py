@@ -9,7 +9,7 @@ apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -174,6 +174,17 @@ class WorkCounts:
     not_judged: int
     no_work: int
     orders: int = 0
+
+    @classmethod
+    def of_states(cls, states: Mapping[WorkState, int]) -> WorkCounts:
+        """The counts where each valve is counted already."""
+        return cls(
+            recordings=sum(states.values()),
+            needs_work=states[WorkState.NEEDS_WORK],
+            watch=states[WorkState.WATCH],
+            not_judged=states[WorkState.NOT_JUDGED],
+            no_work=states[WorkState.NO_WORK],
+        )
 
     @property
     def valves(self) -> int:

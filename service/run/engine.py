@@ -1,48 +1,39 @@
-"""The main flow of the service on one page.
+"""One engine for every run, on one page.
 
-    request -> plan -> screen (in any executor) -> store -> report
+    request -> plan -> execute (in any executor) -> finish
+               tasks   saved as they come           report, work list, alerts
 
-Nothing here knows how a file is read or how a valve is judged.
+The command line asks for a run here (``screen_now``); schedules, watched folders, pages and API ask
+through the queue of the store (``QueueWorker``). Nothing here knows how a file is read or how a
+valve is judged, and only results without samples and plots travel between processes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from itertools import accumulate
 from pathlib import Path
 
 from stemwatch.models.limits import Limits
-from stemwatch.models.screening_result import PreviousFinding, Residual, Screening
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
-from stemwatch.service.alerts.held_back import hold_back
-from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor
-from stemwatch.service.maintenance import write_maintenance
-from stemwatch.service.maintenance.stored import background_of
-from stemwatch.service.report import ReportContext, ReportFiles, write_report
-from stemwatch.service.report.html_page import MOST_PLOTTED
-from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
-from stemwatch.service.run.chunking import make_chunks
-from stemwatch.service.run.plan import Plan, Request, make_plan
-from stemwatch.service.run.spill import ResultSpill
-from stemwatch.service.run.task import Chunk, StoredBaseline, Task, screen_packed
+from stemwatch.service.report import ReportFiles
+from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
+from stemwatch.service.run.finish import NotRead, finish
+from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
 from stemwatch.service.store.database_url import masked_command
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
-
-# Valves that one worker takes at a time. Their networks train together, which is quicker; but every
-# worker should have some, and progress should be seen.
-CHUNK = 16
-JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
-
-Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """What a run needs beside its request."""
+class RunNow:
+    """What a run of the command line needs beside its request."""
 
     store: Store
     executor: Executor
@@ -68,66 +59,65 @@ class RunResult:
     not_saved: tuple[tuple[str, str], ...]
 
 
-def run(request: Request, how: Run, tell: Told = lambda *_: None) -> RunResult:
-    """Screen everything a request names. Raises ``UnreadableSource`` and ``StoreError``.
+def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> RunResult:
+    """Screen everything a request names, as a run of its own.
 
-    Each piece of work is saved and its samples let go as soon as it is done, so that memory does
-    not grow with the valves.
+    Raises ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
     """
-    started = datetime.now(UTC)
+    plant, started = request.plant, datetime.now(UTC)
     planned = make_plan(request)
-    digest = request.plant.settings_digest if request.plant else ""
-    number = how.store.begin_run(
-        command=how.command, software_version=__version__, settings_digest=digest
+    run = Run(
+        store=how.store,
+        number=how.store.begin_run(
+            command=how.command,
+            software_version=__version__,
+            settings_digest=plant.settings_digest if plant else "",
+        ),
+        started=started,
+        executor=how.executor,
+        out=how.out,
+        plant=plant,
+        limits=how.limits,
+        command=masked_command(how.command),
+        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
+        new_baseline=how.new_baseline,
     )
-    if request.plant is not None:
-        how.store.save_valves(request.plant.valves.values())
-    tasks = with_baselines(planned.tasks, how.store)
-    compared = baselines_of(tasks)
-    previous: dict[str, PreviousFinding | None] = {}
-    not_saved: list[tuple[str, str]] = []
-
-    def keep(screenings: Sequence[Screening]) -> None:
-        """Save what is done at once: a run that is cut short loses what was not begun, no more."""
-        previous.update({one.valve: how.store.previous_finding(one, started) for one in screenings})
-        saved = how.store.save_many(screenings, number, compared)
-        not_saved.extend((failure.valve, failure.reason) for failure in saved.failures)
-
-    spill, brief = screen_all(tasks, how, tell, keep)
-    _keep_networks(spill, how)
-    hold_back(how.store, number)
-    how.store.finish_run(number)
-    context = _context(request, how, planned, previous, started, digest)
-    report = write_report(spill, context, how.out, spill.evidence)
-    background = background_of(how.store, request.plant, number)
-    write_maintenance(spill, context, how.out, background)
+    try:
+        if plant is not None:
+            how.store.save_valves(plant.valves.values())
+        executed = execute(run, planned.tasks, threading.Event(), tell=tell)
+        report = finish(run, executed, planned.not_read)
+    except BaseException as error:
+        _note_end(run, error)
+        raise
+    assert report is not None  # a run of the command line has one, or an error
     return RunResult(
-        screenings=spill,
-        brief=brief,
+        screenings=executed.results,
+        brief=tuple(in_brief(one) for one in executed.results),
         report=report,
         not_read=planned.not_read,
-        not_saved=tuple(not_saved),
+        not_saved=tuple(executed.not_saved),
     )
 
 
-def screen_all(
-    tasks: Sequence[Task], how: Run, tell: Told, keep: Callable[[Sequence[Screening]], None]
-) -> tuple[ResultSpill, tuple[Screening, ...]]:
-    """A screening for each task, in the tasks' order, whatever order they were done in.
+def work_off(
+    run: Run, request: Request, stop: threading.Event, over: Over
+) -> tuple[Executed, NotRead]:
+    """Do ``request``, which is what is left of a queued run of a plant, until ``stop``.
 
-    ``keep`` gets each chunk's screenings as soon as they are there.
+    What an earlier process did of it and the report shows is then screened again without being
+    saved: its samples are gone.
     """
-    dealt = make_chunks(tasks, how.executor.workers, CHUNK, parsed=lambda task: task.text_file)
-    chunks = [Chunk(tasks=share, limits=how.limits) for share in dealt]
-    firsts = list(accumulate((len(chunk.tasks) for chunk in chunks), initial=0))
-    spill, brief = ResultSpill(MOST_PLOTTED), dict[int, Screening]()
-    for number, found in how.executor.map(screen_packed, chunks):
-        keep([screening for screening, _ in found])
-        for place, (screening, evidence) in enumerate(found, start=firsts[number]):
-            spill.add(place, screening, evidence)
-            brief[place] = in_brief(screening)
-            tell(brief[place], len(brief), len(tasks))
-    return spill, tuple(brief[place] for place in sorted(brief))
+    look = look_with(run.executor, stop)
+    planned = make_plan(request, look) if request.valves else Plan(tasks=())
+    executed = execute(run, planned.tasks, stop, over=over)
+    shown = run.store.worst_of_run(run.number, run.shown or 0)
+    known = run.plant.valves if run.plant else {}
+    gone = tuple(one for one in shown if one not in executed.previous and one in known)
+    if gone and not stop.is_set():
+        again = make_plan(replace(request, valves=gone), look)
+        add_unsaved(run, executed, again.tasks, stop)
+    return executed, planned.not_read
 
 
 def in_brief(screening: Screening) -> Screening:
@@ -138,110 +128,11 @@ def in_brief(screening: Screening) -> Screening:
     )
 
 
-def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
-    """Each task with its valve's baseline network, where the store has one."""
-    found: dict[str, StoredBaseline | None] = {}
-    for task in tasks:
-        valve = task.tags.valve
-        if valve not in found:
-            kept = store.baseline(valve)
-            found[valve] = (
-                None
-                if kept is None
-                else StoredBaseline(
-                    network=kept.network, note=kept.note, window=kept.window, id=kept.id
-                )
-            )
-    return [replace(task, baseline=found[task.tags.valve]) for task in tasks]
-
-
-def baselines_of(tasks: Sequence[Task]) -> dict[str, int]:
-    """The number of the baseline that each valve is compared with, where it has one."""
-    return {
-        task.tags.valve: task.baseline.id
-        for task in tasks
-        if task.baseline is not None and task.baseline.id is not None
-    }
-
-
-def _keep_networks(screenings: Iterable[Screening], how: Run) -> None:
-    """Keep each valve's fitted network, and make it the baseline where one is due.
-
-    A valve's first window with a network is its first baseline; a healthy one replaces a baseline
-    that was not, and maintenance or the user's word replaces any.
-    """
-    for screening in screenings:
-        keep_network(screening, how.store, new_baseline=how.new_baseline)
-
-
-def keep_network(screening: Screening, store: Store, *, new_baseline: bool = False) -> None:
-    """What ``_keep_networks`` does, for one valve. A second time it changes nothing."""
-    if screening.network is None or screening.verdict not in JUDGED:
-        return
-    blob = screening.network.to_bytes()
-    why = f"fitted to a window that was {screening.verdict.value}"
-    store.set_fitted(screening.valve, blob, window=screening.window, reason=why)
-    reason = _due(screening, store, new_baseline)
-    if reason:
-        store.set_baseline(screening.valve, blob, window=screening.window, reason=reason)
-
-
-def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
-    """Why this window becomes the valve's baseline, or nothing."""
-    state = screening.verdict.value
-    if new_baseline:
-        return f"window chosen by the user ({state})"
-    kept = store.baseline(screening.valve)
-    if kept is None:
-        return f"first window with a fit ({state})"
-    if kept.maintenance is not None and _after(screening, kept.maintenance.at):
-        return f"first window after maintenance ({state})"
-    if screening.verdict is Verdict.HEALTHY and f"({Verdict.HEALTHY.value})" not in kept.reason:
-        return f"first healthy window ({state})"
-    return ""
-
-
-def _after(screening: Screening, instant: datetime) -> bool:
-    start, _ = screening.window
-    return start is not None and start >= instant
-
-
-def _context(
-    request: Request,
-    how: Run,
-    planned: Plan,
-    previous: dict[str, PreviousFinding | None],
-    started: datetime,
-    digest: str,
-) -> ReportContext:
-    plant = request.plant
-    facts = {valve: facts_of(plant, valve, before) for valve, before in previous.items()}
-    not_read = [SourceNotRead(source=s, reason=why) for s, why in planned.not_read]
-    if plant is not None:
-        not_read += [
-            SourceNotRead(source=str(problem.file), reason=str(problem))
-            for problem in plant.problems
-        ]
-    return ReportContext(
-        started=started,
-        plant=plant.name if plant else "",
-        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
-        command=masked_command(how.command),
-        settings_digest=digest,
-        valves=facts,
-        sources_not_read=tuple(not_read),
-    )
-
-
-def facts_of(plant: Plant | None, valve: str, previous: PreviousFinding | None) -> ValveFacts:
-    """What a report says of a valve beside its screening."""
-    entry = plant.valves.get(valve) if plant else None
-    if entry is None:
-        return ValveFacts(previous=previous)
-    return ValveFacts(
-        description=entry.description,
-        area=entry.area,
-        criticality=str(entry.criticality),
-        stroke=entry.stroke or "",
-        previous=previous,
-    )
+def _note_end(run: Run, error: BaseException) -> None:
+    """A run of the command line that an error or Ctrl-C ends is not left as one that goes on."""
+    by_hand = isinstance(error, KeyboardInterrupt)
+    state = RunState.CANCELLED if by_hand else RunState.FAILED
+    reason = "interrupted by Ctrl-C" if by_hand else f"{type(error).__name__}: {error}"
+    with suppress(StoreError):
+        if run.store.run(run.number).finished is None:
+            run.store.queue.finish(run.number, state, reason=reason)

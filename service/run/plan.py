@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import threading
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 
 from stemwatch.connectors.connector import (
     WHOLE,
     ConnectorError,
     TagMapping,
-    UnreadableSource,
     ValveTags,
     Window,
 )
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
-from stemwatch.service.config import Plant, Valve
+from stemwatch.service.config import Plant
+from stemwatch.service.executors import Executor, outcomes
 from stemwatch.service.run.header import header_tags
-from stemwatch.service.run.task import InStore, Task, open_archive, open_file
+from stemwatch.service.run.task import (
+    InStore,
+    Task,
+    TextFile,
+    open_archive,
+    open_file,
+    tags_of_files,
+)
 
 MOST_NAMED = 12  # tags of a file that are listed
 NO_VALVE = (
@@ -30,13 +40,19 @@ NO_VALVE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What to screen: sources, and either a plant or tags or neither (then valves are proposed)."""
+    """What to screen: sources, and either a plant or tags or neither (then valves are proposed).
+
+    Without sources those of the plant, of its ``valves`` or of all where none are named.
+    ``live_window`` is for valves whose samples are in the store; without one ``window`` is.
+    """
 
     sources: Sequence[str] = ()
     plant: Plant | None = None
     tags: dict[Role, str] = field(default_factory=dict)
     valve: str = ""
+    valves: tuple[str, ...] = ()
     window: Window = WHOLE
+    live_window: Window | None = None
     read_options: ReadOptions = field(default_factory=ReadOptions)
 
 
@@ -48,36 +64,60 @@ class Plan:
     not_read: tuple[tuple[str, str], ...] = ()
 
 
-def make_plan(request: Request) -> Plan:
+Looked = frozenset[str] | str  # the tags in a file, or why it cannot be read
+Look = Callable[[Sequence[TextFile]], Sequence[Looked]]
+
+
+def look_here(files: Sequence[TextFile]) -> Sequence[Looked]:
+    """Parse the files in this process, which keeps them for whoever reads them next."""
+    return tags_of_files(os.getcwd(), files)
+
+
+def look_with(executor: Executor, stop: threading.Event) -> Look:
+    """Parse files where the work is done: one that hangs or ends its process harms nobody."""
+
+    def look(files: Sequence[TextFile]) -> Sequence[Looked]:
+        work = partial(tags_of_files, os.getcwd())
+        found: dict[int, Looked] = {}
+        for (outcome,) in outcomes(executor, work, [[file] for file in files], stop):
+            why = f"{outcome.item.path}: {outcome.reason}"
+            found[outcome.place] = why if outcome.result is None else outcome.result
+        return [found.get(place, "it was not looked at") for place in range(len(files))]
+
+    return look
+
+
+def make_plan(request: Request, look: Look = look_here) -> Plan:
     """The tasks of a request. Raises ``UnreadableSource`` where a source names nothing."""
     if request.plant is not None and not request.sources:
-        return _of_plant(request, request.plant)
+        return _of_plant(request, request.plant, look)
     archives, others = split_archives(request.sources)
     found = find_sources(others)
     tasks = [task for path in archives for task in _of_archive(request, path)]
     for path in found.paths:
-        tasks += _of_file(request, str(path))
+        tasks += _of_file(request, str(path), look)
     skipped = tuple((str(path), reason) for path, reason in found.skipped)
     return Plan(tasks=tuple(tasks), not_read=skipped)
 
 
-def _of_plant(request: Request, plant: Plant) -> Plan:
+def _of_plant(request: Request, plant: Plant, look: Look) -> Plan:
     """Every valve in every file of its source that has its OP tag."""
-    tasks: list[Task] = []
+    wanted = [plant.valves[valve] for valve in request.valves or plant.valves]
+    live_window = request.live_window or request.window
+    tasks = [live_task(plant, v.id, live_window) for v in wanted if plant.is_live(v.id)]
+    archived = [valve for valve in wanted if valve.source in plant.archives]
+    tasks += [archive_task(plant, valve.id, request.window) for valve in archived]
     not_read: list[tuple[str, str]] = []
-    live = [valve for valve in plant.valves.values() if plant.is_live(valve)]
-    tasks += [live_task(plant, valve.id, request.window) for valve in live]
-    tasks += [archive_task(plant, v.id, request.window) for v in _archived(plant)]
     for source in plant.sources.values():
-        if source.folder is not None:
+        valves = [plant.valve_tags(v) for v in wanted if v.source == source.name]
+        if source.folder is not None or (request.valves and not valves):
             continue
         files = plant.source_files(source)
         if not files:
             not_read.append((source.name, f"no file matches {source.path} beside {plant.file}"))
         options = ReadOptions(**plant.read_options(source))
-        valves = [v for v in plant.valves.values() if v.source == source.name]
-        tagged = [plant.valve_tags(valve) for valve in valves]
-        tasks += tasks_of_files(tagged, [str(path) for path in files], options, request.window)
+        paths = [str(path) for path in files]
+        tasks += tasks_of_files(valves, paths, options, request.window, look)
     return Plan(tasks=tuple(tasks), not_read=tuple(not_read))
 
 
@@ -94,25 +134,20 @@ def archive_task(plant: Plant, valve: str, window: Window) -> Task:
     return Task(path=str(address), tags=plant.valve_tags(valve), archive=address, window=window)
 
 
-def _archived(plant: Plant) -> list[Valve]:
-    return [valve for valve in plant.valves.values() if valve.source in plant.archives]
-
-
 def tasks_of_files(
-    valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, window: Window
+    valves: Sequence[ValveTags],
+    files: Sequence[str],
+    options: ReadOptions,
+    window: Window,
+    look: Look = look_here,
 ) -> list[Task]:
     """One task for each file that holds a valve's OP; a valve that no file holds says so."""
     tasks: list[Task] = []
     seen: set[str] = set()
     broken: list[str] = []
-    wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
-    for path in files:
-        try:
-            there = header_tags(path, wanted) or {
-                info.tag for info in open_file(path, options).tags()
-            }
-        except ConnectorError as error:
-            broken.append(str(error))
+    for path, there in zip(files, _tags_in(valves, files, options, look), strict=True):
+        if isinstance(there, str):
+            broken.append(there)
             continue
         for valve in valves:
             if valve.tags[Role.OP].tag in there:
@@ -127,7 +162,24 @@ def tasks_of_files(
     return tasks
 
 
-def _present(valve: ValveTags, there: set[str]) -> ValveTags:
+def _tags_in(
+    valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, look: Look
+) -> list[Looked]:
+    """The tags in each file: from its header where that tells them, else by parsing it."""
+    wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
+    if not valves:
+        return [frozenset() for _ in files]
+    found: dict[str, Looked] = {}
+    for path in files:
+        if named := header_tags(path, wanted):
+            found[path] = frozenset(named)
+    unknown = [path for path in files if path not in found]
+    parsed = look([TextFile(path=path, options=options) for path in unknown])
+    found |= dict(zip(unknown, parsed, strict=True))
+    return [found[path] for path in files]
+
+
+def _present(valve: ValveTags, there: Set[str]) -> ValveTags:
     """The valve without the optional tags that a file does not have.
 
     A missing position stays asked for: the reading then says that it is not there, which is worth
@@ -141,14 +193,14 @@ def _present(valve: ValveTags, there: set[str]) -> ValveTags:
     return replace(valve, tags=kept)
 
 
-def _of_file(request: Request, path: str) -> list[Task]:
+def _of_file(request: Request, path: str, look: Look) -> list[Task]:
     """The tasks of one file: by the plant, by the tags given, or by what the file itself tells."""
     stem = Path(path.removesuffix(".gz")).stem
     options, window = request.read_options, request.window
     if request.plant is not None:
         valves = [request.plant.valve_tags(v) for v in request.plant.valves.values()]
         options = _plant_options(request.plant, path, options)
-        tasks = [t for t in tasks_of_files(valves, [path], options, window) if not t.reason]
+        tasks = [t for t in tasks_of_files(valves, [path], options, window, look) if not t.reason]
         return tasks or [_hopeless(path, stem, f"{path}: none of the plant's OP tags is in it")]
     if request.tags:
         tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
@@ -225,14 +277,3 @@ def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> T
 def _hopeless(path: str, valve: str, reason: str) -> Task:
     tags = ValveTags(valve=valve, tags={Role.OP: TagMapping(tag="")})
     return Task(path=path, tags=tags, reason=reason)
-
-
-__all__ = [
-    "Plan",
-    "Request",
-    "UnreadableSource",
-    "archive_task",
-    "live_task",
-    "make_plan",
-    "tasks_of_files",
-]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import lru_cache
@@ -76,15 +77,11 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chunk:
-    """Tasks that are done together: their files are opened once, their networks train together.
+class TextFile:
+    """A text export whose tags are to be told by parsing it."""
 
-    ``folder`` is where relative paths begin, for a worker that was started elsewhere.
-    """
-
-    tasks: tuple[Task, ...]
-    limits: Limits
-    folder: str = field(default_factory=os.getcwd)
+    path: str
+    options: ReadOptions = field(default_factory=ReadOptions)
 
 
 @lru_cache(maxsize=2)
@@ -144,15 +141,37 @@ def _connector(task: Task) -> Connector:
     return StoredSamples(store.samples, task.stored.source, str(task.stored.address))
 
 
-def screen_packed(chunk: Chunk) -> list[tuple[Screening, ValvePlots]]:
-    """What ``screen_chunk`` finds, as it travels: plots instead of samples."""
+def screen_packed(
+    limits: Limits, folder: str, tasks: Sequence[Task]
+) -> list[tuple[Screening, ValvePlots]]:
+    """What ``screen_tasks`` finds, as it travels: plots instead of samples.
+
+    ``folder`` is where relative paths begin, for a worker that was started elsewhere.
+    """
     from stemwatch.service.report.charts.valve_plots import plots_instead_of_samples
 
-    _stand_in(chunk.folder)
-    screenings = screen_chunk(chunk)
+    _stand_in(folder)
+    screenings = screen_tasks(tasks, limits)
     found = []
     while screenings:  # the samples of one are let go before the next is drawn
         found.append(plots_instead_of_samples(screenings.pop(0)))
+    return found
+
+
+def tags_of_files(folder: str, files: Sequence[TextFile]) -> list[frozenset[str] | str]:
+    """The tags in each file, or the reason why it cannot be read: what a worker looks up for a
+    plan, as parsing a file may take long and may end the process."""
+    _stand_in(folder)
+    found: list[frozenset[str] | str] = []
+    for file in files:
+        try:
+            tags = open_file(file.path, file.options).tags()
+        except ConnectorError as error:
+            found.append(str(error))
+        except (OSError, ValueError, MemoryError) as error:
+            found.append(f"{file.path}: {type(error).__name__}: {error}")
+        else:
+            found.append(frozenset(info.tag for info in tags))
     return found
 
 
@@ -163,19 +182,34 @@ def _stand_in(folder: str) -> None:
         os.chdir(folder)
 
 
-def screen_chunk(chunk: Chunk) -> list[Screening]:
-    """A screening for each task, in order; what cannot be read is a screening with the reason."""
+def screen_tasks(tasks: Sequence[Task], limits: Limits) -> list[Screening]:
+    """A screening for each task, in order; what cannot be read is a screening with the reason.
+
+    The files of tasks that are done together are opened once, and their networks train together.
+    """
     from stemwatch.models.screening import Case, Options, screen
 
     results: list[Screening | None] = []
     cases: list[Case] = []
-    for task in chunk.tasks:
+    for task in tasks:
         case = case_of(task)
         results.append(case if isinstance(case, Screening) else None)
         if not isinstance(case, Screening):
             cases.append(case)
-    screened = iter(screen(cases, Options(limits=chunk.limits)))
+    screened = iter(screen(cases, Options(limits=limits)))
     return [result if result is not None else next(screened) for result in results]
+
+
+def given_up(task: Task, reason: str) -> Screening:
+    """The screening of a task that could not be done: its worker hung, died or failed on it."""
+    from stemwatch.models.screening import failed
+
+    advice = (
+        "Screen this valve alone: a shorter window or a larger valve_timeout_s may do. The other "
+        "valves are not affected."
+    )
+    said = f"the work on it was given up: {reason}"
+    return failed(task.tags.valve, said, advice, Provenance(source=task.path))
 
 
 def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba

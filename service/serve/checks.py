@@ -11,7 +11,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from stemwatch.service.config import Plant
-from stemwatch.service.scheduler import Alarm
+from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
@@ -26,13 +26,13 @@ _FAULTY = "it does not answer as it should; the page of sources says why"
 
 
 def checks(
-    store: Store, plant: Plant, alarm: Alarm, working: Sequence[threading.Thread] = ()
+    store: Store, plant: Plant, scheduler: Scheduler, working: Sequence[threading.Thread] = ()
 ) -> list[Check]:
     """Each part with what it says. ``vital`` are those without which nothing is to be expected:
     the store, the scheduler, threads that must not end, the collector's process."""
     from stemwatch.service.web.site import Check
 
-    found = [_scheduler(alarm)]
+    found = [_scheduler(scheduler)]
     found += [
         Check(name=one.name, ok=False, says="it has ended; the log says why", vital=True)
         for one in working
@@ -61,10 +61,10 @@ def checks(
     return found
 
 
-def _scheduler(alarm: Alarm) -> Check:
+def _scheduler(scheduler: Scheduler) -> Check:
     from stemwatch.service.web.site import Check
 
-    silent_s = alarm.silent_s
+    silent_s = scheduler.silent_s
     if silent_s is None:
         says = "the schedules were not looked at yet"
     elif silent_s > _SCHEDULES_LATE_S:

@@ -13,11 +13,12 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from stemwatch.connectors.modbus import SampleBatch
-from stemwatch.connectors.modbus.state import DeviceState
+from stemwatch.connectors.modbus.device_state import DeviceState
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.logs import set_up_logs
 from stemwatch.service.process_lifecycle import quiet_start, take_signals
-from stemwatch.service.serve.plant_secrets import hide_secrets, set_up_logs
+from stemwatch.service.serve.plant_secrets import hide_secrets
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.instants import EPOCH
 from stemwatch.service.store.samples.sources import SourceState

@@ -53,7 +53,7 @@ def http_server(app: Any, *, lifespan: bool = True) -> uvicorn.Server:
     """A server of ``app`` (ASGI 3) with these bounds; the caller gives it its sockets."""
     limit = connection_limit()
     for name in ("uvicorn.error", "asyncio", __name__):
-        logging.getLogger(name).addFilter(_RARELY)
+        logging.getLogger(name).addFilter(_ONCE_A_MINUTE)
     config = uvicorn.Config(
         app,
         http=_protocol_with(limit),
@@ -68,7 +68,7 @@ def http_server(app: Any, *, lifespan: bool = True) -> uvicorn.Server:
     return uvicorn.Server(config)
 
 
-class Rarely(logging.Filter):
+class OnceAMinute(logging.Filter):
     """Lets a message through once in ``every_s``, and says then how often it came meanwhile: what
     strangers can set off must not fill the disk of the log."""
 
@@ -96,7 +96,7 @@ class Rarely(logging.Filter):
         return True
 
 
-_RARELY = Rarely()
+_ONCE_A_MINUTE = OnceAMinute()
 
 
 def _protocol_with(limit: int) -> type[BoundedConnection]:

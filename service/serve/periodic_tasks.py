@@ -22,14 +22,14 @@ FOLDERS_S, MESSAGES_S, SOURCES_S, OLD_S, LEASE_S = 3.0, 10.0, 15.0, 3600.0, 15.0
 LEASE = "service"  # held while a service runs on this store
 LEASE_FOR = timedelta(seconds=60)
 
-Duty = Callable[[], object]
+PeriodicTask = Callable[[], object]
 
 
-def duties(store: Store, plant: Plant, owner: str) -> list[tuple[str, float, Duty]]:
-    """(name, seconds between two times, what is done) of each duty."""
+def periodic_tasks(store: Store, plant: Plant, owner: str) -> list[tuple[str, float, PeriodicTask]]:
+    """(name, seconds between two times, what is done) of each task."""
     sender = Sender(store, notifiers_of(plant))
     since = datetime.now(UTC)
-    found: list[tuple[str, float, Duty]] = [
+    found: list[tuple[str, float, PeriodicTask]] = [
         ("lease", LEASE_S, lambda: store.leases.hold(LEASE, owner, LEASE_FOR)),
         ("messages", MESSAGES_S, sender.send_due),
         ("old samples", OLD_S, lambda: remove_old(store, plant)),
@@ -43,17 +43,17 @@ def duties(store: Store, plant: Plant, owner: str) -> list[tuple[str, float, Dut
     return found
 
 
-def repeat(name: str, every_s: float, duty: Duty, stop: threading.Event) -> None:
-    """Do ``duty`` at once and again, until ``stop``. What goes wrong is said once, and when it is
+def repeat(name: str, every_s: float, task: PeriodicTask, stop: threading.Event) -> None:
+    """Do ``task`` at once and again, until ``stop``. What goes wrong is said once, and when it is
     over."""
     failing = ""
     while True:
         try:
-            duty()
+            task()
             if failing:
                 log.info("%s: works again", name)
             failing = ""
-        except Exception as error:  # one duty must not end another, nor itself for ever
+        except Exception as error:  # one task must not end another, nor itself for ever
             words = f"{type(error).__name__}: {error}"
             if words != failing:
                 known = isinstance(error, StoreError)

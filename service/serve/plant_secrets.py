@@ -1,4 +1,4 @@
-"""The logs of the service and its collector, without the secrets of their plant."""
+"""The secrets that a plant file names, kept out of the logs of the service and its collector."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 from stemwatch.service.config import Plant
 from stemwatch.service.logs import hide
-from stemwatch.service.logs import set_up_logs as set_up_logs
 
 _TOKEN = "STEMWATCH_WEB_TOKEN"
 

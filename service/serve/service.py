@@ -15,11 +15,12 @@ from dataclasses import dataclass
 
 from stemwatch.service.access.first_user import first_link
 from stemwatch.service.config import Plant
-from stemwatch.service.scheduler import Alarm, Planner, Runner
+from stemwatch.service.run.queue_worker import QueueWorker
+from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.collector_process import CollectorProcess
 from stemwatch.service.serve.page_server import PageServer, address_of, listen
-from stemwatch.service.serve.periodic_tasks import LEASE, duties, repeat
+from stemwatch.service.serve.periodic_tasks import LEASE, periodic_tasks, repeat
 from stemwatch.service.serve.startup_server import StartupServer
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store, open_store
@@ -87,26 +88,26 @@ class Service:
         plant, zone = self._plant, self._plant.zone or "UTC"
         store.save_valves(plant.valves.values())
         store.schedules.take_from_file(plant.schedules)
-        runner = Runner(store, plant)
-        alarm = Alarm(store, Planner(store, zone), zone, runner.wake)
+        worker = QueueWorker(store, plant)
+        scheduler = Scheduler(store, zone, worker.wake)
         halt, working = threading.Event(), list[threading.Thread]()
         pages = PageServer(
             store,
             plant,
             listening,
-            checks=lambda: checks(store, plant, alarm, working),
-            wake=runner.wake,
+            checks=lambda: checks(store, plant, scheduler, working),
+            wake=worker.wake,
             hosts=self._where.hosts,
         )
-        working.append(threading.Thread(target=runner.work, args=(halt,), name="runner"))
-        for name, every_s, duty in duties(store, plant, runner.owner):
+        working.append(threading.Thread(target=worker.work, args=(halt,), name="runner"))
+        for name, every_s, task in periodic_tasks(store, plant, worker.owner):
             working.append(
-                threading.Thread(target=repeat, args=(name, every_s, duty, halt), name=name)
+                threading.Thread(target=repeat, args=(name, every_s, task, halt), name=name)
             )
         for thread in working:
             thread.start()
         try:
-            alarm.start()
+            scheduler.start()
             pages.start()
             ready(address_of(listening))
             if link := first_link(store, address_of(listening, for_people=True)):
@@ -118,12 +119,12 @@ class Service:
             tell_systemd("STOPPING=1")
             log.info("stopping")
             pages.stop()
-            alarm.stop()
+            scheduler.stop()
             halt.set()
-            runner.wake()
+            worker.wake()
             for thread in working:
                 thread.join()
-            _let_go(store, runner.owner)
+            _release_lease(store, worker.owner)
 
     def _open(self, stop: threading.Event) -> Store | None:
         """The store, as soon as it is there; ``None`` where ``stop`` came first."""
@@ -144,7 +145,7 @@ class Service:
         self._threads.append(thread)
 
 
-def _let_go(store: Store, owner: str) -> None:
+def _release_lease(store: Store, owner: str) -> None:
     try:
         store.leases.let_go(LEASE, owner)
     except StoreError as error:

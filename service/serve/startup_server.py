@@ -29,7 +29,7 @@ class StartupServer:
 
         self._server = http_server(_answer, lifespan=False)
         self._own = listening.dup()  # the server closes what it was given
-        self._thread = threading.Thread(target=self._run, name="waiting room")
+        self._thread = threading.Thread(target=self._run, name="startup server")
 
     def __enter__(self) -> Self:
         self._thread.start()

@@ -25,7 +25,7 @@ from stemwatch.models.studies.simulator import (
     simulate_loop,
 )
 from stemwatch.models.studies.simulator.parts import some_setpoints
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 WINDOWS, WINDOW_S = 6, 600.0
 JUDGED = 3  # the last scored windows, whose median ratio is the valve's score
@@ -114,7 +114,7 @@ def run_drift(
         for first in range(0, valves, BATCH)
     ]
     done: dict[int, list[Followed]] = {}
-    for place, followed in executor.map(follow_batch, batches):
+    for place, followed in map_items(executor, follow_batch, batches):
         done[place] = followed
         tell(sum(map(len, done.values())) // len(ways))
     return [one for place in sorted(done) for one in done[place]]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from stemwatch.models.recording import Floats, Role
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 if TYPE_CHECKING:
     from stemwatch.models.studies.simulator import PlantLoop
@@ -110,9 +110,9 @@ def write_archive(
         pieces = _pieces(plan, folder, Path(loops))
         if plan.loops < plan.valves:
             simulated = [replace(pieces[0], places=(at,)) for at in range(plan.loops)]
-            for _ in executor.map(keep_loop, simulated):
+            for _ in map_items(executor, keep_loop, simulated):
                 pass
-        for place, truth in executor.map(write_piece, pieces):
+        for place, truth in map_items(executor, write_piece, pieces):
             truths[place] = truth
             done += len(truth)
             tell(done, plan.valves)

@@ -54,11 +54,11 @@ def metrics(deps: Deps) -> Response:
 def metrics_text(deps: Dependencies) -> bytes:
     """The answer's body."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Told(list(told(deps))))
+    registry.register(_Collected(list(all_metrics(deps))))
     return generate_latest(registry)
 
 
-class _Told:
+class _Collected:
     """Metrics that are known already, as a registry wants them."""
 
     def __init__(self, known: list[Metric]) -> None:
@@ -69,7 +69,7 @@ class _Told:
         return self._known
 
 
-def told(deps: Dependencies) -> Iterator[Metric]:
+def all_metrics(deps: Dependencies) -> Iterator[Metric]:
     """Every metric, as it stands now."""
     yield _gauge("info", "The version that runs", [({"version": __version__}, 1.0)])
     try:

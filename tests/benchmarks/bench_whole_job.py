@@ -46,11 +46,11 @@ PLACES = {
     "NARX": ("stemwatch.models.screening", "_train"),
     "explain": ("stemwatch.models.screening", "explain"),
     "verdict": ("stemwatch.models.screening", "_with_verdict"),
-    "plots": ("stemwatch.service.report.charts.valve_plots", "packed"),
+    "plots": ("stemwatch.service.report.charts.valve_plots", "plots_instead_of_samples"),
     "store": ("stemwatch.service.store.store", "Store.save_many"),
-    "networks": ("stemwatch.service.run.engine", "_keep_networks"),
-    "report": ("stemwatch.service.run.engine", "write_report"),
-    "work list": ("stemwatch.service.run.engine", "write_maintenance"),
+    "networks": ("stemwatch.service.run.saving", "keep_network"),
+    "report": ("stemwatch.service.run.finish", "write_report"),
+    "work list": ("stemwatch.service.run.finish", "write_maintenance"),
 }
 
 
@@ -227,7 +227,7 @@ def stages_of(archive: Path, valves: int) -> dict[str, float]:
     """Seconds of one core for each valve in each stage, for the first ``valves``."""
     from stemwatch.service.config import load_plant
     from stemwatch.service.executors import InProcess
-    from stemwatch.service.run.engine import Run, run
+    from stemwatch.service.run.engine import RunNow, screen_now
     from stemwatch.service.run.plan import Request
     from stemwatch.service.store.store import open_store
 
@@ -235,7 +235,7 @@ def stages_of(archive: Path, valves: int) -> dict[str, float]:
         out.mkdir()
         with open_store(f"sqlite:///{out / 'results.db'}") as store:
             plant = load_plant(_cut(archive / "plant.toml", count))
-            run(Request(plant=plant), Run(store=store, executor=InProcess(), out=out))
+            screen_now(Request(plant=plant), RunNow(store=store, executor=InProcess(), out=out))
 
     stages = Stages()
     with tempfile.TemporaryDirectory() as out:

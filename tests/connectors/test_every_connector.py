@@ -1,22 +1,23 @@
 """The contract of ``Connector``, held against every installed one.
 
-A new connector joins by an entry point and a function here that gives it something to read.
+A new connector joins by an entry point and a function here that makes something to read and says
+what its table in a plant file is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from sqlalchemy import create_engine, text
 
-from stemwatch.connectors.archive.secret import Secret
+from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     Connector,
     ConnectorError,
@@ -25,10 +26,11 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.historian import ReadOptions
-from stemwatch.connectors.opcua import OpcUaAddress
-from stemwatch.connectors.sql import SqlAddress
+from stemwatch.connectors.historian.connector import HistorianFile, TextExportSettings
+from stemwatch.connectors.registry import installed_connectors, settings_of
 from stemwatch.models.recording import Quality, Role
+
+Table = dict[str, Any]  # of [[sources]], without name and kind
 
 START = datetime(2026, 1, 5, 6, tzinfo=UTC)
 VALVE = ValveTags(
@@ -40,7 +42,7 @@ VALVE = ValveTags(
 )
 
 
-def csv(connector: Callable[[Path], Connector], folder: Path) -> Connector:
+def csv(folder: Path) -> Table:
     """600 samples of 1 s from START: OP = i mod 100, PV = 20 t/h, sample 7 of OP bad, 9 absent."""
     rows = "".join(
         f"{(START + timedelta(seconds=i)).isoformat()},{'Bad' if i == 7 else i % 100},20\n"
@@ -49,7 +51,7 @@ def csv(connector: Callable[[Path], Connector], folder: Path) -> Connector:
     )
     path = folder / "export.csv"
     path.write_text("Time,FIC1.OP,FIC1.PV\n" + rows)
-    return connector(path)
+    return {"path": "export.csv"}
 
 
 def samples() -> list[tuple[str, datetime, float | None, str]]:
@@ -60,17 +62,17 @@ def samples() -> list[tuple[str, datetime, float | None, str]]:
     return op + [("FIC1.PV", t, 20.0, "Good") for _, t in times]
 
 
-def parquet(connector: Callable[..., Connector], folder: Path) -> Connector:
+def parquet(folder: Path) -> Table:
     """A folder with a file for each tag, a row for each sample."""
     for tag in ("FIC1.OP", "FIC1.PV"):
         _, times, values, quality = zip(*(s for s in samples() if s[0] == tag), strict=True)
         table = pa.table({"time": times, "value": values, "quality": quality})
         (folder / "archive" / f"tag={tag}").mkdir(parents=True)
         pq.write_table(table, folder / "archive" / f"tag={tag}" / "part-0.parquet")
-    return connector(folder / "archive")
+    return {"path": "archive"}
 
 
-def sql(connector: Callable[..., Connector], folder: Path) -> Connector:
+def sql(folder: Path) -> Table:
     """A table of a SQLite file."""
     engine = create_engine(f"sqlite:///{folder / 'history.db'}")
     with engine.begin() as connection:
@@ -82,20 +84,13 @@ def sql(connector: Callable[..., Connector], folder: Path) -> Connector:
         ]
         connection.execute(into, rows)
     engine.dispose()
-    address = SqlAddress(
-        name="history",
-        url=Secret(text=f"sqlite:///{folder / 'history.db'}"),
-        query="SELECT time, value, quality FROM history "
+    return {
+        "url": "sqlite:///history.db",
+        "query": "SELECT time, value, quality FROM history "
         "WHERE tag = :tag AND time >= :start AND time < :end",
-        tags_query="SELECT tag, COUNT(value) AS samples FROM history GROUP BY tag",
-        options=ReadOptions(zone="UTC"),
-    )
-    return connector(address)
-
-
-def opcua(connector: Callable[..., Connector], url: str) -> Connector:
-    """Two nodes of a server."""
-    return connector(OpcUaAddress(url=url))
+        "tags_query": "SELECT tag, COUNT(value) AS samples FROM history GROUP BY tag",
+        "zone": "UTC",
+    }
 
 
 @pytest.fixture(scope="module")
@@ -112,30 +107,27 @@ def opcua_url() -> Iterator[str]:
 
 
 PREPARED = {"csv": csv, "parquet": parquet, "sql": sql}
-SERVED = {"opcua": opcua}
+SERVED = ("opcua",)
 UNCOUNTED = ("opcua",)  # counting would mean reading everything
 PREFIXES = {"opcua": "ns=2;s="}
-OURS = [
-    EntryPoint("parquet", "stemwatch.connectors.parquet:ParquetArchive", "stemwatch.connectors"),
-    EntryPoint("sql", "stemwatch.connectors.sql:SqlArchive", "stemwatch.connectors"),
-    EntryPoint("opcua", "stemwatch.connectors.opcua:OpcUaArchive", "stemwatch.connectors"),
-]
-# What is installed, and our own where an older installation does not name them yet.
-INSTALLED = sorted(
-    {point.name: point for point in (*OURS, *entry_points(group="stemwatch.connectors"))}.values(),
-    key=lambda point: point.name,
-)
+INSTALLED = sorted(installed_connectors())
 
 
-@pytest.fixture(params=INSTALLED, ids=lambda point: point.name)
+@pytest.fixture(params=INSTALLED)
 def named(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[str, Connector]:
-    """Each connector with its name."""
-    point = request.param
-    if point.name in SERVED:
-        return point.name, SERVED[point.name](point.load(), request.getfixturevalue("opcua_url"))
-    if point.name not in PREPARED:
-        pytest.fail(f"connector {point.name!r} has nothing to read here; add it to PREPARED")
-    return point.name, PREPARED[point.name](point.load(), tmp_path)
+    """Each connector with its name, opened as its table in a plant file says."""
+    kind = request.param
+    if kind in SERVED:
+        table: Table = {"url": request.getfixturevalue("opcua_url")}
+    elif kind in PREPARED:
+        table = PREPARED[kind](tmp_path)
+    else:
+        pytest.fail(f"connector {kind!r} has nothing to read here; add it to PREPARED")
+    settings = settings_of(kind).model_validate({"name": "history", "kind": kind, **table})
+    if isinstance(settings, ArchiveSettings):
+        return kind, settings.address(tmp_path, None).open()
+    assert isinstance(settings, TextExportSettings)
+    return kind, HistorianFile(tmp_path / settings.path)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from sqlalchemy import create_engine, text
 from stemwatch.connectors.connector import Window
 from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
-from stemwatch.service.scheduler.work import job_of, screen_jobs
+from stemwatch.service.run.task import screen_tasks
 from stemwatch.service.serve.page_server import recording_reader
 from stemwatch.service.store.store import open_store
 
@@ -160,7 +160,8 @@ def test_scheduled_runs_and_pages_read_it_too(plant_file: Path) -> None:
     plant = load_plant(plant_file)
     window = Window()
     assert not plant.is_live(VALVE)
-    ((screening,),) = screen_jobs([job_of(plant, VALVE, window, None)])
+    planned = make_plan(Request(plant=plant, valves=(VALVE,), window=window))
+    (screening,) = screen_tasks(planned.tasks, plant.limits)
     assert screening.verdict.value == "sticky"
     with open_store(f"sqlite:///{plant_file.parent / 'store.db'}") as store:
         recording = recording_reader(plant, store)(VALVE, window)
@@ -171,8 +172,9 @@ def test_scheduled_runs_and_pages_read_it_too(plant_file: Path) -> None:
 def test_a_window_without_samples_is_a_result_with_the_reason(plant_file: Path) -> None:
     """The valve is undetermined, and what the archive covers is said."""
     window = Window(start=datetime(2031, 1, 1, tzinfo=UTC))
-    job = job_of(load_plant(plant_file), VALVE, window, None)
-    ((screening,),) = screen_jobs([job])
+    plant = load_plant(plant_file)
+    planned = make_plan(Request(plant=plant, valves=(VALVE,), window=window))
+    (screening,) = screen_tasks(planned.tasks, plant.limits)
     assert "no samples between 2031-01-01" in screening.reason
     assert "the archive covers 2026-03-02" in screening.reason
 

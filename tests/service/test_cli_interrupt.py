@@ -31,7 +31,8 @@ def started_runs(database: Path) -> int:
 def test_an_interrupted_run_leaves_a_usable_database(
     stemwatch, one_valve: Path, tmp_path: Path, workers: int
 ) -> None:
-    """After Ctrl-C the process is gone without a traceback, and the next run keeps its result."""
+    """After Ctrl-C the process is gone without a traceback, its run is noted as cancelled, and the
+    next run keeps its result."""
     folder, database = tmp_path / "exports", tmp_path / "kept.db"
     folder.mkdir()
     for place in range(96):
@@ -59,6 +60,6 @@ def test_an_interrupted_run_leaves_a_usable_database(
     assert after.status == 0, after.said
     with closing(sqlite3.connect(database)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        finished = connection.execute("SELECT finished IS NOT NULL FROM runs ORDER BY id")
-        assert [(0,), (1,)] == finished.fetchall()
+        ended = connection.execute("SELECT state, finished IS NOT NULL FROM runs ORDER BY id")
+        assert [("cancelled", 1), ("done", 1)] == ended.fetchall()
         assert ("historian",) in connection.execute("SELECT valve FROM screenings").fetchall()

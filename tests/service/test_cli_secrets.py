@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.executors import InProcess
-from stemwatch.service.run.engine import Run, run
+from stemwatch.service.run.engine import RunNow, screen_now
 from stemwatch.service.run.plan import Request
 from stemwatch.service.store.store import open_store
 
@@ -50,13 +50,13 @@ def test_an_unreachable_database_in_the_environment(
 def test_what_is_kept_holds_no_password(one_valve: Path, tmp_path: Path) -> None:
     """No file of the report and nothing in the database holds the password of the command line."""
     with open_store(f"sqlite:///{tmp_path / 'kept.db'}") as store:
-        how = Run(
+        how = RunNow(
             store=store,
             executor=InProcess(),
             out=tmp_path / "out",
             command=("stemwatch", "screen", str(one_valve), "--db", NOWHERE),
         )
-        result = run(Request(sources=(str(one_valve),)), how)
+        result = screen_now(Request(sources=(str(one_valve),)), how)
     with zipfile.ZipFile(result.report.xlsx) as sheets:
         table = b"".join(sheets.read(name) for name in sheets.namelist())
     assert b"postgresql://anna:***@" in table

@@ -1,4 +1,8 @@
-"""Executors: the same results wherever the work is done, and whatever happens to a worker."""
+"""Executors: one contract for all of them, whatever happens to a worker.
+
+The contract runs over every implementation, taken as a user names it. What only processes can do,
+such as to survive a death, runs over those that have some.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +12,39 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from stemwatch.service.config import PlantFileError, load_plant
 from stemwatch.service.executors import (
     Executor,
+    ExecutorUnavailable,
     InProcess,
     LocalProcesses,
     UnknownExecutor,
     choose_executor,
     dask_cluster,
+    map_items,
+    outcomes,
 )
-from stemwatch.service.executors.dask_cluster import ClusterError, DaskCluster, in_worker
+from stemwatch.service.executors.dask_cluster import DEADLY, ClusterError, DaskCluster, in_worker
 from tests.service import clusters
+from tests.service.worker_jobs import (
+    double,
+    note_and_wait,
+    raise_unpicklable,
+    reciprocal,
+    square,
+    square_or_die,
+    square_slowly,
+    threads,
+    wait_long,
+)
 
 NAMES = ["in process", "local processes", "dask"]
 
@@ -36,59 +57,174 @@ def executor(request: pytest.FixtureRequest) -> Executor:
     return InProcess() if request.param == "in process" else LocalProcesses(2)
 
 
-def square(number: int) -> int:
-    """The square of a number."""
-    return number * number
+def found_of(executor: Executor, batches, stop: threading.Event | None = None) -> dict:
+    """The result and the reason of each item; every item comes once, at its own place."""
+    items = [item for batch in batches for item in batch]
+    found = [
+        one
+        for many in outcomes(executor, double, batches, stop or threading.Event())
+        for one in many
+    ]
+    assert all(items[one.place] == one.item for one in found)
+    assert len({one.place for one in found}) == len(found)
+    return {one.item: (one.result, one.reason) for one in found}
 
 
-def square_or_die(number: int) -> int:
-    """Dies in a worker where the number is 3, as a crash in a library would."""
-    if number == 3 and multiprocessing.parent_process() is not None:
-        os._exit(1)
-    return number * number
+def test_every_item_of_a_batch_has_its_outcome(executor: Executor) -> None:
+    """Results of all batches, whoever did them; nothing is done for no items."""
+    found = found_of(executor, [[1, 2, 3], [4], [5, 6]])
+    assert {item: result for item, (result, _) in found.items()} == {
+        1: 2, 2: 4, 3: 6, 4: 8, 5: 10, 6: 12,
+    }  # fmt: skip
+    assert found_of(executor, []) == {}
 
 
-def square_slowly(item: tuple[int, str]) -> int:
-    """Leaves a file with the worker's number in a folder, waits, and squares."""
-    number, folder = item
-    (Path(folder) / f"{os.getpid()}-{number}").touch()
-    time.sleep(0.1)
-    return number * number
+def test_an_item_that_fails_costs_itself_only(executor: Executor) -> None:
+    """Its batch is done again one by one; what fails again has the reason, and the rest results."""
+    found = found_of(executor, [[1, "fail", 2], ["x"], [3]])
+    assert {item: result for item, (result, _) in found.items() if result} == {1: 2, 2: 4, 3: 6}
+    assert found["fail"] == (None, "ValueError: a reason to be shown")
+    assert "invalid literal" in found["x"][1]
 
 
-def reciprocal(number: int) -> float:
-    """One divided by a number."""
-    return 1 / number
+def test_an_error_that_cannot_travel_is_a_reason(executor: Executor) -> None:
+    """The words come back all the same."""
+    ((one,),) = outcomes(executor, raise_unpicklable, [[1]], threading.Event())
+    assert one.reason == "Unpicklable: 1 and 2"
 
 
-def note_and_wait(path: Path) -> None:
-    """Leaves a file, so that a test can see what was begun."""
-    path.touch()
-    time.sleep(0.25)
+def test_who_is_told_to_stop_begins_nothing(executor: Executor, tmp_path: Path) -> None:
+    """A stop that came before has no outcome and no work."""
+    stop = threading.Event()
+    stop.set()
+    assert found_of(executor, [[tmp_path / "begun"], [1]], stop) == {}
+    assert not (tmp_path / "begun").exists()
 
 
-def threads(_: int) -> list[str | None]:
-    """How many threads the numbers of this process may use."""
-    return [os.environ.get(name) for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS")]
+def test_what_does_harm_costs_itself_only() -> None:
+    """In one batch with others: the others are done again alone, what ends its process again is
+    given up with what happened to it, and the process that asks does none of it."""
+    found = found_of(LocalProcesses(2, 30.0), [[1, "die", 2], [3, "leave"], ["fail", 4], [5]])
+    assert {item: result for item, (result, _) in found.items() if result} == {
+        1: 2, 2: 4, 3: 6, 4: 8, 5: 10,
+    }  # fmt: skip
+    assert "SIGKILL" in found["die"][1]
+    assert "status 3" in found["leave"][1]
+    assert "a reason to be shown" in found["fail"][1]
+
+
+def test_an_isolated_executor_does_nothing_itself() -> None:
+    """A single item that ends its process ends another than the one that asks."""
+    found = found_of(LocalProcesses(1, 30.0, isolated=True), [["die"]])
+    assert "SIGKILL" in found["die"][1]
+
+
+def test_an_item_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its process is killed when its time is over, and the rest is finished."""
+    monkeypatch.setattr("stemwatch.service.executors.local_processes._FIRST_S", 8.0)
+    found = found_of(LocalProcesses(2, 1.0), [["hang", 1], [2]])
+    assert found["hang"] == (None, "no result after 1 s")
+    assert (found[1][0], found[2][0]) == (2, 4)
+
+
+def test_stopping_ends_the_workers() -> None:
+    """Asked to stop, it gives up what is being done and leaves no process behind."""
+    stop = threading.Event()
+    timer = threading.Timer(2.0, stop.set)
+    timer.start()
+    assert found_of(LocalProcesses(1, 600.0, isolated=True), [["hang"]], stop) == {}
+    assert stop.is_set()
+    timer.join()
+    assert [one for one in multiprocessing.active_children() if one.name != "forkserver"] == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="workers are forked from a server on Linux")
+def test_a_dead_fork_server_is_renewed() -> None:
+    """Killed between two runs, or while it is needed, it costs nothing."""
+    from multiprocessing import forkserver
+
+    assert found_of(LocalProcesses(2), [[1], [2]]) == {1: (2, ""), 2: (4, "")}
+    server = forkserver._forkserver._forkserver_pid  # type: ignore[attr-defined]
+    os.kill(server, signal.SIGKILL)
+    assert found_of(LocalProcesses(2), [[3], [4]]) == {3: (6, ""), 4: (8, "")}
+
+
+def test_a_worker_that_cannot_be_started_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After some trials the sentence says what to look for; nothing waits for ever."""
+    monkeypatch.setattr("stemwatch.service.executors.local_processes._AGAIN_S", 0.0)
+
+    def refuse(*_: object) -> None:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("multiprocessing.process.BaseProcess.start", refuse)
+    with pytest.raises(ExecutorUnavailable, match=r"ulimit -a"):
+        found_of(LocalProcesses(2), [[1], [2]])
+
+
+@contextmanager
+def one_death_is_enough(cluster: clusters.Cluster) -> Iterator[None]:
+    """The scheduler gives up what one worker died on, instead of four."""
+
+    def allow(dask_scheduler, deaths: int) -> int:
+        before, dask_scheduler.allowed_failures = dask_scheduler.allowed_failures, deaths
+        return before
+
+    with cluster.client() as client:
+        before = client.run_on_scheduler(allow, deaths=0)
+        try:
+            yield
+        finally:
+            client.run_on_scheduler(allow, deaths=before)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
+def test_what_ends_workers_of_a_cluster_is_not_done_here(cluster: clusters.Cluster) -> None:
+    """It is given up with its reason and never done in the process that asks; what a worker that
+    died held beside it is done."""
+    cluster.have(4)  # the item ends one in company and one alone
+    with one_death_is_enough(cluster):
+        found = found_of(DaskCluster(cluster.host_and_port), [[1, 2, "die"], [4, 5]])
+    cluster.have(2)
+    assert {item: result for item, (result, _) in found.items()} == {
+        1: 2, 2: 4, "die": None, 4: 8, 5: 10,
+    }  # fmt: skip
+    assert found["die"][1] == DEADLY
+
+
+def test_waiting_for_a_cluster_can_be_stopped(cluster: clusters.Cluster, tmp_path: Path) -> None:
+    """Asked to stop when all its workers are gone, it ends without their answer."""
+    stop, begun = threading.Event(), tmp_path / "begun"
+
+    def stop_once_begun() -> None:
+        while not begun.exists():
+            time.sleep(0.02)
+        cluster.have(0)
+        stop.set()
+
+    threading.Thread(target=stop_once_begun, daemon=True).start()
+    executor = DaskCluster(cluster.host_and_port)
+    assert list(outcomes(executor, wait_long, [[begun]], stop)) == []
+    assert stop.is_set()
+    cluster.have(2)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 60])
 def test_each_place_comes_once_with_its_result(executor: Executor, count: int) -> None:
     """However many items there are, each gives one result at its own place."""
-    found = list(executor.map(square, range(count)))
+    found = list(map_items(executor, square, range(count)))
     assert sorted(found) == [(place, place * place) for place in range(count)]
 
 
 def test_items_may_come_from_a_generator(executor: Executor) -> None:
     """The items need not all be there before the first is worked on."""
-    found = executor.map(square, (number for number in range(5)))
+    found = map_items(executor, square, (number for number in range(5)))
     assert sorted(found) == [(place, place * place) for place in range(5)]
 
 
 def test_what_the_work_raises_comes_out(executor: Executor) -> None:
     """An error of the work itself is raised to the caller, not swallowed."""
     with pytest.raises(ZeroDivisionError):
-        list(executor.map(reciprocal, [1, 0, 2]))
+        list(map_items(executor, reciprocal, [1, 0, 2]))
 
 
 def test_an_executor_has_workers(executor: Executor) -> None:
@@ -98,7 +234,7 @@ def test_an_executor_has_workers(executor: Executor) -> None:
 
 def test_a_dying_worker_costs_no_result() -> None:
     """What ends every worker is done by the process that asked, and nothing else is lost."""
-    found = list(LocalProcesses(2).map(square_or_die, range(8)))
+    found = list(map_items(LocalProcesses(2), square_or_die, range(8)))
     assert sorted(found) == [(place, place * place) for place in range(8)]
 
 
@@ -118,7 +254,7 @@ def test_a_killed_worker_costs_time_only(name: str, tmp_path: Path, request) -> 
 
 def _killing(executor: Executor, items: list[tuple[int, str]], seen: Path) -> list[tuple[int, int]]:
     """The sorted results of ``square_slowly``; the worker of the last note is killed on the way."""
-    results = executor.map(square_slowly, items)
+    results = map_items(executor, square_slowly, items)
     found = [next(results), next(results)]
     newest = max(seen.iterdir(), key=lambda path: path.stat().st_mtime_ns)
     os.kill(int(newest.name.split("-")[0]), signal.SIGKILL)
@@ -128,7 +264,7 @@ def _killing(executor: Executor, items: list[tuple[int, str]], seen: Path) -> li
 def test_workers_use_one_thread_each(cluster: clusters.Cluster) -> None:
     """Numbers in a worker use one thread, so that workers do not fight for cores."""
     for executor in (LocalProcesses(2), DaskCluster(cluster.host_and_port)):
-        assert [["1", "1"]] * 2 == [result for _, result in executor.map(threads, range(2))]
+        assert [["1", "1"]] * 2 == [result for _, result in map_items(executor, threads, range(2))]
 
 
 @pytest.mark.parametrize("name", ["local processes", "dask"])
@@ -137,7 +273,7 @@ def test_what_was_not_begun_is_dropped(name: str, tmp_path: Path, request) -> No
     dask = name == "dask"
     executor = choose_executor(2, request.getfixturevalue("cluster").address if dask else "local")
     items = [tmp_path / str(place) for place in range(60)]
-    results = executor.map(note_and_wait, items)
+    results = map_items(executor, note_and_wait, items)
     assert isinstance(results, Generator)
     next(results)
     results.close()
@@ -151,11 +287,11 @@ def test_ctrl_c_ends_the_workers(tmp_path: Path) -> None:
         "import sys\n"
         "from pathlib import Path\n"
         f"sys.path.insert(0, {str(clusters.ROOT)!r})\n"
-        "from tests.service.test_executors import note_and_wait\n"
-        "from stemwatch.service.executors import LocalProcesses\n"
+        "from tests.service.worker_jobs import note_and_wait\n"
+        "from stemwatch.service.executors import LocalProcesses, map_items\n"
         "if __name__ == '__main__':\n"
         "    items = [Path(sys.argv[1]) / str(place) for place in range(200)]\n"
-        "    list(LocalProcesses(2).map(note_and_wait, items))\n"
+        "    list(map_items(LocalProcesses(2), note_and_wait, items))\n"
     )
     script, seen = tmp_path / "program.py", tmp_path / "seen"
     script.write_text(program, encoding="utf-8")
@@ -195,6 +331,40 @@ def test_workers_are_chosen() -> None:
     assert choose_executor(None, "dask://[::1]:8786") == DaskCluster("[::1]:8786")
 
 
+def test_an_executor_of_another_package_is_found_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stemwatch, one_valve: Path
+) -> None:
+    """A package with an entry point in ``stemwatch.executors`` is all it takes: the command line
+    screens a valve with it."""
+    (tmp_path / "tiny_executor.py").write_text(
+        "from pathlib import Path\n"
+        "from stemwatch.service.executors import InProcess\n"
+        "class Tiny(InProcess):\n"
+        "    def __init__(self, address):\n"
+        "        super().__init__()\n"
+        "        Path(__file__).with_name('asked').write_text(address)\n",
+        encoding="utf-8",
+    )
+    about = tmp_path / "tiny_executor-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: tiny-executor\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[stemwatch.executors]\ntiny = tiny_executor:Tiny\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    out = tmp_path / "out"
+    outcome = stemwatch("screen", one_valve, "--executor", "tiny://farm", "--out", out)
+    assert outcome.status == 0, outcome.said
+    assert (tmp_path / "asked").read_text() == "tiny://farm"
+    assert (out / "report.html").is_file()
+    with pytest.raises(UnknownExecutor, match=r"or tiny://"):
+        choose_executor(None, "huge://farm")
+    file = tmp_path / "plant.toml"
+    file.write_text('[service]\nexecutor = "tiny://farm"\n', encoding="utf-8")
+    assert load_plant(file, environment={}).service.executor == "tiny://farm"
+    file.write_text('[service]\nexecutor = "huge://farm"\n', encoding="utf-8")
+    with pytest.raises(PlantFileError, match=r"dask://HOST:PORT.*tiny://"):
+        load_plant(file, environment={})
+
+
 @pytest.mark.parametrize(
     "address", ["ray://here:1", "dask", "dask://", "dask://here", "dask://h:99999", "10.0.0.5:8786"]
 )
@@ -213,7 +383,7 @@ def test_a_cluster_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) ->
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     with pytest.raises(ClusterError, match=r"no scheduler answers.*dask scheduler"):
-        list(DaskCluster(f"127.0.0.1:{port}").map(square, [1]))
+        list(map_items(DaskCluster(f"127.0.0.1:{port}"), square, [1]))
 
 
 def test_a_cluster_without_workers_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,17 +393,17 @@ def test_a_cluster_without_workers_is_said(tmp_path: Path, monkeypatch: pytest.M
         clusters.dask_cluster(tmp_path, workers=0) as cluster,
         pytest.raises(ClusterError, match=r"no worker for 0\.3 s; start some with `dask worker"),
     ):
-        list(DaskCluster(cluster.host_and_port).map(square, [1]))
+        list(map_items(DaskCluster(cluster.host_and_port), square, [1]))
 
 
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where Dask is not installed, the sentence says what to install."""
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=r"pip install 'stemwatch\[cluster\]'"):
-        list(DaskCluster("127.0.0.1:1").map(square, [1]))
+        list(map_items(DaskCluster("127.0.0.1:1"), square, [1]))
 
 
 def test_a_worker_of_another_version_refuses() -> None:
     """Two versions need not give the same numbers, so a worker of another one does no work."""
     with pytest.raises(ClusterError, match=r"was asked by 0\.0\.0; install one version"):
-        in_worker(square, 3, "0.0.0")
+        in_worker(double, [3], "0.0.0")

@@ -28,22 +28,21 @@ def work(items):
     return [1]
 """
 POOLS = {
-    "scheduler": HEAD
+    "batches of a run": HEAD
     + """
 if __name__ == "__main__":
-    from stemwatch.service.scheduler.workers import WorkerPool
-    pool = WorkerPool(2, 300.0)
+    from stemwatch.service.executors import LocalProcesses, outcomes
     try:
-        list(pool.each(work, [[1], [2]], threading.Event()))
+        list(outcomes(LocalProcesses(2, 300.0, isolated=True), work, [[1], [2]], threading.Event()))
     except KeyboardInterrupt:
         sys.exit(130)
 """,
-    "local processes": HEAD
+    "pieces of a study": HEAD
     + """
 if __name__ == "__main__":
-    from stemwatch.service.executors import LocalProcesses
+    from stemwatch.service.executors import LocalProcesses, map_items
     try:
-        list(LocalProcesses(2).map(work, [1, 2]))
+        list(map_items(LocalProcesses(2), work, [1, 2]))
     except KeyboardInterrupt:
         sys.exit(130)
 """,

@@ -11,9 +11,11 @@ from sqlalchemy import ColumnElement, Select, and_, case, func, or_, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.service.presenter.work_decision import WorkState, work_state
 from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
@@ -62,13 +64,21 @@ class RankingLine:
     held_back: bool  # what was left out does not stand among all valves of its run
     previous: PreviousFinding | None
 
+    @property
+    def state(self) -> WorkState | None:
+        """Where the valve stands with maintenance; ``None`` where it was not screened yet."""
+        named = bool(self.left_out) and not self.held_back
+        return None if self.verdict is None else work_state(self.verdict, named=named)
+
 
 @dataclass(frozen=True, kw_only=True)
 class RankingPage:
-    """One page, and how many valves there are of each verdict before that filter."""
+    """One page, and how many valves there are of each verdict and in each state of work before the
+    filter of the verdict."""
 
     lines: tuple[RankingLine, ...]
     counts: Mapping[str, int]
+    states: Mapping[WorkState, int]
     total: int
     areas: tuple[str, ...]
     largest_percent: float  # the largest S or J of all that is wanted, for the bars
@@ -92,13 +102,27 @@ def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
     return found
 
 
+def _stands() -> ColumnElement[int]:
+    """1 where an effect beside friction was named and is not held back, else 0.
+
+    The remark is looked up only where something was named: it lies in a large column.
+    """
+    held_back = func.coalesce(remark_column(), "") != ""
+    named = ScreeningRow.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
+    return case((named, case((held_back, 0), else_=1)), else_=0)
+
+
 def _order(wanted: RankingFilter) -> list[Any]:
     gravity = case(
         {verdict.value: place for place, verdict in enumerate(WORST_FIRST)},
         value=ScreeningRow.verdict,
         else_=len(WORST_FIRST),
     )
+    needs_work = case(
+        (ScreeningRow.verdict == Verdict.STICKY.value, 0), (_stands() == 1, 0), else_=1
+    )
     worst_first = [
+        needs_work.asc(),
         gravity.asc(),
         func.coalesce(ScreeningRow.severity, 0.0).desc(),
         ValveRow.criticality.desc(),
@@ -115,7 +139,11 @@ def _order(wanted: RankingFilter) -> list[Any]:
         "grade": ScreeningRow.grade,
     }
     if wanted.sort not in columns:
-        turned = [gravity.desc(), func.coalesce(ScreeningRow.severity, 0.0).asc()]
+        turned = [
+            needs_work.desc(),
+            gravity.desc(),
+            func.coalesce(ScreeningRow.severity, 0.0).asc(),
+        ]
         return [*(turned if wanted.descending else worst_first), ValveRow.id]
     column = columns[wanted.sort]
     way = column.desc() if wanted.descending else column.asc()
@@ -153,16 +181,20 @@ def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     The latest screenings are looked up once, with the few numbers that order and counts need; the
     rest is read of the lines that are shown.
     """
-    numbers = (ScreeningRow.verdict, ScreeningRow.s_percent, ScreeningRow.j_percent)
+    stands = _stands().label("stands")
+    numbers = (ScreeningRow.verdict, stands, ScreeningRow.s_percent, ScreeningRow.j_percent)
     statement = _joined(ValveRow.id, ScreeningRow.id.label("screening_id"), *numbers)
     statement = statement.where(*_conditions(wanted)).order_by(*_order(wanted))
     counts = dict.fromkeys([*(verdict.value for verdict in WORST_FIRST), NOT_SCREENED], 0)
     chosen: list[tuple[str, int | None]] = []
+    states = dict.fromkeys(WorkState, 0)
     largest = 0.0
     # Past the session, whose rows cost several times as much: here are all valves there are.
-    for valve, number, verdict, S, J in session.connection().execute(statement):
+    for valve, number, verdict, named, S, J in session.connection().execute(statement):
         word = verdict or NOT_SCREENED
         counts[word] += 1
+        if verdict:
+            states[work_state(Verdict(verdict), named=bool(named))] += 1
         largest = max(largest, S or 0.0, J or 0.0)
         if not wanted.verdicts or word in wanted.verdicts:
             chosen.append((valve, number))
@@ -171,6 +203,7 @@ def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     return RankingPage(
         lines=_lines(session, shown, first + 1),
         counts=counts,
+        states=states,
         total=len(chosen),
         areas=read_areas(session),
         largest_percent=largest,

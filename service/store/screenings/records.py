@@ -143,6 +143,7 @@ class JudgedScreening:
     run_id: int
     window: tuple[datetime | None, datetime | None]
     verdict: Verdict
+    reason: str
     advice: str
     severity: float
     S: Estimate

@@ -26,7 +26,7 @@ from stemwatch.models.studies.simulator.hidden import (
     draw_unknown,
     simulate_hidden,
 )
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 from stemwatch.service.studies.proof.truth import OUTSIDE, RECORD_EFFECTS, CaseTruth, Seal, seal
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
@@ -138,7 +138,7 @@ def write_cases(
         _Order(tuple(seeded[first : first + BATCH])) for first in range(0, len(seeded), BATCH)
     ]
     truths: list[CaseTruth] = []
-    for _, batch in executor.map(_fill, orders):
+    for _, batch in map_items(executor, _fill, orders):
         truths += batch
         tell(len(truths))
     return seal(truths)

@@ -15,7 +15,7 @@ import numpy as np
 from stemwatch.models.mismatch.explain import scores
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls, simulate_hidden
-from stemwatch.service.executors import Executor
+from stemwatch.service.executors import Executor, map_items
 
 QUANTILES = (0.5, 0.9, 0.95, 0.97, 0.99, 1.0)
 _ROUNDING = 1e-9
@@ -101,7 +101,7 @@ def calibrate(cases: int, seed: int, executor: Executor, tell: Callable[[int], N
     drawn = draw_nulls(cases, seed)
     batches = [tuple(drawn[first : first + BATCH]) for first in range(0, len(drawn), BATCH)]
     done: dict[int, list[Mapping[str, tuple[float, float]]]] = {}
-    for place, rows in executor.map(_scored, batches):
+    for place, rows in map_items(executor, _scored, batches):
         done[place] = rows
         tell(sum(map(len, done.values())))
     return _aligned([row for place in sorted(done) for row in done[place]])

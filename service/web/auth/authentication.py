@@ -61,8 +61,8 @@ class Authentication:
             log.warning("%s %s: %s", scope["method"], scope["path"], error)
             return self._answer(request, 503, AWAY)
         if current_user is None:
-            await run_in_threadpool(self._note_stranger, scope, headers)
-            return self._stranger(request, headers)
+            await run_in_threadpool(self._note_not_signed_in, scope, headers)
+            return self._not_signed_in(request, headers)
         state_of(scope)["current_user"] = current_user
         if current_user.may(operation):
             return None
@@ -106,7 +106,7 @@ class Authentication:
         active = BY_ITSELF not in headers
         return user_of_cookie(self._site.store, cookie, now, active=active)
 
-    def _stranger(self, request: Request, headers: Headers) -> Response:
+    def _not_signed_in(self, request: Request, headers: Headers) -> Response:
         """To the login where a person opens a page, else 401 with a sentence."""
         by_hand = request.method in ("GET", "HEAD") and BY_ITSELF not in headers
         wants_page = "text/html" in headers.get("accept", "")
@@ -121,7 +121,7 @@ class Authentication:
         answer.headers["www-authenticate"] = 'Bearer realm="stemwatch"'
         return answer
 
-    def _note_stranger(self, scope: Scope, headers: Headers) -> None:
+    def _note_not_signed_in(self, scope: Scope, headers: Headers) -> None:
         """Bad tokens and changes that nobody signed for: once a minute from an address, so that
         strangers cannot fill the log."""
         if "authorization" not in headers and scope["method"] in SAFE:

@@ -112,8 +112,8 @@ async def _checked(request: Request, token: str) -> Form:
     return Form(fields)
 
 
-Sent = Annotated[Form, Depends(form_of)]
-OpenSent = Annotated[Form, Depends(open_form_of)]
+SentForm = Annotated[Form, Depends(form_of)]
+SentOpenForm = Annotated[Form, Depends(open_form_of)]
 
 
 def cookie_of(request: Request) -> str:

@@ -22,7 +22,7 @@ from stemwatch.service.access.sessions import begin_session, sessions_of
 from stemwatch.service.store.accounts.records import Scope, User
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.auth.current_user import SignedIn, address_of, note_about
-from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.auth.session_cookie import set_session
 from stemwatch.service.web.dependencies import Dependencies, Deps
 
@@ -39,7 +39,9 @@ def account(request: Request, deps: Deps, current_user: SignedIn) -> HTMLRespons
 
 
 @router.post("/account/password")
-def change_password(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> Response:
+def change_password(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> Response:
     """Change one's password; every other browser is signed out."""
     user, now, address = _user(deps, current_user), deps.now, address_of(request.scope)
     new = form.secret("password")
@@ -65,7 +67,7 @@ def change_password(request: Request, deps: Deps, current_user: SignedIn, form: 
 
 @router.post("/account/sessions/end")
 def end_sessions(
-    request: Request, deps: Deps, current_user: SignedIn, _form: Sent
+    request: Request, deps: Deps, current_user: SignedIn, _form: SentForm
 ) -> RedirectResponse:
     """Sign out every other browser."""
     note_about(request, "other sessions")
@@ -74,7 +76,9 @@ def end_sessions(
 
 
 @router.post("/account/tokens/make")
-def make_token(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> HTMLResponse:
+def make_token(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> HTMLResponse:
     """A new token, shown on this one page and never again."""
     days = form.number("days", "how many days a token holds")
     if days not in (*LIFETIMES_DAYS, FOR_EVER):
@@ -97,7 +101,7 @@ def make_token(request: Request, deps: Deps, current_user: SignedIn, form: Sent)
 
 @router.post("/account/tokens/revoke")
 def revoke_token(
-    request: Request, deps: Deps, current_user: SignedIn, form: Sent
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
 ) -> RedirectResponse:
     """Let nobody in by one of one's own tokens any more."""
     number = form.number("token", "the number of a token")

@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.service.store.alerts.alerts import MOST_ALERTS, STATES, state_of
 from stemwatch.service.web.auth.current_user import SignedIn
-from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Deps
 from stemwatch.service.web.page_renderer import valve_link
 
@@ -40,7 +40,9 @@ def alert_list(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/alerts/settle")
-def settle(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+def settle(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> RedirectResponse:
     """Acknowledge an alert, put it off, or mark it as false; ``how`` says which."""
     number = form.number("alert", "the number of an alert")
     who, text = current_user.signature(), form.text("text")

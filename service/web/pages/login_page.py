@@ -14,7 +14,7 @@ from stemwatch.service.access.sessions import begin_session
 from stemwatch.service.store.accounts.records import AuditEntry, OneTimeLink, OneTimeLinkKind
 from stemwatch.service.store.accounts.users import NameTaken
 from stemwatch.service.web.auth.current_user import SignedIn, address_of
-from stemwatch.service.web.auth.forms import OpenSent, Sent
+from stemwatch.service.web.auth.forms import SentForm, SentOpenForm
 from stemwatch.service.web.auth.session_cookie import drop_session, set_session
 from stemwatch.service.web.dependencies import Dependencies, Deps
 
@@ -29,7 +29,7 @@ def login(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/login")
-def log_in(request: Request, deps: Deps, form: OpenSent) -> Response:
+def log_in(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     """Sign in with name and password."""
     wanted, name = safe_place(form.text("next")), form.text("name")
     try:
@@ -53,7 +53,9 @@ def log_in(request: Request, deps: Deps, form: OpenSent) -> Response:
 
 
 @router.post("/logout")
-def log_out(request: Request, deps: Deps, current_user: SignedIn, _form: Sent) -> RedirectResponse:
+def log_out(
+    request: Request, deps: Deps, current_user: SignedIn, _form: SentForm
+) -> RedirectResponse:
     """End the session of this browser."""
     deps.store.web_sessions.end(current_user.session)
     answer = RedirectResponse(f"{_base(request)}/login", 303)
@@ -73,7 +75,7 @@ def welcome(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/welcome")
-def take_link(request: Request, deps: Deps, form: OpenSent) -> Response:
+def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     """Use a one-time link up, and sign in."""
     secret, name = form.text("link"), form.text("name")
     try:

@@ -13,6 +13,7 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.store.screenings.ranking import (
     LARGEST_FIRST,
@@ -57,6 +58,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         here="ranking",
         wanted=wanted,
         found=found,
+        work=WorkCounts.of_states(found.states),
         trends=[
             change_since_last_run(line, line.previous) if line.verdict else None
             for line in found.lines

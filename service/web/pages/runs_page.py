@@ -10,7 +10,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.auth.current_user import SignedIn
-from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
 from stemwatch.service.web.pages.run_report import TYPES, report_folder
 
@@ -68,7 +68,7 @@ def _report_files(deps: Dependencies, number: int) -> list[str]:
 
 
 @router.post("/runs/begin")
-def begin(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+def begin(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> RedirectResponse:
     """Queue a run over one valve, the valves of an area, or all."""
     valves = [valve for valve in form.all("valve") if valve]
     area = form.text("area")
@@ -81,7 +81,9 @@ def begin(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> R
 
 
 @router.post("/runs/cancel")
-def cancel(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+def cancel(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> RedirectResponse:
     """Ask that a run ends early."""
     deps.actions.cancel(form.number("run", "the number of a run"), current_user.signature())
     return _back(request, "cancel")

@@ -8,7 +8,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from stemwatch.service.access.tokens import ENVIRONMENT, SHORTEST_OF_ENVIRONMENT
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.auth.current_user import note_about
-from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Deps
 from stemwatch.service.web.pages.account_page import back
 
@@ -31,7 +31,7 @@ def token_list(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/tokens/revoke")
-def revoke(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def revoke(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Let nobody in by a token any more."""
     number = form.number("token", "the number of a token")
     token = deps.store.api_tokens.get(number) if number <= LARGEST_NUMBER else None

@@ -12,7 +12,7 @@ from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKin
 from stemwatch.service.store.accounts.users import LastAdmin
 from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
-from stemwatch.service.web.auth.forms import Form, Sent
+from stemwatch.service.web.auth.forms import Form, SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
 from stemwatch.service.web.pages.account_page import back
 
@@ -26,7 +26,7 @@ def user_list(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/users/invite")
-def invite(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> HTMLResponse:
+def invite(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> HTMLResponse:
     """A one-time link for a new user; it is shown on this one page and never again."""
     note = form.text("note", most=200)
     role, now = _role(form), deps.now
@@ -38,7 +38,9 @@ def invite(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> 
 
 
 @router.post("/users/password")
-def new_password(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> HTMLResponse:
+def new_password(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> HTMLResponse:
     """A one-time link at which a user chooses a new password. Admins set none and see none."""
     user = _user(request, deps, form)
     if user.disabled is not None:
@@ -56,7 +58,7 @@ def new_password(request: Request, deps: Deps, current_user: SignedIn, form: Sen
 
 
 @router.post("/users/role")
-def set_role(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def set_role(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Change what a user may do; it holds from the next request on."""
     user, role = _user(request, deps, form), _role(form)
     note_about(request, f"before {user.role}")
@@ -65,7 +67,7 @@ def set_role(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 @router.post("/users/disable")
-def disable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def disable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Let a user in no more. What the user did stays on record."""
     user = _user(request, deps, form)
     note_about(request, "disable")
@@ -74,7 +76,7 @@ def disable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 @router.post("/users/enable")
-def enable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def enable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Let a user in again."""
     user = _user(request, deps, form)
     note_about(request, "enable")
@@ -83,7 +85,7 @@ def enable(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
 
 
 @router.post("/users/links/withdraw")
-def withdraw(request: Request, deps: Deps, form: Sent) -> RedirectResponse:
+def withdraw(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     """Make a one-time link worthless."""
     number = form.number("number", "the number of a link")
     note_about(request, f"withdraw link {number}")

@@ -27,7 +27,7 @@ from stemwatch.service.store.store import Store
 from stemwatch.service.web.api.history import read_marks
 from stemwatch.service.web.api.signals import LONGEST, tags_of
 from stemwatch.service.web.auth.current_user import SignedIn
-from stemwatch.service.web.auth.forms import Sent
+from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
 from stemwatch.service.web.pages.ranking_page import bar_top
 from stemwatch.service.web.pages.run_report import MAINTENANCE, report_folder
@@ -89,7 +89,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
 
 
 @router.post("/valve/note")
-def note(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+def note(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> RedirectResponse:
     """Keep a remark about a valve."""
     name = deps.need_valve(form.text("valve", needed="a valve"))
     at = form.instant("at", deps.site.tz, deps.now)
@@ -100,7 +100,7 @@ def note(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> Re
 
 @router.post("/valve/maintenance")
 def maintenance(
-    request: Request, deps: Deps, current_user: SignedIn, form: Sent
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
 ) -> RedirectResponse:
     """Record work on a valve."""
     name = deps.need_valve(form.text("valve", needed="a valve"))
@@ -111,7 +111,9 @@ def maintenance(
 
 
 @router.post("/valve/baseline")
-def baseline(request: Request, deps: Deps, current_user: SignedIn, form: Sent) -> RedirectResponse:
+def baseline(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> RedirectResponse:
     """Make the network fitted last the valve's baseline."""
     name = deps.need_valve(form.text("valve", needed="a valve"))
     deps.actions.baseline(name, form.text("text"), current_user.signature())

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, Mismatch, Stiction
+from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.rules import (
     AlertDecision,
@@ -38,6 +39,7 @@ def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> Jud
         "run_id": 1,
         "window": (NOW, NOW + timedelta(hours=number)),
         "verdict": verdict,
+        "reason": "The stem sticks.",
         "advice": "Check the packing.",
         "severity": 50.0,
         "S": percent(2.0),
@@ -170,7 +172,8 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
     assert "mismatch" in closed
     many = [screening(n, mismatch=found, named=True) for n in (2, 1)]
     raised, _ = apply_rules(ValveRecord(valve=VALVE, screenings=many), RULES)
-    assert raised[0].text == "FIC-1 (Feed): There is play. Look at the linkage."
+    check = catalogue()["lost_motion"].words.check
+    assert raised[0].text == f"FIC-1 (Feed): There is play. {check}"
 
 
 @pytest.mark.parametrize(("criticality", "severity"), [(3, "high"), (2, "medium"), (1, "low")])

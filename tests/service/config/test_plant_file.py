@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from stemwatch.connectors.connector import TagMapping
+from stemwatch.connectors.historian.connector import TextExportSettings
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
-from stemwatch.service.config import Plant, Source, load_plant
+from stemwatch.service.config import Plant, load_plant
 
 WHOLE = """\
 valve_list = "valves.csv"
@@ -138,8 +139,11 @@ def test_every_limit_can_be_set(tmp_path: Path) -> None:
 
 def test_read_options_are_the_readers_own(plant: Plant) -> None:
     """A source has a key for each option of the reader; what is not given is left to it."""
-    assert {f.name for f in dataclasses.fields(ReadOptions)} == set(Source.model_fields) - {
+    assert {f.name for f in dataclasses.fields(ReadOptions)} == set(
+        TextExportSettings.model_fields
+    ) - {
         "name",
+        "kind",
         "path",
         "folder",
     }

@@ -171,9 +171,11 @@ def the_mail_is_there(started: Started, reader: Reader) -> None:
     """In the catcher's list, and as a file that a mail program reads."""
     found = started.said(r"^A mail arrived \((\d+\.eml)\): .*" + WEARING, 120)
     assert WEARING in (started.folder / "mails" / found[1]).read_text("utf-8")
-    until(lambda: _mails_with("It sticks", started), 120, started, "the mail about the stiction")
+    until(
+        lambda: _mails_with("The stem sticks", started), 120, started, "the mail about the stiction"
+    )
     reader.page.goto((started.folder / "mails" / "index.html").as_uri())
-    assert "It sticks" in reader.page.locator("ol").inner_text()
+    assert "The stem sticks" in reader.page.locator("ol").inner_text()
     reader.keep("3-mail")
 
 
@@ -187,7 +189,7 @@ def somebody_acknowledges(reader: Reader) -> None:
     reader.open("alerts")
     reader.keep("2-alert")
     reader.keep("2-alert-phone", phone=True)
-    card = reader.page.locator(".card", has_text="It sticks").first
+    card = reader.page.locator(".card", has_text="The stem sticks").first
     card.locator("summary").click()
     fill_in(card, COMMENT)
     card.get_by_role("button", name="Acknowledge").click()

@@ -16,7 +16,7 @@ from stemwatch.service.config.problems import PlantFileError
 from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
-from stemwatch.service.scheduler.runner import Runner
+from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import BLIND, STICKY
@@ -78,7 +78,7 @@ def test_a_scheduled_run_writes_it_beside_its_report(stroked):
     plant = load_plant(stroked, environment={})
     with open_store(plant.storage) as store:
         number = store.queue.put(RunRequest(who="Ann"), software_version="1")
-        assert Runner(store, plant).once(threading.Event())
+        assert QueueWorker(store, plant).once(threading.Event())
         folder = Path(store.run(number).report)
         assert background_of(store, plant, number).run == number
     assert {path.name for path in folder.iterdir()} >= set(FILES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,10 @@ import pytest
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.executors.dask_cluster import DaskCluster
+from stemwatch.service.executors.executor import Answer
 from stemwatch.service.report import to_contract
-from stemwatch.service.run import chunking, engine
-from stemwatch.service.run.engine import Run, run
+from stemwatch.service.run import chunking, execute
+from stemwatch.service.run.engine import RunNow, screen_now
 from stemwatch.service.run.plan import Request
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.store.store import open_store
@@ -29,9 +30,9 @@ class LastFirst:
 
     workers: int = 1
 
-    def map(self, work: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[tuple[int, Any]]:
-        for place, item in reversed(list(enumerate(items))):
-            yield place, work(item)
+    def hand_out(self, work, batches, stop, *, alone=False) -> Generator[Answer[Any]]:
+        for place, batch in reversed(list(enumerate(batches))):
+            yield Answer(place=place, results=work(batch))
 
 
 @pytest.fixture
@@ -47,8 +48,8 @@ def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             told.append((screening.valve, done, of))
 
         with open_store(f"sqlite:///{tmp_path / name}.db") as store:
-            how = Run(store=store, executor=executor, out=tmp_path / name)
-            result = run(Request(sources=(str(export),)), how, tell)
+            how = RunNow(store=store, executor=executor, out=tmp_path / name)
+            result = screen_now(Request(sources=(str(export),)), how, tell)
         assert [one.valve for one in result.brief] == [one.valve for one in result.screenings]
         assert isinstance(result.screenings, ResultSpill)
         plots = [result.screenings.evidence(place) for place in range(len(result.screenings))]
@@ -83,9 +84,9 @@ def test_a_worker_killed_while_it_screens_changes_no_number(
     """A worker of the cluster that dies amid a batch costs time: every number, word, interval and
     plot of every valve is the same bit for bit as without workers, and each valve comes once."""
     alone, _ = found(InProcess(), "alone")
-    monkeypatch.setattr(engine, "CHUNK", 1)
+    monkeypatch.setattr(execute, "CHUNK", 1)
     lost, (killed, told) = cluster.kill_worker_amid(
-        "screen_chunk", lambda: found(DaskCluster(cluster.host_and_port), "killed")
+        "screen_tasks", lambda: found(DaskCluster(cluster.host_and_port), "killed")
     )
     assert lost
     assert [worker.poll() for worker in cluster.workers].count(-signal.SIGKILL) == 1
@@ -95,7 +96,7 @@ def test_a_worker_killed_while_it_screens_changes_no_number(
 
 def test_the_order_of_work_does_not_show(found, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results stand in the sources' order however they come in; progress counts as they come."""
-    monkeypatch.setattr(engine, "CHUNK", 1)
+    monkeypatch.setattr(execute, "CHUNK", 1)
     forward, _ = found(InProcess(), "forward")
     backward, told = found(LastFirst(), "backward")
     assert forward == backward

@@ -10,7 +10,7 @@ from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.run.task import Chunk, InStore, StoredBaseline, Task, screen_chunk
+from stemwatch.service.run.task import InStore, StoredBaseline, Task, screen_tasks
 from stemwatch.service.store.database_url import DatabaseUrl
 
 
@@ -24,16 +24,14 @@ def test_a_worker_makes_no_database(tmp_path: Path) -> None:
     """A worker on another machine sees no SQLite file: it says so and makes none."""
     address = DatabaseUrl(f"sqlite:///{tmp_path / 'stemwatch.db'}")
     stored = InStore(address=address, source="plc-1")
-    (found,) = screen_chunk(
-        Chunk(tasks=(task(tmp_path / "plc-1", stored=stored),), limits=Limits())
-    )
+    (found,) = screen_tasks([task(tmp_path / "plc-1", stored=stored)], Limits())
     assert found.verdict is Verdict.UNDETERMINED
     assert f"no database at {tmp_path / 'stemwatch.db'}" in found.reason
     assert "PostgreSQL" in found.reason
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_chunk_gives_a_screening_for_each_task_in_order(one_valve: Path, tmp_path: Path) -> None:
+def test_there_is_a_screening_for_each_task_in_order(one_valve: Path, tmp_path: Path) -> None:
     """Tasks that cannot be read stand between those that can, each with its own reason."""
     header = one_valve.read_bytes().partition(b"\n")[0]
     (tmp_path / "cut.csv").write_bytes(header)
@@ -45,7 +43,7 @@ def test_a_chunk_gives_a_screening_for_each_task_in_order(one_valve: Path, tmp_p
         task(tmp_path / "cut.csv"),
         task(tmp_path),
     )
-    found = screen_chunk(Chunk(tasks=tasks, limits=Limits()))
+    found = screen_tasks(tasks, Limits())
     assert [one.verdict for one in found] == [
         Verdict.UNDETERMINED, Verdict.STICKY, *[Verdict.UNDETERMINED] * 4,
     ]  # fmt: skip
@@ -60,7 +58,7 @@ def test_a_chunk_gives_a_screening_for_each_task_in_order(one_valve: Path, tmp_p
 
 def test_an_unread_task_knows_its_source_and_what_to_do(tmp_path: Path) -> None:
     """The screening of a file that is not there still names it and gives a next step."""
-    (found,) = screen_chunk(Chunk(tasks=(task(tmp_path / "gone.csv"),), limits=Limits()))
+    (found,) = screen_tasks([task(tmp_path / "gone.csv")], Limits())
     assert str(tmp_path / "gone.csv") == found.provenance.source
     assert "stemwatch inspect" in found.advice
     assert found.S.value is None
@@ -70,17 +68,17 @@ def test_an_unread_task_knows_its_source_and_what_to_do(tmp_path: Path) -> None:
 def test_a_damaged_baseline_is_a_note(one_valve: Path) -> None:
     """Bytes that are no network cost the comparison only, and the note says to set a new one."""
     kept = StoredBaseline(network=b"no network", note="Baseline: of last year.")
-    (found,) = screen_chunk(Chunk(tasks=(task(one_valve, baseline=kept),), limits=Limits()))
+    (found,) = screen_tasks([task(one_valve, baseline=kept)], Limits())
     assert found.verdict is Verdict.STICKY
     assert found.baseline_note.startswith("Baseline: of last year. It cannot be read (")
     assert found.baseline_note.endswith("set a new one.")
 
 
-def test_a_chunk_and_its_screenings_can_travel(one_valve: Path) -> None:
-    """Chunk and result survive the way to another process and back, recording and network too."""
-    chunk = Chunk(tasks=(task(one_valve),), limits=Limits())
-    assert chunk == pickle.loads(pickle.dumps(chunk))
-    (found,) = screen_chunk(chunk)
+def test_tasks_and_their_screenings_can_travel(one_valve: Path) -> None:
+    """Task and result survive the way to another process and back, recording and network too."""
+    tasks = [task(one_valve)]
+    assert tasks == pickle.loads(pickle.dumps(tasks))
+    (found,) = screen_tasks(tasks, Limits())
     again = pickle.loads(pickle.dumps(found))
     assert (found.S, found.J, found.reason) == (again.S, again.J, again.reason)
     assert found.recording is not None

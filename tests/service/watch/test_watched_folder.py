@@ -25,7 +25,7 @@ from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.run.plan import Request, make_plan
-from stemwatch.service.run.task import Chunk, screen_chunk
+from stemwatch.service.run.task import screen_tasks
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.watch import WatchedFolder, take_in
@@ -106,12 +106,12 @@ def test_a_valve_is_screened_from_the_store(
     drop(folder, "monday.csv", export.read_bytes())
     twice(folder)
     tasks = [one for one in make_plan(Request(plant=watched)).tasks if one.tags.valve == STICKY]
-    (found,) = screen_chunk(Chunk(tasks=tuple(tasks), limits=watched.limits))
+    (found,) = screen_tasks(tasks, watched.limits)
     assert found.verdict is Verdict.STICKY
     assert found.provenance.layout == "samples in the store"
     empty = Window(start=datetime(2030, 1, 1, tzinfo=UTC))
     task = replace(tasks[0], window=empty)
-    (nothing,) = screen_chunk(Chunk(tasks=(task,), limits=watched.limits))
+    (nothing,) = screen_tasks([task], watched.limits)
     assert nothing.verdict is Verdict.UNDETERMINED
     assert "no good sample of the controller output" in nothing.reason
 

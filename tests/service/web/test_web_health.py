@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.config import Plant, load_plant
-from stemwatch.service.scheduler import Alarm, Planner
+from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.startup_server import REASON, StartupServer
 from stemwatch.service.store.samples.sources import SourceState
@@ -95,14 +95,14 @@ def test_without_the_database_nothing_is_ready(live: Site, client_of, tmp_path: 
 
 def test_the_scheduler_and_the_collector_have_to_speak(store: Store, plant: Plant) -> None:
     """Before the schedules were looked at and a device was spoken of, the service is not ready."""
-    alarm = Alarm(store, Planner(store, "UTC"), "UTC")
-    assert set(said(checks(store, plant, alarm))) == {"scheduler", "collector", "device plc-1"}
-    alarm.look()
+    scheduler = Scheduler(store, "UTC")
+    assert set(said(checks(store, plant, scheduler))) == {"scheduler", "collector", "device plc-1"}
+    scheduler.look()
     old = datetime.now(UTC) - timedelta(minutes=5)
     store.sources.note(SourceState(source="plc-1", kind="modbus", updated=old))
-    assert set(said(checks(store, plant, alarm))) == {"collector", "device plc-1"}
+    assert set(said(checks(store, plant, scheduler))) == {"collector", "device plc-1"}
     store.sources.note(SourceState(source="plc-1", kind="modbus", fault="192.0.2.1 is away"))
-    found = said(checks(store, plant, alarm))
+    found = said(checks(store, plant, scheduler))
     assert list(found) == ["device plc-1"]
     assert "192.0.2.1" not in found["device plc-1"]
 
@@ -112,8 +112,8 @@ def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
     ended = threading.Thread(target=lambda: None, name="runner")
     ended.start()
     ended.join()
-    alarm = Alarm(store, Planner(store, "UTC"), "UTC")
-    (found,) = [one for one in checks(store, plant, alarm, [ended]) if one.name == "runner"]
+    scheduler = Scheduler(store, "UTC")
+    (found,) = [one for one in checks(store, plant, scheduler, [ended]) if one.name == "runner"]
     assert (found.ok, found.vital) == (False, True)
 
 

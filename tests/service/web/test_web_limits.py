@@ -19,7 +19,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from stemwatch.service.serve import http_server
-from stemwatch.service.serve.http_server import Rarely, connection_limit
+from stemwatch.service.serve.http_server import OnceAMinute, connection_limit
 from stemwatch.service.web.middleware import LARGEST_BODY, SecurityMiddleware
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import serving, serving_app
@@ -254,7 +254,7 @@ def test_connections_take_a_quarter_of_the_descriptors(monkeypatch) -> None:
 
 def test_a_line_that_strangers_can_cause_is_said_rarely_and_counted() -> None:
     """Once in a while, with how often it came; other lines are not held back by it."""
-    filter_ = Rarely(every_s=0.2)
+    filter_ = OnceAMinute(every_s=0.2)
 
     def record(text: str, *values: object) -> logging.LogRecord:
         return logging.LogRecord("x", logging.WARNING, "x.py", 1, text, values, None)

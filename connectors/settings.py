@@ -1,0 +1,87 @@
+"""What a connector asks of the plant file: its ``[[sources]]`` table, as a pydantic model.
+
+Each field's description is what an error says was expected.
+"""
+
+from __future__ import annotations
+
+import codecs
+import difflib
+from collections.abc import Iterable
+from typing import Annotated
+from zoneinfo import ZoneInfo, available_timezones
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+CONTRADICTION = "contradiction"  # the type of such an error
+
+
+def contradiction(key: tuple[str, ...], found: str, expected: str) -> PydanticCustomError:
+    """To be raised by a validator; ``key`` is where to look, from the table that is checked."""
+    context = {"key": key, "found": found, "expected": expected}
+    return PydanticCustomError(CONTRADICTION, "found {found}; expected {expected}", context)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """``" (did you mean 'zone'?)"``, or nothing where no known word comes close."""
+    by_lower = {name.lower(): name for name in sorted(known)}
+    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
+
+
+def either_of(known: Iterable[str]) -> str:
+    """``"one of area, id, source"``."""
+    return "one of " + ", ".join(sorted(known))
+
+
+class TomlTable(BaseModel):
+    """A TOML table: no unknown keys, no silent conversion of one type into another."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        str_strip_whitespace=True,
+        validate_default=False,
+    )
+
+
+def _known_zone(zone: str) -> str:
+    try:
+        ZoneInfo(zone)
+    except (KeyError, ValueError, OSError):
+        raise ValueError(
+            "an IANA time zone such as Europe/Berlin" + nearest(zone, available_timezones())
+        ) from None
+    return zone
+
+
+def _known_encoding(encoding: str) -> str:
+    try:
+        codecs.lookup(encoding)
+    except (LookupError, ValueError):
+        raise ValueError("an encoding that Python knows, such as utf-8 or cp1252") from None
+    return encoding
+
+
+def _one_line(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("text without line breaks and control characters")
+    return text
+
+
+Text = Annotated[str, AfterValidator(_one_line)]
+Name = Annotated[Text, Field(min_length=1, max_length=200)]
+Zone = Annotated[str, AfterValidator(_known_zone)]
+Encoding = Annotated[str, AfterValidator(_known_encoding)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+NotEmpty = Annotated[str, Field(min_length=1)]
+
+
+class SourceSettings(TomlTable):
+    """What the ``[[sources]]`` tables of every kind have."""
+
+    name: Name = Field(description="a name of its own for the source, as text of 1 to 200 letters")

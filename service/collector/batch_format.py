@@ -1,0 +1,112 @@
+"""How a batch lies in a spool file: a mark, a length, a checksum, and the batch compressed."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
+
+MARK = b"\xf1sWb"  # begins each record; the first byte is no ASCII and no UTF-8
+_HEAD = struct.Struct("<4sII")  # mark, bytes of the body, checksum of the body
+_META = struct.Struct("<I")
+HEAD_BYTES = _HEAD.size
+LARGEST_BODY = 64 * 1024 * 1024  # a damaged length must not make us wait for the rest of a disk
+
+
+@dataclass(frozen=True)
+class Found:
+    """A record in the bytes of a file: the batch, and where the next one begins.
+
+    ``skipped`` bytes before it were no record.
+    """
+
+    batch: SampleBatch
+    samples: int
+    stop: int
+    skipped: int = 0
+
+
+def pack(batch: SampleBatch) -> bytes:
+    """The record of ``batch``."""
+    reasons = sorted(set(batch.reasons))
+    places = {reason: place for place, reason in enumerate(reasons)}
+    meta = {"source": batch.source, "tags": batch.tags, "reasons": reasons}
+    text = json.dumps(meta, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
+    parts = (
+        _META.pack(len(text)),
+        text,
+        np.ascontiguousarray(batch.at_us, dtype="<i8").tobytes(),
+        np.ascontiguousarray(batch.values, dtype="<f8").tobytes(),
+        np.ascontiguousarray(batch.quality, dtype="u1").tobytes(),
+        np.array([places[reason] for reason in batch.reasons], dtype="<u4").tobytes(),
+    )
+    body = zlib.compress(b"".join(parts), 1)
+    return _HEAD.pack(MARK, len(body), zlib.crc32(body)) + body
+
+
+def unpack(body: bytes) -> SampleBatch:
+    """The batch in the ``body`` of a record whose checksum is right."""
+    plain = zlib.decompress(body)
+    (length,) = _META.unpack_from(plain)
+    start = _META.size + length
+    meta = json.loads(plain[_META.size : start])
+    count = len(meta["tags"])
+
+    def column(kind: str) -> NDArray[Any]:
+        nonlocal start
+        values = np.frombuffer(plain, dtype=kind, count=count, offset=start)
+        start += values.nbytes
+        return values
+
+    at_us, values, quality = column("<i8"), column("<f8"), column("u1")
+    reasons = meta["reasons"]
+    return SampleBatch(
+        source=meta["source"],
+        tags=tuple(meta["tags"]),
+        at_us=at_us.astype(np.int64),
+        values=values.astype(np.float64),
+        quality=quality.astype(np.uint8),
+        reasons=tuple(reasons[place] for place in column("<u4").tolist()),
+    )
+
+
+def records(data: bytes, start: int = 0) -> Iterator[Found]:
+    """Each record in ``data`` from ``start`` on, past whatever is damaged.
+
+    After damage the search goes on at the next mark. What stands behind the last record, such as
+    one that was being written when the power went, is not reported: ``Found.stop`` of the last one
+    tells where it begins.
+    """
+    place, skipped_from = start, start
+    while (place := data.find(MARK, place)) >= 0:
+        found = _at(data, place, place - skipped_from)
+        if found is None:
+            place += 1
+            continue
+        yield found
+        place = skipped_from = found.stop
+
+
+def _at(data: bytes, place: int, skipped: int) -> Found | None:
+    if place + HEAD_BYTES > len(data):
+        return None
+    _, length, checksum = _HEAD.unpack_from(data, place)
+    stop = place + HEAD_BYTES + length
+    if length > LARGEST_BODY or stop > len(data):
+        return None
+    body = data[place + HEAD_BYTES : stop]
+    if zlib.crc32(body) != checksum:
+        return None
+    try:
+        batch = unpack(body)
+    except (ValueError, KeyError, IndexError, struct.error, zlib.error):
+        return None  # written by a version that this one does not understand
+    return Found(batch, len(batch), stop, skipped)

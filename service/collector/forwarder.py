@@ -1,0 +1,134 @@
+"""``Forwarder``: carries batches from the spool to the sink, in order, for as long as it takes."""
+
+from __future__ import annotations
+
+import csv
+import logging
+import threading
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from itertools import groupby
+from operator import attrgetter
+
+from stemwatch.connectors.modbus.backoff import Backoff
+from stemwatch.connectors.modbus.sample_batch import SampleBatch, joined
+from stemwatch.service.collector.sample_sink import SampleSink, SinkRefused
+from stemwatch.service.collector.spool import Position, Spool, Waiting
+
+log = logging.getLogger(__name__)
+
+MAX_SAMPLES = 20_000  # in one write, or as many as one poll brings
+LONGEST_WAIT_S = 30.0
+REFUSED = "refused"
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass
+class ForwarderState:
+    """How the store is doing: samples handed over, samples it refused, and why it is away."""
+
+    stored: int = 0
+    refused: int = 0
+    fault: str = ""
+
+
+class Forwarder:
+    """Offers what waits in ``spool`` to ``sink`` and acknowledges what was taken.
+
+    While the sink is away each attempt waits longer, up to half a minute; samples it refuses for
+    good are written to the folder ``refused`` in the spool as CSV, with the reason.
+    """
+
+    def __init__(self, spool: Spool, sink: SampleSink) -> None:
+        self.state = ForwarderState()
+        self._spool, self._sink = spool, sink
+        self._backoff = Backoff(0.5, LONGEST_WAIT_S)
+        self._place: Position | None = None  # where the sink is, even if noting it failed
+
+    def run(self, more: threading.Event, stop: threading.Event, pause_s: float) -> None:
+        """Carry until ``stop``, then once more. ``more`` says that something was appended;
+        ``pause_s`` is how long samples gather before they are handed over."""
+        while not stop.wait(pause_s):
+            if more.wait(timeout=1.0):
+                more.clear()
+                self._until_taken(stop)
+        self.once()
+
+    def once(self) -> bool:
+        """Hand over everything that waits now; whether the sink took it."""
+        try:
+            while group := self._next_group():
+                self._hand_over(group)
+                self._acknowledge(group[-1].next)
+        except Exception as error:  # whatever a store raises: it is away
+            if not self.state.fault:
+                log.warning("the store takes no samples, which wait on disk: %s", error)
+            self.state.fault = f"{type(error).__name__}: {error}"
+            return False
+        if self.state.fault:
+            log.info("the store takes samples again")
+        self.state.fault = ""
+        self._backoff.succeeded()
+        return True
+
+    def _acknowledge(self, place: Position) -> None:
+        self._place = place
+        try:
+            self._spool.acknowledge(place)
+        except OSError as error:
+            log.error("the spool cannot note what is stored (%s); it goes on", error)
+
+    def _until_taken(self, stop: threading.Event) -> None:
+        while not self.once():
+            if stop.wait(self._backoff.failed()):
+                return
+
+    def _next_group(self) -> list[Waiting]:
+        group: list[Waiting] = []
+        count = 0
+        for one in self._spool.waiting(self._place):
+            if group and count + len(one.batch) > MAX_SAMPLES:
+                break
+            group.append(one)
+            count += len(one.batch)
+        return group
+
+    def _hand_over(self, group: list[Waiting]) -> None:
+        by_source = attrgetter("source")
+        batches = sorted((one.batch for one in group), key=by_source)
+        for _, same in groupby(batches, key=by_source):
+            run = list(same)
+            try:
+                self._write(joined(run))
+            except SinkRefused:
+                self._one_by_one(run, group[0].next)
+
+    def _one_by_one(self, batches: Iterable[SampleBatch], place: Position) -> None:
+        """Find which of the batches the sink refuses."""
+        for number, batch in enumerate(batches):
+            try:
+                self._write(batch)
+            except SinkRefused as error:
+                self._set_aside(batch, str(error), f"{place.segment}-{place.offset}-{number}")
+
+    def _write(self, batch: SampleBatch) -> None:
+        self._sink.write(batch)
+        self.state.stored += len(batch)
+
+    def _set_aside(self, batch: SampleBatch, why: str, name: str) -> None:
+        folder = self._spool.folder / REFUSED
+        folder.mkdir(exist_ok=True)
+        path = folder / f"{name}.csv"
+        with path.open("w", encoding="utf-8", errors="replace", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow([f"# the store refused these samples: {why}"])
+            writer.writerow(["source", "tag", "at", "value", "quality", "reason"])
+            for place, tag in enumerate(batch.tags):
+                at = _EPOCH + timedelta(microseconds=int(batch.at_us[place]))
+                numbers = (batch.values[place], batch.quality[place])
+                row = (batch.source, tag, at.isoformat(), *numbers, batch.reasons[place])
+                writer.writerow(row)
+        self.state.refused += len(batch)
+        text = "the store refused %d samples for good (%s): see %s"
+        log.error(text, len(batch), why, path, extra={"device": batch.source})

@@ -1,0 +1,98 @@
+"""``ServiceProcess``: ``stemwatch serve`` as a process of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+_ADDRESS = re.compile(r"^Serving (http://\S+)")
+_END_S = 60.0
+# Ctrl-C in a terminal is for the demo, which then ends the service in order.
+_OF_ITS_OWN: dict[str, Any] = {}
+if sys.platform == "win32":
+    _OF_ITS_OWN["creationflags"] = subprocess.CREATE_NEW_PROCESS_GROUP
+else:
+    _OF_ITS_OWN["process_group"] = 0
+
+
+class ServiceEnded(OSError):
+    """The service ended although nobody asked it to."""
+
+
+class ServiceProcess:
+    """The service for ``plant_file`` on loopback, its log in ``log``.
+
+    ``say`` gets each line that it prints for people: its address, and how to sign in first. Use it
+    with ``async with``.
+    """
+
+    def __init__(self, plant_file: Path, port: int, log: Path, say: Callable[[str], None]) -> None:
+        self._file, self._port, self._log, self._say = plant_file, port, log, say
+        self._process: asyncio.subprocess.Process | None = None
+        self._reading: asyncio.Task[None] | None = None
+        self._address: asyncio.Future[str] | None = None
+
+    async def __aenter__(self) -> ServiceProcess:
+        command = ["-m", "stemwatch.service", "serve", "--plant", str(self._file)]
+        with self._log.open("ab") as log:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                *command,
+                "--port",
+                str(self._port),
+                cwd=self._file.parent,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                **_OF_ITS_OWN,
+            )
+        self._address = asyncio.get_running_loop().create_future()
+        self._reading = asyncio.create_task(self._pass_on())
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        process = self._process
+        if process is None:
+            return
+        if process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                process.terminate()
+        try:
+            await asyncio.wait_for(process.wait(), _END_S)
+        except TimeoutError:
+            process.kill()
+            await process.wait()
+        if self._reading is not None:
+            await self._reading
+
+    async def address(self) -> str:
+        """Where the pages are, as soon as they are served. Raises ``ServiceEnded``."""
+        assert self._address is not None
+        return await asyncio.shield(self._address)
+
+    async def ended(self) -> None:
+        """Waits until the service ends by itself, and raises ``ServiceEnded``."""
+        assert self._process is not None
+        raise self._sentence(await self._process.wait())
+
+    async def _pass_on(self) -> None:
+        assert self._process is not None
+        assert self._process.stdout is not None
+        assert self._address is not None
+        async for line in self._process.stdout:
+            said = line.decode("utf-8", "replace").rstrip()
+            self._say(said)
+            if (found := _ADDRESS.match(said)) and not self._address.done():
+                self._address.set_result(found[1])
+        if not self._address.done():
+            self._address.set_exception(self._sentence(await self._process.wait()))
+            self._address.exception()  # somebody may have left without waiting for it
+
+    def _sentence(self, status: int) -> ServiceEnded:
+        return ServiceEnded(f"the service ended with status {status}; its log is {self._log}")

@@ -1,0 +1,125 @@
+"""Tasks to results: screened in any executor, kept on a disk, saved as they come."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+from stemwatch.models.limits import Limits
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.config import Plant
+from stemwatch.service.executors import Executor, Outcome, outcomes
+from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
+from stemwatch.service.report.html_page import MOST_PLOTTED
+from stemwatch.service.run.chunking import make_chunks
+from stemwatch.service.run.saving import Found, Saving, with_baselines
+from stemwatch.service.run.spill import ResultSpill
+from stemwatch.service.run.task import Task, given_up, screen_packed
+from stemwatch.service.store.store import Store
+
+# Valves that one worker takes at a time. Their networks train together, which is quicker; but every
+# worker should have some, and progress should be seen.
+CHUNK = 16
+
+Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
+Over = Callable[[str, str], None]  # all of a valve is saved: it, and why it was given up if it was
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """A run that has a number in the store: who works on it, and what becomes of it.
+
+    ``queued``: it comes from the queue, so it lies while the database is away, raises alerts and
+    tells people. ``shown`` is how many valves its report shows, the worst; all where ``None``.
+    """
+
+    store: Store
+    number: int
+    started: datetime
+    executor: Executor
+    out: Path
+    plant: Plant | None = None
+    limits: Limits = field(default_factory=Limits)
+    command: str = ""
+    zone: str = "UTC"
+    new_baseline: bool = False  # make this window each valve's baseline, whatever there was
+    queued: bool = False
+    shown: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Executed:
+    """What came of the tasks: ``results`` in their order, without samples (an excerpt is left of
+    valves that may need work); ``previous`` is what was found of each valve before."""
+
+    results: ResultSpill
+    previous: dict[str, PreviousFinding | None]
+    not_saved: Sequence[tuple[str, str]] = ()
+
+
+def execute(
+    run: Run,
+    tasks: Sequence[Task],
+    stop: threading.Event,
+    *,
+    tell: Told = lambda *_: None,
+    over: Over = lambda *_: None,
+) -> Executed:
+    """A screening for each task, in the tasks' order, whatever order they were done in.
+
+    Each is saved and its samples let go as soon as it is there, so that memory does not grow with
+    the valves and a run that is cut short loses what was not begun, no more. A task on which
+    workers hung or died has a screening with that reason. Ends early when ``stop`` is set.
+    """
+    tasks = with_baselines(tasks, run.store)
+    results = ResultSpill(MOST_PLOTTED)
+    saving = Saving(
+        run.store,
+        run.number,
+        run.started,
+        tasks,
+        new_baseline=run.new_baseline,
+        must_save=run.queued,
+        over=over,
+    )
+    for done in _screened(run, tasks, stop):
+        found = [_put(results, outcome) for outcome in done]
+        saving.take(found, results)
+        for nth, one in enumerate(found, start=len(results) - len(found) + 1):
+            tell(one.screening, nth, len(tasks))
+    return Executed(results=results, previous=saving.previous, not_saved=tuple(saving.not_saved))
+
+
+def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:
+    """Screen tasks again whose results are in the store, for their plots; nothing is saved."""
+    first = len(executed.results)
+    for done in _screened(run, with_baselines(tasks, run.store), stop):
+        for outcome in done:
+            one = _put(executed.results, outcome, first)
+            found = run.store.previous_finding(one.screening, run.started)
+            executed.previous[one.screening.valve] = found
+
+
+def _screened(
+    run: Run, tasks: Sequence[Task], stop: threading.Event
+) -> Iterator[list[Outcome[Task, tuple[Screening, ValvePlots]]]]:
+    chunks = make_chunks(tasks, run.executor.workers, CHUNK, parsed=lambda task: task.text_file)
+    return outcomes(run.executor, partial(screen_packed, run.limits, os.getcwd()), chunks, stop)
+
+
+def _put(
+    results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
+) -> Found:
+    """The outcome of a task on the disk, and what is saved of it."""
+    place = first + outcome.place
+    if outcome.result is None:
+        screening, evidence = plots_instead_of_samples(given_up(outcome.item, outcome.reason))
+    else:
+        screening, evidence = outcome.result
+    results.add(place, screening, evidence)
+    return Found(place=place, screening=screening, given_up=outcome.reason)

@@ -1,0 +1,136 @@
+"""A run whose valves are done: what stands among them, alerts, report, work list, messages.
+
+All of it may be done again without doing anything twice.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.evaluate import evaluate
+from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
+from stemwatch.service.config import Plant
+from stemwatch.service.maintenance import stored as stored_maintenance
+from stemwatch.service.maintenance import write_maintenance
+from stemwatch.service.maintenance.stored import background_of
+from stemwatch.service.report import ReportContext, ReportFiles, write_report
+from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
+from stemwatch.service.run.execute import Executed, Run
+from stemwatch.service.run.spill import Worst
+from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+
+log = logging.getLogger(__name__)
+
+NotRead = Sequence[tuple[str, str]]
+
+
+def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles | None:
+    """Decide what stands, raise alerts, write the report and the work list, queue the messages.
+
+    Where the run is of the queue, files that cannot be written cost themselves only, as the alerts
+    are worth more; else ``ReportNotWritten`` is raised. ``None``: there is no report.
+    """
+    tested = hold_back(run.store, run.number)
+    if run.plant is not None and run.queued:
+        evaluate(run.store, run.plant, run.number)
+    else:
+        run.store.finish_run(run.number)
+    files: ReportFiles | None = None
+    if len(executed.results) or not run.queued:
+        try:
+            files = _write(run, executed, not_read, tested)
+        except OSError as error:
+            if not run.queued:
+                raise
+            text = "run %d: the report could not be written: %s"
+            log.error(text, run.number, error, extra={"run": run.number})
+    if run.plant is not None and run.queued:
+        tell(run.store, run.plant, run_id=run.number)
+    return files
+
+
+def _write(
+    run: Run, executed: Executed, not_read: NotRead, tested: Sequence[TestedScreening]
+) -> ReportFiles:
+    context = _context(run, executed, not_read)
+    if run.shown is None:
+        files = write_report(executed.results, context, run.out, executed.results.evidence)
+    else:
+        files = _write_worst(run, executed.results.worst(run.shown), context, tested)
+    try:
+        _write_work_list(run, executed, context)
+    except Exception:  # the alerts and the run's own report are worth more
+        if not run.queued:
+            raise
+        text = "run %d: the maintenance report could not be written"
+        log.exception(text, run.number, extra={"run": run.number})
+    return files
+
+
+def _write_worst(
+    run: Run, worst: Worst, context: ReportContext, tested: Sequence[TestedScreening]
+) -> ReportFiles:
+    """The report of the worst valves only, which says what it leaves out."""
+    shown = [one.valve for one in worst]
+    notes = context.sources_not_read
+    more = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(shown))
+    if more:
+        text = f"{more} valves less severe than these are in the ranking of the service only"
+        notes = (*notes, SourceNotRead(source="this report", reason=text))
+    elsewhere = p_elsewhere(tested, shown)
+    part = replace(context, sources_not_read=notes, p_elsewhere=elsewhere)
+    return write_report(worst, part, run.out, worst.evidence)
+
+
+def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> None:
+    """Pages and work orders of all valves of the run. Valves that an earlier process did before it
+    ended come as they are stored."""
+    background = background_of(run.store, run.plant, run.number)
+    every: Sequence[Screening] = executed.results
+    if run.queued:
+        here = executed.previous
+        rest = [one for one in run.store.screenings_of_run(run.number) if one.valve not in here]
+        if rest:
+            every = [*executed.results, *rest]
+            facts = stored_maintenance.facts_of(run.store, run.plant, rest)
+            context = replace(context, valves={**context.valves, **facts})
+    write_maintenance(every, context, run.out, background)
+
+
+def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
+    plant = run.plant
+    notes = [SourceNotRead(source=source, reason=why) for source, why in not_read]
+    if run.queued:
+        aside = run.store.queue.set_aside(run.number)
+        notes += [SourceNotRead(source=valve, reason=why) for valve, why in aside]
+    if plant is not None:
+        notes += [SourceNotRead(source=str(one.file), reason=str(one)) for one in plant.problems]
+    return ReportContext(
+        started=run.started,
+        plant=plant.name if plant else "",
+        zone=run.zone,
+        command=run.command,
+        settings_digest=plant.settings_digest if plant else "",
+        valves={
+            valve: facts_of(plant, valve, before) for valve, before in executed.previous.items()
+        },
+        sources_not_read=tuple(notes),
+    )
+
+
+def facts_of(plant: Plant | None, valve: str, previous: PreviousFinding | None) -> ValveFacts:
+    """What a report says of a valve beside its screening."""
+    entry = plant.valves.get(valve) if plant else None
+    if entry is None:
+        return ValveFacts(previous=previous)
+    return ValveFacts(
+        description=entry.description,
+        area=entry.area,
+        criticality=str(entry.criticality),
+        stroke=entry.stroke or "",
+        previous=previous,
+    )

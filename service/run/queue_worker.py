@@ -1,0 +1,272 @@
+"""``QueueWorker``: takes runs from the queue and works on them, one at a time, until it is stopped.
+
+What is to be kept is in the store alone: a process that dies at any moment leaves a queue from
+which the next one goes on.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import socket
+import threading
+import uuid
+from collections import Counter
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+
+from stemwatch.connectors.connector import Window
+from stemwatch.service.config import Plant
+from stemwatch.service.executors import Executor, ExecutorUnavailable, choose_executor
+from stemwatch.service.run.engine import work_off
+from stemwatch.service.run.execute import Run
+from stemwatch.service.run.finish import finish
+from stemwatch.service.run.plan import Request
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.runs.queue import SILENT_AFTER
+from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
+from stemwatch.service.store.store import Store
+
+log = logging.getLogger(__name__)
+
+BEAT_S = SILENT_AFTER.total_seconds() / 6
+UNKNOWN = "the plant file does not describe this valve (any more)"
+_LOOK_S = 5.0  # for runs that another process queued
+_AWAY_S = 5.0
+_MOST_TRIALS = 12  # of a run whose executor cannot work, before it has failed
+_PREFIX = "run-"
+
+
+class QueueWorker:
+    """Works on the queue in ``store`` for ``plant``.
+
+    A run whose worker has been silent for ``silent_after`` is taken over. Stopped in the middle of
+    a run, it lets the run lie: the next start, or another service, goes on with it. So it does
+    where its executor cannot work for the time being.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        plant: Plant,
+        *,
+        silent_after: timedelta = SILENT_AFTER,
+        beat_s: float = BEAT_S,
+    ) -> None:
+        self._store, self._plant = store, plant
+        self._silent_after, self._beat_s = silent_after, beat_s
+        self.owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
+        self._trials = Counter[int]()
+        self._more = threading.Event()
+
+    def wake(self) -> None:
+        """Something was queued: look at once."""
+        self._more.set()
+
+    def work(self, stop: threading.Event) -> None:
+        """Work until ``stop`` is set."""
+        while not stop.is_set():
+            try:
+                worked = self.once(stop)
+            except StoreError as error:
+                log.error("the queue cannot be reached: %s", error)
+                stop.wait(_AWAY_S)
+                continue
+            if not worked:
+                self._more.wait(_LOOK_S)
+                self._more.clear()
+
+    def once(self, stop: threading.Event) -> bool:
+        """Work on the next run, if there is one; whether there was and its executor could work."""
+        stored = self._store.queue.claim(self.owner, silent_after=self._silent_after)
+        if stored is None:
+            return False
+        done = f" ({stored.done} valves are done)" if stored.done else ""
+        log.info("run %d begins%s", stored.id, done, extra={"run": stored.id})
+        halt = threading.Event()
+        heart = _Heart(self._store, stored.id, self.owner, halt, self._beat_s)
+        following = threading.Thread(target=_follow, args=(stop, halt), daemon=True)
+        following.start()
+        try:
+            self._work_on(stored, halt, heart)
+        except StoreError:
+            raise  # the store is away: the run lies until it is back
+        except ExecutorUnavailable as error:
+            return self._put_back(stored, error)
+        except Exception as error:
+            log.exception("run %d failed", stored.id, extra={"run": stored.id})
+            self._fail(stored, error)
+        finally:
+            heart.rest()
+            halt.set()
+        return True
+
+    def _work_on(self, stored: StoredRun, halt: threading.Event, heart: _Heart) -> None:
+        run = Run(
+            store=self._store,
+            number=stored.id,
+            started=stored.started,
+            executor=self._executor(),
+            out=self._plant.beside(self._plant.service.reports) / f"{_PREFIX}{stored.id:06d}",
+            plant=self._plant,
+            limits=self._plant.limits,
+            command=f"run {stored.id}" + (f" of {stored.schedule}" if stored.schedule else ""),
+            zone=self._plant.zone or "UTC",
+            queued=True,
+            shown=self._plant.service.report_valves,
+        )
+
+        def over(valve: str, given_up: str) -> None:
+            """Noted when all of it is saved: killed in between, it is done again in its place."""
+            state = ValveState.SET_ASIDE if given_up else ValveState.DONE
+            if given_up:
+                about = {"run": stored.id, "valve": valve}
+                text = "run %d: %s is set aside: %s"
+                log.warning(text, stored.id, valve, given_up, extra=about)
+            self._store.queue.mark(stored.id, valve, state, given_up)
+
+        executed, not_read = work_off(run, self._left(stored), halt, over)
+        if halt.is_set():
+            self._stopped(stored, heart)
+            return
+        files = finish(run, executed, not_read)
+        _remove_old(run.out.parent, self._plant.service.keep_reports)
+        report = None if files is None else str(run.out)
+        done = self._store.queue.finish(stored.id, RunState.DONE, report=report)
+        self._trials.pop(stored.id, None)
+        text = "run %d is over: %d valves, %d set aside"
+        log.info(text, stored.id, done.total, done.set_aside, extra={"run": stored.id})
+
+    def _executor(self) -> Executor:
+        """Where ``[service] executor`` says. What this process does itself could end the service,
+        so it does nothing."""
+        service = self._plant.service
+        workers = service.workers or max(1, (os.cpu_count() or 2) - 1)
+        timeout_s = service.valve_timeout_s
+        return choose_executor(workers, service.executor, item_timeout_s=timeout_s, isolated=True)
+
+    def _left(self, stored: StoredRun) -> Request:
+        """What is left of the run, as a request: the same for every process that works on it.
+
+        Where the run says no window, whole files, and of the store as much as ``[service]
+        window_s`` says.
+        """
+        plant, store = self._plant, self._store
+        store.save_valves(plant.valves.values())
+        left = store.queue.plan(stored.id, self._valves(stored), plant.settings_digest)
+        for valve in left:
+            if valve not in plant.valves:
+                store.queue.mark(stored.id, valve, ValveState.SET_ASIDE, UNKNOWN)
+        start, stop = stored.window
+        until = stop or stored.started
+        since = start or until - timedelta(seconds=plant.service.window_s)
+        return Request(
+            plant=plant,
+            valves=tuple(valve for valve in left if valve in plant.valves),
+            window=Window() if start is None else Window(start=start, stop=stop),
+            live_window=Window(start=since, stop=until),
+        )
+
+    def _valves(self, stored: StoredRun) -> list[str]:
+        """The valves that the run is about: those asked for, else its schedule's, else all."""
+        if stored.asked:
+            return list(stored.asked)
+        kept = {one.schedule.name: one.schedule for one in self._store.schedules.all()}
+        schedule = kept.get(stored.schedule or "")
+        if schedule is None or not (schedule.areas or schedule.valves):
+            return list(self._plant.valves)
+        return [
+            valve.id
+            for valve in self._plant.valves.values()
+            if valve.area in schedule.areas or valve.id in schedule.valves
+        ]
+
+    def _stopped(self, stored: StoredRun, heart: _Heart) -> None:
+        """A run that was cancelled is over; any other goes on later or elsewhere."""
+        if heart.cancelled_by:
+            now = self._store.run(stored.id)
+            reason = f"cancelled by {heart.cancelled_by} after {now.done} of {now.total} valves"
+            self._store.queue.finish(stored.id, RunState.CANCELLED, reason=reason)
+            log.info("run %d: %s", stored.id, reason, extra={"run": stored.id})
+            return
+        why = "another process has taken it" if heart.taken else "the service stops"
+        log.info("run %d is left for later (%s)", stored.id, why, extra={"run": stored.id})
+        if not heart.taken:
+            self._store.queue.leave(stored.id, self.owner)
+
+    def _put_back(self, stored: StoredRun, error: ExecutorUnavailable) -> bool:
+        """Try a run again whose executor cannot work, and give it up after a while."""
+        self._trials[stored.id] += 1
+        if self._trials[stored.id] >= _MOST_TRIALS:
+            self._fail(stored, error)
+            return True
+        text = "run %d is tried again: %s"
+        log.warning(text, stored.id, error, extra={"run": stored.id})
+        self._store.queue.leave(stored.id, self.owner)
+        return False
+
+    def _fail(self, stored: StoredRun, error: Exception) -> None:
+        reason = f"{type(error).__name__}: {error}"
+        self._store.queue.finish(stored.id, RunState.FAILED, reason=reason)
+
+
+@dataclass
+class _Heart:
+    """Says every few seconds that a run is worked on, and hears whether it shall end.
+
+    ``stop`` is set when the run was cancelled or another process has taken it over.
+    """
+
+    store: Store
+    run_id: int
+    owner: str
+    stop: threading.Event
+    every_s: float = BEAT_S
+    cancelled_by: str = ""
+    taken: bool = False
+
+    def __post_init__(self) -> None:
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._beat, name=f"run {self.run_id}", daemon=True)
+        self._thread.start()
+
+    def rest(self) -> None:
+        """Say no more."""
+        self._over.set()
+        self._thread.join()
+
+    def _beat(self) -> None:
+        while not self._over.wait(self.every_s):
+            try:
+                run = self.store.queue.beat(self.run_id, self.owner)
+            except StoreError as error:
+                about = {"run": self.run_id}
+                text = "run %d: no sign of life can be given: %s"
+                log.warning(text, self.run_id, error, extra=about)
+                continue
+            if run is not None and run.cancel_asked_by is None:
+                continue
+            self.taken = run is None
+            self.cancelled_by = (run.cancel_asked_by or "") if run else ""
+            self.stop.set()
+            return
+
+
+def _follow(stop: threading.Event, halt: threading.Event) -> None:
+    """``halt`` a run when the service stops."""
+    while not halt.wait(0.2):
+        if stop.is_set():
+            halt.set()
+
+
+def _remove_old(parent: Path, keep: int) -> None:
+    """Only folders that a run made are removed, whatever else lies there."""
+    runs = sorted(
+        path
+        for path in parent.glob(f"{_PREFIX}*")
+        if path.is_dir() and path.name.removeprefix(_PREFIX).isdigit()
+    )
+    for path in runs[:-keep]:
+        shutil.rmtree(path, ignore_errors=True)

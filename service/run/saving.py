@@ -1,0 +1,175 @@
+"""What is kept of each valve as its results come: screening, network, baseline, and what was found
+of it before."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.run.spill import ResultSpill
+from stemwatch.service.run.task import StoredBaseline, Task
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.store import Store
+
+JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
+
+
+def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
+    """Each task with its valve's baseline network, where the store has one."""
+    found: dict[str, StoredBaseline | None] = {}
+    for task in tasks:
+        valve = task.tags.valve
+        if valve not in found:
+            kept = store.baseline(valve)
+            found[valve] = (
+                None
+                if kept is None
+                else StoredBaseline(
+                    network=kept.network, note=kept.note, window=kept.window, id=kept.id
+                )
+            )
+    return [replace(task, baseline=found[task.tags.valve]) for task in tasks]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """A screening at its place among the tasks; ``given_up`` is why the work on it was."""
+
+    place: int
+    screening: Screening
+    given_up: str = ""
+
+
+class Saving:
+    """Saves what comes of ``tasks``, in whatever order it comes.
+
+    Each screening is saved at once. A valve's networks and its trend go by the order of its
+    windows, so those of a later window wait until the earlier ones are there; ``over`` is told a
+    valve, and why a window of it was given up if one was, when all of it is saved. ``previous`` is
+    what was found of each valve before its last window. What cannot be saved is noted in
+    ``not_saved`` and the rest goes on; ``must_save``: unless the database is away, which is raised.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        number: int,
+        started: datetime,
+        tasks: Sequence[Task],
+        *,
+        new_baseline: bool = False,
+        must_save: bool = False,
+        over: Callable[[str, str], None] = lambda *_: None,
+    ) -> None:
+        self._store, self._number, self._started = store, number, started
+        self._new_baseline, self._must_save, self._over = new_baseline, must_save, over
+        self._compared = {
+            task.tags.valve: task.baseline.id
+            for task in tasks
+            if task.baseline is not None and task.baseline.id is not None
+        }
+        self._to_come: dict[str, list[int]] = defaultdict(list)
+        for place, task in enumerate(tasks):
+            self._to_come[task.tags.valve].append(place)
+        self._waiting: set[int] = set()  # saved, and an earlier window is not there yet
+        self._unsaved: set[int] = set()
+        self._given_up: dict[str, str] = {}
+        self.previous: dict[str, PreviousFinding | None] = {}
+        self.not_saved: list[tuple[str, str]] = []
+
+    def take(self, found: Sequence[Found], spill: ResultSpill) -> None:
+        """Save screenings, which ``spill`` has at their places, and what they make complete."""
+        for one in found:
+            if self._to_come[one.screening.valve][0] == one.place:
+                self._note_previous(one.screening)
+            if one.given_up:
+                self._given_up[one.screening.valve] = one.given_up
+        self._save(found)
+        for one in found:
+            self._waiting.add(one.place)
+            self._go_on(one, spill)
+
+    def _save(self, found: Sequence[Found]) -> None:
+        many = [one.screening for one in found]
+        report = self._store.save_many(many, self._number, self._compared)
+        reasons = {failure.valve: failure.reason for failure in report.failures}
+        for one in found:
+            reason = reasons.get(one.screening.valve, "")
+            if reason and self._must_save:
+                self._store.run(self._number)  # raises while the database is away
+                again = self._store.save_many([one.screening], self._number, self._compared)
+                reason = "".join(failure.reason for failure in again.failures)
+            if reason:
+                self._unsaved.add(one.place)
+                self._left_out(one.screening.valve, f"not saved: {reason}")
+
+    def _go_on(self, one: Found, spill: ResultSpill) -> None:
+        """What is due of the valve, in the order of its windows."""
+        valve = one.screening.valve
+        to_come = self._to_come[valve]
+        while to_come and to_come[0] in self._waiting:
+            first = to_come.pop(0)
+            self._waiting.remove(first)
+            screening = one.screening
+            if first != one.place:
+                screening = spill.at_place(first)
+                self._note_previous(screening)
+            if first not in self._unsaved:
+                self._keep_network(screening)
+        if not to_come:
+            self._over(valve, self._given_up.get(valve, ""))
+
+    def _note_previous(self, screening: Screening) -> None:
+        self.previous[screening.valve] = self._store.previous_finding(screening, self._started)
+
+    def _keep_network(self, screening: Screening) -> None:
+        try:
+            keep_network(screening, self._store, new_baseline=self._new_baseline)
+        except StoreError as error:
+            if self._must_save:
+                raise
+            self._left_out(screening.valve, str(error))
+
+    def _left_out(self, valve: str, reason: str) -> None:
+        self.not_saved.append((valve, reason))
+        self._given_up[valve] = reason
+
+
+def keep_network(screening: Screening, store: Store, *, new_baseline: bool = False) -> None:
+    """Keep a valve's fitted network, and make it the baseline where one is due.
+
+    A valve's first window with a network is its first baseline; a healthy one replaces a baseline
+    that was not, and maintenance or the user's word replaces any. A second time it changes nothing.
+    """
+    if screening.network is None or screening.verdict not in JUDGED:
+        return
+    blob = screening.network.to_bytes()
+    why = f"fitted to a window that was {screening.verdict.value}"
+    store.set_fitted(screening.valve, blob, window=screening.window, reason=why)
+    reason = _due(screening, store, new_baseline)
+    if reason:
+        store.set_baseline(screening.valve, blob, window=screening.window, reason=reason)
+
+
+def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
+    """Why this window becomes the valve's baseline, or nothing."""
+    state = screening.verdict.value
+    if new_baseline:
+        return f"window chosen by the user ({state})"
+    kept = store.baseline(screening.valve)
+    if kept is None:
+        return f"first window with a fit ({state})"
+    if kept.maintenance is not None and _after(screening, kept.maintenance.at):
+        return f"first window after maintenance ({state})"
+    if screening.verdict is Verdict.HEALTHY and f"({Verdict.HEALTHY.value})" not in kept.reason:
+        return f"first healthy window ({state})"
+    return ""
+
+
+def _after(screening: Screening, instant: datetime) -> bool:
+    start, _ = screening.window
+    return start is not None and start >= instant

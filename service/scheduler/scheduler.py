@@ -1,0 +1,132 @@
+"""``Scheduler``: a run in the queue for each instant that a schedule is due; one loop."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+from stemwatch.service import __version__
+from stemwatch.service.scheduler.instants import Missed, due_between, jitter, next_due
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.schedules import StoredSchedule
+from stemwatch.service.store.store import Store
+
+log = logging.getLogger(__name__)
+
+LOOK_AGAIN_S = 20.0  # for schedules that were changed, and for a clock that was set
+_SOON_S, _LONG_S = 0.05, 3600.0
+
+
+class Scheduler:
+    """Queues what is due by the schedules in ``store``, in ``zone``; ``queued`` is called then.
+
+    It sleeps until the next instant, and at most for ``look_again_s``. Several processes may do so:
+    the store takes each instant of a schedule once. What was missed while no service ran is made
+    up for by one run, for the last instant missed.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        zone: str,
+        queued: Callable[[], None] = lambda: None,
+        *,
+        look_again_s: float = LOOK_AGAIN_S,
+    ) -> None:
+        self._store, self._zone, self._queued = store, zone, queued
+        self._look_again_s = look_again_s
+        self._looked_s: float | None = None
+        self._said = ""
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Make up for what was missed, and queue what is due from now on."""
+        sleep_s = self._turn()
+        self._thread = threading.Thread(target=self._loop, args=(sleep_s,), name="scheduler")
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Queue no more. What is queued stays queued."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    @property
+    def silent_s(self) -> float | None:
+        """Seconds since the schedules were last looked at without an error, ``None`` before the
+        first time; three times ``look_again_s`` is a fault."""
+        looked_s = self._looked_s
+        return None if looked_s is None else time.monotonic() - looked_s
+
+    def look(self, now: datetime | None = None) -> list[int]:
+        """Queue every schedule's run that is due and not queued; the numbers of the new runs."""
+        now = now or datetime.now(UTC)
+        runs = [self._plan(kept, now) for kept in self._store.schedules.all()]
+        queued = [number for number in runs if number is not None]
+        self._looked_s = time.monotonic()
+        if queued:
+            self._queued()
+        return queued
+
+    def _loop(self, sleep_s: float) -> None:
+        while not self._over.wait(sleep_s):
+            sleep_s = self._turn()
+
+    def _turn(self) -> float:
+        """Look once; seconds until the next look. What goes wrong is said once, and tried again."""
+        try:
+            self.look()
+            coming = [kept.next_due for kept in self._store.schedules.all()]
+        except Exception as error:  # it must not end for ever
+            if str(error) != self._said:
+                known = isinstance(error, StoreError)
+                text = "the schedules could not be looked at: %s"
+                log.error(text, error, exc_info=None if known else error)
+            self._said = str(error)
+            return self._look_again_s
+        self._said = ""
+        now = datetime.now(UTC)
+        until = [(instant - now).total_seconds() for instant in coming if instant is not None]
+        return min(max(min(until, default=_LONG_S), _SOON_S), self._look_again_s)
+
+    def _plan(self, kept: StoredSchedule, now: datetime) -> int | None:
+        schedule = kept.schedule
+        since = kept.last_due or kept.created
+        coming = next_due(schedule, now, self._zone) if schedule.enabled else None
+        missed = due_between(schedule, since, now, self._zone)
+        if not schedule.enabled:
+            # What passes while a schedule rests is no debt when it is woken.
+            self._store.schedules.note(schedule.name, now if missed else None, None)
+            return None
+        if missed is None:
+            if coming != kept.next_due:
+                self._store.schedules.note(schedule.name, None, coming)
+            return None
+        number = self._store.queue.put(self._wanted(kept, missed), software_version=__version__)
+        self._store.schedules.note(schedule.name, missed.last, coming)
+        if number is not None:
+            text = "run %d of schedule %s is queued for %s"
+            log.info(text, number, schedule.name, missed.last, extra={"run": number})
+        return number
+
+    def _wanted(self, kept: StoredSchedule, missed: Missed) -> RunRequest:
+        schedule, due = kept.schedule, missed.last
+        start = None
+        if schedule.window_s is not None:
+            start = due - timedelta(seconds=schedule.window_s)
+        reason = ""
+        if missed.count > 1:
+            many = f"{'at least ' if missed.at_least else ''}{missed.count - 1}"
+            reason = f"{many} instants before it had been missed; this run makes up for them"
+        return RunRequest(
+            schedule=schedule.name,
+            due=due,
+            not_before=due + jitter(schedule, due),
+            window=(start, due),
+            reason=reason,
+        )

@@ -1,0 +1,185 @@
+"""The same finding reads the same in HTML, PDF, tables, JSON, work orders, mail and terminal."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import json
+import re
+
+import openpyxl
+import pytest
+from rich.console import Console
+from rich.text import Text
+
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.alerts.digest import message_of
+from stemwatch.service.alerts.rules import ValveRecord, apply_rules
+from stemwatch.service.cli import views
+from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.config.service_schema import AlertRules
+from stemwatch.service.explain.explained import Explained
+from stemwatch.service.maintenance.maintenance_html import book_html
+from stemwatch.service.maintenance.pdf import book_pdf
+from stemwatch.service.maintenance.work_list import WorkList, work_list_of
+from stemwatch.service.maintenance.work_orders import orders_csv
+from stemwatch.service.report import ReportContext, write_report
+from stemwatch.service.report.ranking import Ranking, rank_valves
+from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
+from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
+from tests.service.maintenance.made_book import context, frozen, mixed, with_effects
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
+
+
+def bare(text: str) -> str:
+    """A text without blanks, line breaks and what stands for an unprintable letter."""
+    return re.sub(r"[\s\N{NO-BREAK SPACE}\ufffd]+", "", html.unescape(text))
+
+
+class Outputs:
+    """Everything that one run leaves, as bare text; the tables by valve."""
+
+    def __init__(self, screenings: list[Screening], made: ReportContext, folder) -> None:
+        files = write_report(screenings, made, folder)
+        self.ranking: Ranking = rank_valves(screenings, made)
+        self.book: WorkList = work_list_of(screenings, made)
+        self.report = bare(re.sub(r"<[^>]+>", "", files.html.read_text("utf-8")))
+        self.maintenance = bare(re.sub(r"<[^>]+>", "", book_html(self.book).decode()))
+        pdf = book_pdf(self.book, compress=False)
+        parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", pdf)
+        self.pdf = bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1")))
+        rows = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
+        self.rows = {row["valve"]: row for row in rows}
+        objects = json.loads(files.json.read_text("utf-8"))
+        self.objects = {one["valve"]: one for one in objects}
+        orders = csv.DictReader(io.StringIO(orders_csv(self.book).decode("utf-8-sig")))
+        self.orders = {row["functional_location"]: row for row in orders}
+        sheet = openpyxl.load_workbook(files.xlsx)["Read me"]
+        self.read_me = bare(" ".join(str(cell.value) for row in sheet for cell in row))
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
+    """A run with valves of every kind, none of them with hostile letters."""
+    screenings = [one for one in mixed() if "<script>" not in one.valve]
+    return Outputs(screenings, context(screenings), tmp_path_factory.mktemp("out"))
+
+
+def test_the_finding_reads_the_same_everywhere(outputs: Outputs) -> None:
+    """Reason and next step of each valve, whichever way it comes."""
+    for valve in outputs.ranking:
+        said, name = valve.said, valve.screening.valve
+        one, row = outputs.objects[name], outputs.rows[name]
+        assert bare(said.reason) == bare(one["reason"]) == bare(row["reason"])
+        assert bare(said.next_step) == bare(one["advice"]) == bare(row["advice"])
+        assert bare(said.reason) in outputs.report
+        assert bare(said.next_step) in outputs.report
+        line = Text.from_markup(views.verdict_line(valve.screening)).plain
+        assert bare(said.reason) in bare(line)
+        if said.decision.has_page:
+            assert bare(said.reason) in outputs.maintenance
+            assert bare(said.reason) in outputs.pdf
+        if said.decision.has_order:
+            assert bare(said.reason) in bare(outputs.orders[name]["long_text"])
+
+
+def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> None:
+    """JSON, table and work order agree, and whoever has an order is told so in the table."""
+    for valve in outputs.ranking:
+        name, decision = valve.screening.valve, valve.decision
+        assert outputs.objects[name]["severity"] == decision.severity
+        assert float(outputs.rows[name]["severity (0 to 100)"]) == decision.severity
+        assert outputs.rows[name]["maintenance"] == decision.state.value
+    for sheet in outputs.book.sheets:
+        assert f"severity {sheet.said.decision.severity:.0f} of 100" in sheet.priority.reason
+    needing = {v.screening.valve for v in outputs.ranking if v.decision.needs_work}
+    assert needing <= set(outputs.orders)
+    assert len(needing) == outputs.ranking.counts.needs_work
+
+
+def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) -> None:
+    """Report, maintenance as HTML and PDF, workbook and terminal."""
+    counts = outputs.ranking.counts
+    assert counts == outputs.book.counted
+    assert bare(counts.headline) in outputs.report
+    assert bare(counts.rest) in outputs.report
+    for text in (outputs.maintenance, outputs.pdf, outputs.read_me):
+        assert bare(counts.sentence) in text
+    screenings = [valve.screening for valve in outputs.ranking]
+    assert bare(str(views.summary(screenings).title)) == bare(counts.sentence)
+
+
+def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: Outputs) -> None:
+    """What was found and each step of what to check."""
+    (valve,) = [one for one in outputs.ranking if one.screening.valve == "FIC-9"]
+    effect = valve.said.effects[0]
+    found = valve.screening.mismatch
+    terminal = Console(width=200, file=io.StringIO(), record=True)
+    terminal.print(explanation(Explained(source="a.csv", valve="FIC-9", mismatch=found)))
+    told = {
+        "page": outputs.report,
+        "terminal": bare(terminal.export_text()),
+        "mail": bare(mail_about(valve.screening)),
+        "json": bare(" ".join(outputs.objects["FIC-9"]["mismatch"]["effects"][0][key]
+                              for key in ("sentence", "check"))),
+    }  # fmt: skip
+    for where, text in told.items():
+        assert bare(effect.sentence) in text, where
+        assert bare(effect.check) in text, where
+    (sheet,) = [one for one in outputs.book.sheets if one.screening.valve == "FIC-9"]
+    assert bare(effect.sentence) in outputs.pdf
+    for step in sheet.steps:
+        assert bare(step.text) in outputs.pdf
+        assert bare(step.text) in outputs.maintenance
+        assert bare(step.text) in bare(outputs.orders["FIC-9"]["long_text"])
+
+
+def mail_about(screening: Screening) -> str:
+    """The text of the mail about a screening that named an effect twice."""
+    end = screening.window[1]
+    judged = [
+        JudgedScreening(
+            id=number, run_id=number, window=screening.window, verdict=screening.verdict,
+            reason=screening.reason, advice=screening.advice, severity=screening.severity,
+            S=screening.S, J=screening.J.value, named=True, mismatch=screening.mismatch,
+        )
+        for number in (2, 1)
+    ]  # fmt: skip
+    record = ValveRecord(valve=StoredValve(id=screening.valve), screenings=judged)
+    raised = apply_rules(record, AlertRules())[0]
+    (about,) = [one for one in raised if one.kind is AlertKind.MISMATCH]
+    stored = StoredAlert(
+        id=1, cause=about.cause, kind=about.kind, severity=about.severity, text=about.text,
+        valve=about.valve, source=None, run_id=2, opened=end, seen=end, evidence={},
+        closed=None, closed_why="",
+        acknowledged=None, acknowledged_by="", comment="", snoozed_until=None, snoozed_by="",
+        false_alarm=False, told=None,
+    )  # fmt: skip
+    text: str = message_of([stored], "plant", 2)["text"]
+    return text
+
+
+def test_nothing_is_green_where_nothing_could_be_judged(tmp_path) -> None:
+    """Forty recordings of two tags without a position: two valves that cannot be judged."""
+    screenings = [frozen(f"PIC-{k % 2}") for k in range(8)]
+    every = Outputs(screenings, context(screenings), tmp_path)
+    text = (tmp_path / "report.html").read_text("utf-8")
+    assert 'class="is-healthy">None' not in text
+    assert bare("None of 2 valves needs work") in every.report
+    assert bare("2 cannot be judged") in every.report
+    assert bare("8 recordings of 2 valves") in every.report
+    assert len(every.orders) == 2
+
+
+def test_a_valve_that_follows_but_lags_is_not_told_to_look_elsewhere(tmp_path) -> None:
+    """Verdict healthy, an effect that stands: the next step is that effect's."""
+    from stemwatch.models.verdict import Verdict
+
+    screenings = [with_effects(verdict=Verdict.HEALTHY)]
+    every = Outputs(screenings, context(screenings), tmp_path)
+    (valve,) = every.ranking
+    assert valve.decision.needs_work
+    assert valve.said.next_step == valve.said.effects[0].check
+    assert every.objects["FIC-9"]["advice"] == valve.said.next_step

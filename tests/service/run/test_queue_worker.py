@@ -1,0 +1,173 @@
+"""A run from the queue to its report, and what becomes of it when things go wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from sqlalchemy import text
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.config import Plant
+from stemwatch.service.run.queue_worker import UNKNOWN, QueueWorker
+from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.screenings.records import RunState
+from stemwatch.service.store.store import Store
+
+HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"
+WORK = """
+import sys, threading
+from stemwatch.service.run.queue_worker import QueueWorker
+from stemwatch.service.config import load_plant
+from stemwatch.service.store.store import open_store
+if __name__ == "__main__":
+    plant = load_plant(sys.argv[1], environment={})
+    with open_store(plant.storage) as store:
+        QueueWorker(store, plant).once(threading.Event())
+"""
+
+
+def put(store: Store, **wanted) -> int:
+    number = store.queue.put(RunRequest(**wanted), software_version="1")
+    assert number is not None
+    return number
+
+
+def work(store: Store, plant: Plant, **how) -> None:
+    worker = QueueWorker(store, plant, **how)
+    assert worker.once(threading.Event())
+
+
+def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None:
+    """Every valve has a verdict, a network, a baseline that the next run refers to, and the report
+    is there; a run of one valve touches that one only."""
+    plant = make_plant()
+    first = put(plant_store, who="Ann")
+    work(plant_store, plant)
+    run = plant_store.run(first)
+    assert (run.state, run.done, run.total, run.set_aside) == (RunState.DONE, 3, 3, 0)
+    verdicts = {one.valve.id: one.screening.verdict for one in plant_store.latest()}
+    assert verdicts[STICKY] is Verdict.STICKY
+    assert verdicts[HEALTHY] is Verdict.HEALTHY
+    report = json.loads((Path(run.report) / "valves.json").read_text(encoding="utf-8"))
+    assert STICKY in json.dumps(report)
+    second = put(plant_store, valves=(STICKY,), who="Ann")
+    work(plant_store, plant)
+    assert plant_store.run(second).total == 1
+    (screening,) = plant_store.screenings(STICKY)
+    assert screening.run_id == second
+    assert screening.baseline_id == plant_store.baseline(STICKY).id
+    assert not QueueWorker(plant_store, plant).once(threading.Event())
+
+
+def test_a_valve_that_is_not_there_is_set_aside(make_plant, plant_store: Store) -> None:
+    """It is named with its reason, and the others are done."""
+    plant = make_plant()
+    number = put(plant_store, valves=("GONE-1", HEALTHY))
+    work(plant_store, plant)
+    assert plant_store.run(number).set_aside == 1
+    assert plant_store.queue.set_aside(number) == [("GONE-1", UNKNOWN)]
+
+
+def test_a_schedule_screens_its_area(make_plant, plant_store: Store) -> None:
+    """Areas and valves of a schedule are joined; nothing else is screened."""
+    plant = make_plant(f'[[schedules]]\nname = "few"\nevery_s = 60\nvalves = ["{STICKY}"]\n')
+    plant_store.schedules.take_from_file(plant.schedules)
+    number = put(plant_store, schedule="few")
+    work(plant_store, plant)
+    assert plant_store.queue.valves_done(number) == [STICKY]
+
+
+def test_a_valve_that_hangs_is_set_aside(make_plant, plant_store: Store, monkeypatch) -> None:
+    """No result in its time: it is given up with that reason, and the run is over."""
+    # A worker needs longer than a second to start at all.
+    monkeypatch.setattr("stemwatch.service.executors.local_processes._FIRST_S", -0.9)
+    plant = make_plant("[service]\nworkers = 1\nvalve_timeout_s = 1\n")
+    number = put(plant_store, valves=(STICKY,))
+    work(plant_store, plant)
+    run = plant_store.run(number)
+    assert (run.state, run.set_aside) == (RunState.DONE, 1)
+    assert "no result after" in plant_store.queue.set_aside(number)[0][1]
+
+
+def test_a_cancelled_run_ends_and_says_by_whom(make_plant, plant_store: Store) -> None:
+    """What was done stays; the run says who ended it."""
+    plant = make_plant()
+    number = put(plant_store)
+    plant_store.queue.ask_to_cancel(number, "Ben")
+    assert plant_store.run(number).state is RunState.CANCELLED
+    number = put(plant_store)
+    worker = QueueWorker(plant_store, plant, beat_s=0.05)
+    working = threading.Thread(target=worker.once, args=(threading.Event(),))
+    working.start()
+    _until(lambda: plant_store.run(number).state is RunState.RUNNING)
+    plant_store.queue.ask_to_cancel(number, "Ben")
+    working.join(timeout=60)
+    run = plant_store.run(number)
+    assert run.state is RunState.CANCELLED
+    assert "cancelled by Ben after" in run.reason
+
+
+def test_a_service_that_stops_leaves_its_run_for_the_next(make_plant, plant_store: Store) -> None:
+    """Stopped in order, the run lies at once for another process, which finishes it."""
+    plant = make_plant()
+    number = put(plant_store)
+    stop = threading.Event()
+    stop.set()
+    assert QueueWorker(plant_store, plant).once(stop)
+    assert plant_store.run(number).state is RunState.RUNNING
+    work(plant_store, plant)
+    assert plant_store.run(number).state is RunState.DONE
+
+
+def test_killed_half_way_the_next_start_finishes(make_plant, plant_store: Store) -> None:
+    """SIGKILL in the middle of a run: what was saved is not done again, what was left is, nothing
+    is there twice, and the report shows all valves."""
+    plant = make_plant("[service]\nworkers = 1\nvalve_timeout_s = 60\n")
+    number = put(plant_store)
+    script = plant.file.parent / "work.py"
+    script.write_text(WORK, encoding="utf-8")
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(plant.file)],
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        start_new_session=True,
+    )
+    try:
+        _until(lambda: plant_store.run(number).done >= 1)
+    finally:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    before = {one.valve: one.id for one in map(_last(plant_store), plant.valves) if one}
+    done = plant_store.queue.valves_done(number)
+    assert plant_store.run(number).state is RunState.RUNNING
+    work(plant_store, plant, silent_after=timedelta(0))
+    run = plant_store.run(number)
+    assert (run.state, run.done) == (RunState.DONE, 3)
+    assert {valve: _last(plant_store)(valve).id for valve in done} == {
+        valve: before[valve] for valve in done
+    }
+    with plant_store.transactions.reading() as session:
+        rows = session.execute(text("SELECT valve, count(*) FROM screenings GROUP BY valve")).all()
+    assert dict(rows) == dict.fromkeys(plant.valves, 1)
+    shown = json.loads((Path(run.report) / "valves.json").read_text(encoding="utf-8"))
+    assert all(valve in json.dumps(shown) for valve in plant.valves)
+
+
+def _last(store: Store):
+    return lambda valve: next(iter(store.screenings(valve)), None)
+
+
+def _until(there) -> None:
+    for _ in range(1200):
+        if there():
+            return
+        time.sleep(0.05)
+    pytest.fail("it did not happen within a minute")

@@ -1,0 +1,190 @@
+"""``stemwatch serve`` as a process: it collects, screens and serves, stops in order, and loses
+nothing when it is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stemwatch.connectors.modbus import read_devices
+from stemwatch.models.studies.simulator import demo_plant
+from stemwatch.service.access.first_user import make_user
+from stemwatch.service.modbus_plant.live import LivePlant
+from stemwatch.service.modbus_plant.plant_file import plant_toml
+from stemwatch.service.modbus_plant.plant_server import PlantServer
+from stemwatch.service.serve.page_server import CannotListen, listen
+from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.screenings.records import RunState
+from stemwatch.service.store.store import Store
+from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    """A folder for the service."""
+    with site_in(tmp_path) as made:
+        yield made
+
+
+@pytest.fixture
+def csv_site(site: Site, plant: Path) -> Site:
+    """The small plant of exports, with a service's settings."""
+    text = plant.read_text(encoding="utf-8")
+    plant.write_text(SERVICE + text, encoding="utf-8")
+    return site
+
+
+@pytest.fixture
+def live_site(site: Site) -> Iterator[Site]:
+    """A simulated Modbus plant of two valves, polled ten times a second."""
+    import asyncio
+
+    loops = demo_plant(1)[:2]
+    up, stop = threading.Event(), threading.Event()
+
+    async def run() -> None:
+        live = LivePlant(loops, wear=None, seed=1)
+        async with PlantServer(live, "127.0.0.1", 0, speed=10.0) as server:
+            text = plant_toml(loops, host="127.0.0.1", port=server.port, every_s=0.1)
+            (site.folder / "plant.toml").write_text(SERVICE + text, encoding="utf-8")
+            up.set()
+            await asyncio.to_thread(stop.wait)
+
+    thread = threading.Thread(target=lambda: asyncio.run(run()))
+    thread.start()
+    assert up.wait(timeout=60)
+    try:
+        yield site
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
+    """Pages answer, a run that is asked for is done, SIGTERM ends everything with status 0, and
+    no secret is in the log."""
+    process, address = csv_site.serve()
+    assert get(address)[0] == 200
+    assert json.loads(get(address + "healthz")[1])["ok"]
+    done = csv_site.start("run-now", "FIC-104", "--who", "Ann")
+    said, _ = done.communicate(timeout=120)
+    assert "the service works on it" in said
+    assert "done, 1 of 1 valves (1 sticky)" in said
+    assert "FIC-104" in get(address)[1]
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=40) == 0, csv_site.log()
+    assert "Traceback" not in csv_site.log()
+
+
+def test_run_now_works_without_a_service(csv_site: Site) -> None:
+    """Where no service runs the command does the run itself, report and all."""
+    done = csv_site.start("run-now")
+    said, _ = done.communicate(timeout=180)
+    assert done.returncode == 0, csv_site.log()
+    assert "this command does it" in said
+    assert "3 of 3 valves" in said
+    with csv_site.store() as store:
+        (run,) = store.queue.recent()
+        assert run.state is RunState.DONE
+        assert (Path(run.report) / "report.html").is_file()
+
+
+def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
+    """Samples reach the store; after SIGKILL the next start goes on, finishes the run that was
+    begun, and no sample is there twice or out of its place."""
+    process, _ = live_site.serve()
+
+    with live_site.store() as store:
+
+        def samples() -> int:
+            return store.samples.count("plc-1", "FIC-101.OP")
+
+        until(lambda: samples() > 100, site=live_site)
+        number = store.queue.put(RunRequest(who="Ann"), software_version="1")
+        until(lambda: store.run(number).state is RunState.RUNNING, site=live_site)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        store.queue.leave(number, _owner(store, number))  # as after half a minute of silence
+        before = samples()
+        process, _ = live_site.serve()
+        until(lambda: store.run(number).state is RunState.DONE, site=live_site)
+        until(lambda: samples() > before + 50, site=live_site)
+        run = store.run(number)
+        assert (run.done, run.total) == (2, 2)
+        for valve in ("FIC-101", "TIC-102"):
+            assert len({one.window for one in store.screenings(valve)}) == 1
+        found = store.samples.read("plc-1", "FIC-101.OP")
+        steps = found.at_us[1:] - found.at_us[:-1]
+        assert (steps > 0).all()
+        assert (steps % 100_000 == 0).all()
+        (state,) = [one for one in store.sources.states() if one.source == "plc-1"]
+        assert state.connected
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=40) == 0, live_site.log()
+
+
+def _owner(store: Store, number: int) -> str:
+    from sqlalchemy import text
+
+    with store.transactions.reading() as session:
+        statement = text("SELECT owner FROM runs WHERE id = :n")
+        return str(session.execute(statement, {"n": number}).scalar_one())
+
+
+def test_the_first_start_prints_a_one_time_link_and_later_ones_do_not(csv_site: Site) -> None:
+    """On standard output alone: the log, which is kept, has no link in it. At the link the first
+    admin signs in; after that no start prints one."""
+    process, address = csv_site.serve()
+    assert "Nobody can sign in yet" in process.stdout.readline()
+    link = process.stdout.readline().strip()
+    assert re.fullmatch(re.escape(address) + r"welcome\?link=[\w-]{43}", link)
+    assert link.partition("link=")[2] not in csv_site.log()
+    assert get(link)[0] == 200
+    with pytest.raises(urllib.error.HTTPError, match="401"):
+        urllib.request.urlopen(address, timeout=20)
+    with csv_site.store() as store:
+        make_user(store, "Karl", "wet gasket, dry bonnet", "admin")
+    with pytest.raises(urllib.error.HTTPError, match="410"):
+        get(link)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=40) == 0, csv_site.log()
+    process, _ = csv_site.serve()
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout.read() == ""
+
+
+def test_listening_to_other_machines_is_said(caplog) -> None:
+    """What travels unencrypted is warned of; a port that is taken is refused with a way out."""
+    with listen("127.0.0.1", 0), caplog.at_level("WARNING"):
+        assert caplog.text == ""
+    with listen("0.0.0.0", 0):
+        assert "put a proxy with TLS before it" in caplog.text
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(CannotListen, match=r"cannot listen on .*--port"):
+            listen("127.0.0.1", taken.getsockname()[1])
+
+
+def test_the_simulated_plants_file_is_read(tmp_path: Path) -> None:
+    """What the simulator writes is a plant file that the service understands whole."""
+    from stemwatch.service.config import load_plant
+
+    file = tmp_path / "plant.toml"
+    text = plant_toml(demo_plant(1)[:2], host="127.0.0.1", port=5020)
+    file.write_text(SERVICE + text, encoding="utf-8")
+    plant = load_plant(file, environment={})
+    assert plant.problems == ()
+    assert list(plant.devices) == ["plc-1"]
+    assert read_devices([]).devices == ()
+    assert all(plant.is_live(valve) for valve in plant.valves)
