@@ -50,16 +50,16 @@ def of_recording(recording: Recording) -> list[Indicator]:
     far = swing(op)
     threshold = max(0.1 * far, 0.2)
     usable = 100.0 * float(recording.usable.mean()) if len(recording) else 0.0
-    found = [
+    indicators = [
         *_one("op_swing_percent", far, "%"),
         *_one("op_reversals", float(reversals(op, threshold).size), ""),
         *_one("usable_percent", usable, "%"),
     ]
     cycle = signal_oscillation(recording.op, recording.interval_s)
     if cycle is not None and cycle.regular:
-        found += _one("loop_period_s", cycle.period_s, "s")
-        found += _one("loop_regularity", cycle.regularity, "")
-    return found
+        indicators += _one("loop_period_s", cycle.period_s, "s")
+        indicators += _one("loop_regularity", cycle.regularity, "")
+    return indicators
 
 
 def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
@@ -94,7 +94,7 @@ def of_friction(
     naive_S = float(fit.naive[coordinate.S_PERCENT]) * op_per_travel
     naive_J = naive_S * float(fit.naive[coordinate.RATIO])
     zero = float(fit.candidate[coordinate.ZERO])
-    found = [
+    indicators = [
         *_estimated("S_percent", S),
         *_estimated("J_percent", J),
         *_one("S_of_swing_percent", share, "%"),
@@ -104,31 +104,31 @@ def of_friction(
         *_one("position_zero_percent", zero, "%"),
     ]
     if op_per_travel != 1.0:
-        found += _one("S_of_travel_percent", S.value / op_per_travel, "%")
-        found += _one("J_of_travel_percent", (J.value or 0.0) / op_per_travel, "%")
-    return [*found, *(_of_actuator(fit) if fit.hypothesis == "both" else [])]
+        indicators += _one("S_of_travel_percent", S.value / op_per_travel, "%")
+        indicators += _one("J_of_travel_percent", (J.value or 0.0) / op_per_travel, "%")
+    return [*indicators, *(_of_actuator(fit) if fit.hypothesis == "both" else [])]
 
 
 def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
     """Only where the recording asks for more than friction."""
     c = fit.candidate
-    found = [
+    indicators = [
         *_one("dead_time_s", float(c[coordinate.DEAD_TIME_S]), "s"),
         *_one("lag_rising_s", float(c[coordinate.LAG_UP_S]), "s"),
         *_one("lag_falling_s", float(c[coordinate.LAG_DOWN_S]), "s"),
     ]
     for name, speed in shown_speed_limits(fit).items():
-        found += _one(f"speed_{name}_percent_per_s", speed, "%/s")
-    return found
+        indicators += _one(f"speed_{name}_percent_per_s", speed, "%/s")
+    return indicators
 
 
 def of_residuals(residuals: Mapping[str, Residual | None], ratio: float | None) -> list[Indicator]:
     """What the models leave unexplained on data they were not fitted to."""
-    found: list[Indicator] = []
+    indicators: list[Indicator] = []
     for name, residual in residuals.items():
         if residual is None:
             continue
-        found += _one(f"{name}_rmse_percent", residual.rmse, "%")
-        found += _one(f"{name}_fit_percent", residual.fit_percent, "%")
-        found += _one(f"{name}_one_step_rmse_percent", residual.one_step, "%")
-    return [*found, *_one("baseline_ratio", ratio, "")]
+        indicators += _one(f"{name}_rmse_percent", residual.rmse, "%")
+        indicators += _one(f"{name}_fit_percent", residual.fit_percent, "%")
+        indicators += _one(f"{name}_one_step_rmse_percent", residual.one_step, "%")
+    return [*indicators, *_one("baseline_ratio", ratio, "")]

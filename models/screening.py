@@ -94,8 +94,8 @@ def screen(cases: Sequence[Case], options: Options = DEFAULTS) -> list[Screening
     fitted = [_fit_or_reason(case, options.limits) for case in cases]
     networks = _train(fitted, options)
     return [
-        _conclude_or_reason(one, network, options) if isinstance(one, _Fitted) else one
-        for one, network in zip(fitted, networks, strict=True)
+        _conclude_or_reason(valve, network, options) if isinstance(valve, _Fitted) else valve
+        for valve, network in zip(fitted, networks, strict=True)
     ]
 
 
@@ -168,9 +168,9 @@ def _to_fit(
     samples = round(limits.fitted_samples)
     while (stretch := choose_fit_window(recording, samples)) is not None:
         part = recording.part(stretch.first, stretch.last)
-        found = assess(part, limits)
-        if not found.obstacles:
-            return part, found.recording, stretch
+        checked = assess(part, limits)
+        if not checked.obstacles:
+            return part, checked.recording, stretch
         samples *= 2
     return recording, assessment.recording, None
 
@@ -178,9 +178,9 @@ def _to_fit(
 def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[NarxFit | None]:
     """A network for each case that has a fit, all trained together."""
     ready = [
-        (at, one.fit, one)
-        for at, one in enumerate(fitted)
-        if isinstance(one, _Fitted) and one.fit is not None
+        (place, valve.fit, valve)
+        for place, valve in enumerate(fitted)
+        if isinstance(valve, _Fitted) and valve.fit is not None
     ]
     trained: list[NarxFit | None] = [None] * len(fitted)
     if not ready or not options.narx:
@@ -233,36 +233,36 @@ def start_of(fit: StickSlipFit, curve: StrokeCurve | None) -> StickSlipStart | N
     )
 
 
-def _conclude_or_reason(one: _Fitted, network: NarxFit | None, options: Options) -> Screening:
+def _conclude_or_reason(fitted: _Fitted, network: NarxFit | None, options: Options) -> Screening:
     try:
-        return _conclude(one, network, options)
+        return _conclude(fitted, network, options)
     except Exception as error:  # one valve must not end a plant's run
-        return _crashed(one.case, error)
+        return _crashed(fitted.case, error)
 
 
-def _conclude(one: _Fitted, network: NarxFit | None, options: Options) -> Screening:
+def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Screening:
     began = time.perf_counter()
-    if one.fit is None or one.sample is None:
-        screening = _without_verdict(one)
+    if fitted.fit is None or fitted.sample is None:
+        screening = _without_verdict(fitted)
     else:
         ceiling = network.simulated if network is not None else None
         left_out = None
         if options.mismatch:
-            left_out = explain(one.recording, ceiling=ceiling, curve=one.curve)
-        screening = _with_verdict(one, one.fit, one.sample, network, left_out, options.limits)
-    seconds = one.seconds + time.perf_counter() - began
+            left_out = explain(fitted.recording, ceiling=ceiling, curve=fitted.curve)
+        screening = _with_verdict(fitted, fitted.fit, fitted.sample, network, left_out, options.limits)
+    seconds = fitted.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
 
 
 def _screening(
-    one: _Fitted,
+    fitted: _Fitted,
     judgement: Decision,
     S: Estimate,
     J: Estimate,
     residuals: dict[str, Residual | None],
-    found: list[Indicator],
+    numbers: list[Indicator],
 ) -> Screening:
-    recording = _remembering(one.case.recording, one)
+    recording = _remembering(fitted.case.recording, fitted)
     seen = judgement.verdict is Verdict.UNDETERMINED
     return Screening(
         valve=recording.valve,
@@ -275,10 +275,10 @@ def _screening(
         S=S,
         J=J,
         residuals=residuals,
-        quality=one.assessment.quality,
-        indicators={indicator.name: indicator for indicator in found},
+        quality=fitted.assessment.quality,
+        indicators={indicator.name: indicator for indicator in numbers},
         still_seen=still_seen(recording) if seen else (),
-        baseline_note=one.case.baseline_note,
+        baseline_note=fitted.case.baseline_note,
         recording=recording,
         provenance=recording.provenance,
     )
@@ -294,12 +294,12 @@ def _remembering(recording: Recording, one: _Fitted) -> Recording:
     return replace(recording, provenance=replace(recording.provenance, decisions=decisions))
 
 
-def _without_verdict(one: _Fitted) -> Screening:
-    obstacles: tuple[Obstacle, ...] = one.assessment.obstacles
+def _without_verdict(fitted: _Fitted) -> Screening:
+    obstacles: tuple[Obstacle, ...] = fitted.assessment.obstacles
     unknown = Estimate.unknown(obstacles[0].reason, unit=PERCENT)
     residuals: dict[str, Residual | None] = {"stiction": None, "narx": None, "baseline": None}
-    found = indicators.of_recording(one.assessment.recording)
-    return _screening(one, undetermined(obstacles), unknown, unknown, residuals, found)
+    numbers = indicators.of_recording(fitted.assessment.recording)
+    return _screening(fitted, undetermined(obstacles), unknown, unknown, residuals, numbers)
 
 
 def _estimate(draws: Floats, value: float) -> Estimate:
@@ -321,22 +321,22 @@ def _stiction(
 
 
 def _with_verdict(
-    one: _Fitted,
+    fitted: _Fitted,
     fit: StickSlipFit,
     sample: StickSlipSample,
     network: NarxFit | None,
     left_out: Mismatch | None,
     limits: Limits,
 ) -> Screening:
-    S, J, S_draws = _stiction(one, fit, sample, left_out)
-    compared = residual.of_baseline(one.case.baseline, one.masked)
+    S, J, S_draws = _stiction(fitted, fit, sample, left_out)
+    compared = residual.of_baseline(fitted.case.baseline, fitted.masked)
     residuals = {
         "stiction": residual.of_stiction(fit, resynced=False),
         "narx": residual.of_narx(network),
         "baseline": compared.residual,
     }
     events = slip_events(fit)
-    cycle = signal_oscillation(one.recording.op, one.recording.interval_s)
+    cycle = signal_oscillation(fitted.recording.op, fitted.recording.interval_s)
     evidence = DecisionEvidence(
         S=S,
         J=J,
@@ -356,39 +356,39 @@ def _with_verdict(
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
-    found = [
-        *indicators.of_recording(one.assessment.recording),
-        *_movement(one, fit, events),
+    numbers = [
+        *indicators.of_recording(fitted.assessment.recording),
+        *_movement(fitted, fit, events),
         *indicators.of_friction(
-            fit, S, J, 1.0 if one.curve is None else 1.0 / abs(one.curve.slope)
+            fit, S, J, 1.0 if fitted.curve is None else 1.0 / abs(fitted.curve.slope)
         ),
         *indicators.of_residuals(residuals, compared.ratio),
     ]
-    screening = _screening(one, judgement, S, J, residuals, found)
+    screening = _screening(fitted, judgement, S, J, residuals, numbers)
     return replace(
         screening,
-        mismatch=_on_whole_clock(left_out, one),
-        baseline_note=" ".join(filter(None, (one.case.baseline_note, compared.reason))),
+        mismatch=_on_whole_clock(left_out, fitted),
+        baseline_note=" ".join(filter(None, (fitted.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
-        traces=_traces(one, fit, network),
+        traces=_traces(fitted, fit, network),
     )
 
 
-def _movement(one: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[Indicator]:
+def _movement(fitted: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[Indicator]:
     """How the stem moved in the whole recording, whatever part of it was fitted."""
-    if one.stretch is None:
+    if fitted.stretch is None:
         return indicators.of_movement(fit.evaluator.problem, events)
-    whole = make_problem(in_travel(one.assessment.recording, one.curve))
+    whole = make_problem(in_travel(fitted.assessment.recording, fitted.curve))
     evaluator = replace(fit.evaluator, problem=whole)
     return indicators.of_movement(whole, slip_events(replace(fit, evaluator=evaluator)))
 
 
-def _traces(one: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:
+def _traces(fitted: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:
     """The free runs on the clock of the whole recording."""
     stiction, narx = fit.heldout(), network.simulated if network is not None else None
-    if one.stretch is None:
+    if fitted.stretch is None:
         return Traces(stiction=stiction, narx=narx, heldout_from=fit.first_heldout)
-    first, samples = one.stretch.first, len(one.case.recording)
+    first, samples = fitted.stretch.first, len(fitted.case.recording)
     return Traces(
         stiction=on_whole_clock(stiction, first, samples),
         narx=None if narx is None else on_whole_clock(narx, first, samples),
@@ -396,11 +396,11 @@ def _traces(one: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:
     )
 
 
-def _on_whole_clock(left_out: Mismatch | None, one: _Fitted) -> Mismatch | None:
+def _on_whole_clock(left_out: Mismatch | None, fitted: _Fitted) -> Mismatch | None:
     """The mismatch with its free runs on the clock of the whole recording."""
-    if left_out is None or left_out.runs is None or one.stretch is None:
+    if left_out is None or left_out.runs is None or fitted.stretch is None:
         return left_out
-    first, samples, runs = one.stretch.first, len(one.case.recording), left_out.runs
+    first, samples, runs = fitted.stretch.first, len(fitted.case.recording), left_out.runs
     on_clock = FreeRuns(
         naive=on_whole_clock(runs.naive, first, samples),
         extended=on_whole_clock(runs.extended, first, samples),

@@ -86,8 +86,8 @@ def search(
 ) -> Search[SearchResult]:
     """The best candidate on ``blocks`` that is found from ``starts`` (m, size). Seeded."""
     begun = yield from _cheapest(evaluator, layout, blocks, starts)
-    found = yield from _refined(evaluator, layout, blocks, begun[: effort.keep], effort)
-    return found
+    best = yield from _refined(evaluator, layout, blocks, begun[: effort.keep], effort)
+    return best
 
 
 def _cheapest(
@@ -115,9 +115,9 @@ def _refined(
     if reached[0].loss > HOPELESS * simple:
         return reached[0]
     left = effort.rounds - (FIRST_ROUNDS if len(begun) > 1 else 0)
-    found = yield from _descended(evaluator, layout, blocks, reached[: effort.go_on], left)
+    ends = yield from _descended(evaluator, layout, blocks, reached[: effort.go_on], left)
     # Always: what makes the command late stands only with another speed of sticking again.
-    best = yield from _resticking(evaluator, layout, blocks, found[0])
+    best = yield from _resticking(evaluator, layout, blocks, ends[0])
     if not effort.population or best.loss > simple:
         return best
     best = yield from _around(evaluator, layout, blocks, best, effort)
@@ -150,8 +150,8 @@ def _resticking(
     tried = yield from _cheapest(evaluator, layout, blocks, layout.bounds.clip(trials))
     if tried[0].loss >= best.loss:
         return best
-    found = yield from descend(evaluator, layout, blocks, tried[0].candidate, AFTER_RESTICK)
-    return found
+    best = yield from descend(evaluator, layout, blocks, tried[0].candidate, AFTER_RESTICK)
+    return best
 
 
 def _around(
@@ -185,11 +185,11 @@ def crossfit(
     """
     begun = yield from ranked(evaluator, layout, starts)
     of_folds = zip(folds(evaluator), begun, simple, strict=True)
-    found = yield from together(
+    both = yield from together(
         _refined(evaluator, layout, fold, first[: effort.keep], effort, least)
         for fold, first, least in of_folds
     )
-    fitted = yield from scored(layout, np.array([one.candidate for one in found]))
+    fitted = yield from scored(layout, np.array([one.candidate for one in both]))
     return fitted
 
 
@@ -217,11 +217,11 @@ def own_losses(evaluator: Evaluator, fitted: Fitted) -> tuple[float, float]:
 def again(evaluator: Evaluator, fitted: Fitted, effort: FitEffort, *more: Floats) -> Search[Fitted]:
     """Go on from where ``fitted`` stands on each fold, and from more candidates for each (2, m)."""
     starts = np.stack((fitted.candidates, *more), axis=1)
-    found = yield from together(
+    both = yield from together(
         search(evaluator, fitted.layout, fold, of_fold, effort)
         for fold, of_fold in zip(folds(evaluator), starts, strict=True)
     )
-    went_on = yield from scored(fitted.layout, np.array([one.candidate for one in found]))
+    went_on = yield from scored(fitted.layout, np.array([one.candidate for one in both]))
     return better(evaluator, fitted, went_on)
 
 
@@ -273,22 +273,22 @@ def widened(
         # the descent.
         centre[base_coordinate.RESTICK] = slow
     rows = []
-    for one in beginnings:
+    for start in beginnings:
         base = np.zeros(layout.size)
         base[: base_coordinate.N_BASE] = centre[: base_coordinate.N_BASE]
         base[base_coordinate.S_PERCENT], base[base_coordinate.RATIO] = (
-            one.S,
-            one.J / max(one.S, 1e-6),
+            start.S,
+            start.J / max(start.S, 1e-6),
         )
-        if one.plain:
+        if start.plain:
             base[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
         for slug, place in simple.layout.places.items():
             base[layout.places[slug]] = centre[place]
         block = np.tile(base, (grid.shape[0], 1))
         block[:, layout.places[term.slug]] = grid
-        S = np.maximum(one.S - one.S_less * grid[:, 0], 0.3 * one.S)
-        J = np.clip(one.J - one.J_less * grid[:, 0], 0.05 * S, S)
-        if one.S_less != 0.0 or one.J_less != 0.0:
+        S = np.maximum(start.S - start.S_less * grid[:, 0], 0.3 * start.S)
+        J = np.clip(start.J - start.J_less * grid[:, 0], 0.05 * S, S)
+        if start.S_less != 0.0 or start.J_less != 0.0:
             block[:, base_coordinate.S_PERCENT], block[:, base_coordinate.RATIO] = (
                 S,
                 J / np.maximum(S, 1e-6),

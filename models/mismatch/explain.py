@@ -106,12 +106,12 @@ def explain(
     began, recording = time.perf_counter(), possible(recording)
     curve = curve or find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
-        found = _through_flow(recording)
+        mismatch = _through_flow(recording)
     elif curve is not None:
-        found = _through_curve(recording, ceiling, curve)
+        mismatch = _through_curve(recording, ceiling, curve)
     else:
-        found = _explained(recording, settle(recording), ceiling)
-    return replace(found, seconds=time.perf_counter() - began)
+        mismatch = _explained(recording, settle(recording), ceiling)
+    return replace(mismatch, seconds=time.perf_counter() - began)
 
 
 def _explained(
@@ -163,12 +163,12 @@ def _through_flow(recording: Recording) -> Mismatch:
         )
         return _not_testable(settle(recording), reason)
     position, curve = read
-    found = _explained(position, settle(position), None, own_reading=False)
+    mismatch = _explained(position, settle(position), None, own_reading=False)
     told = (
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."
     )
-    return replace(found, sentence=f"{told} {found.sentence}")
+    return replace(mismatch, sentence=f"{told} {mismatch.sentence}")
 
 
 def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
@@ -267,8 +267,8 @@ def _told(case: _Case) -> Mismatch:
     off, fitted = findings(evaluator, named.fitted, terms)
     layout, best = _whole(evaluator, fitted)
     drawn = draws(evaluator, layout, best)
-    found = _effects(case.recording, named, off, layout, best, drawn)
-    large = tuple(one for one in found if _matters(one))
+    candidates = _effects(case.recording, named, off, layout, best, drawn)
+    large = tuple(one for one in candidates if _matters(one))
     everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
     plain = naive_evaluator(evaluator)
     simple = naive_layout(plain)
@@ -309,12 +309,12 @@ def _standing(
     noise_known = case.own_reading and not _compressed(case.settled)
     open_end = noise_known and not_little_left(evaluator, fitted)
     if noise_known and much_left(evaluator, fitted):
-        effects = tuple(one for one in effects if one.evidence.mean >= _least_mean(one))
-    lines = [one for one in effects if one.slug in STRAIGHT_LINE]
+        effects = tuple(effect for effect in effects if effect.evidence.mean >= _least_mean(effect))
+    lines = [effect for effect in effects if effect.slug in STRAIGHT_LINE]
     if lines and (
         _refuted(heldout) or convincing(curvature(evaluator, fitted), evaluator.told, BEND)
     ):
-        effects = tuple(one for one in effects if one.slug not in STRAIGHT_LINE)
+        effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
         open_end = open_end or not effects
     return effects, open_end
 
@@ -327,8 +327,8 @@ def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floa
     """The hypothesis fitted to the whole record, from the fits to both folds."""
     everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
     starts = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
-    found = conclude(evaluator, search(evaluator, fitted.layout, everything, starts, CAREFUL))
-    return fitted.layout, found.candidate
+    best = conclude(evaluator, search(evaluator, fitted.layout, everything, starts, CAREFUL))
+    return fitted.layout, best.candidate
 
 
 def _stiction(drawn: Floats, best: Floats) -> Stiction:
@@ -346,8 +346,8 @@ def _stiction(drawn: Floats, best: Floats) -> Stiction:
     )
 
 
-def _positive(found: Estimate) -> Estimate:
-    return replace(found, low=max(found.low or 0.0, 0.0))
+def _positive(estimate: Estimate) -> Estimate:
+    return replace(estimate, low=max(estimate.low or 0.0, 0.0))
 
 
 def _effects(
@@ -360,10 +360,10 @@ def _effects(
 ) -> tuple[Effect, ...]:
     """The accepted terms and the reading's errors, strongest first."""
     evaluator, way = named.evaluator, directions(recording)
-    found = [_needed_effect(named, one, layout, best, drawn, way) for one in named.needed]
+    effects = [_needed_effect(named, one, layout, best, drawn, way) for one in named.needed]
     for one in off:
         share = _share(evaluator, one.without, named.fitted)
-        found.append(
+        effects.append(
             effect(
                 evaluator,
                 one.term,
@@ -376,30 +376,30 @@ def _effects(
                 way,
             )
         )
-    return tuple(sorted(found, key=lambda one: -one.evidence.mean))
+    return tuple(sorted(effects, key=lambda one: -one.evidence.mean))
 
 
 def _needed_effect(
     named: Named,
-    one: Needed,
+    needed: Needed,
     layout: CoordinateLayout,
     best: Floats,
     drawn: Floats,
     way: Directions,
 ) -> Effect:
-    place = layout.places[one.term.slug]
+    place = layout.places[needed.term.slug]
     told = effect(
         named.evaluator,
-        one.term,
-        one.members,
+        needed.term,
+        needed.members,
         best[place],
         drawn[:, place],
-        one.advantage,
-        _share(named.evaluator, one.without, named.fitted),
-        (one.without.layout, one.without.candidates.mean(axis=0)),
+        needed.advantage,
+        _share(named.evaluator, needed.without, named.fitted),
+        (needed.without.layout, needed.without.candidates.mean(axis=0)),
         way,
     )
-    return told if one.events is None else by_events(told, one.events, one.term, way)
+    return told if needed.events is None else by_events(told, needed.events, needed.term, way)
 
 
 def _matters(effect: Effect) -> bool:
@@ -426,7 +426,7 @@ def _compressed(settled: RecordSettled) -> bool:
 def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
     if not effects:
         return Finding.UNKNOWN if open_end else Finding.NONE
-    single = all(len(one.members) == 1 for one in effects)
+    single = all(len(effect.members) == 1 for effect in effects)
     return Finding.NAMED if single else Finding.CANDIDATES
 
 
@@ -446,7 +446,7 @@ def _sentence(
             else "it differs all over the record, in no single place"
         )
         return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
-    return " ".join(one.sentence for one in effects)
+    return " ".join(effect.sentence for effect in effects)
 
 
 def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
@@ -474,4 +474,4 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     terms = admissible(case.refused)
     named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
     first: tuple[TermScore, ...] = named.stages[0].scores
-    return {one.slug: (one.advantage.mean, one.advantage.t) for one in first}
+    return {score.slug: (score.advantage.mean, score.advantage.t) for score in first}

@@ -114,8 +114,8 @@ def screened(
     evaluator: Evaluator, simple: Fitted, terms: Iterable[Term]
 ) -> Search[list[TermScore]]:
     """Every term on top of ``simple``, best first."""
-    found = yield from together(_looked_at(evaluator, simple, term) for term in terms)
-    return _ordered(found)
+    scores = yield from together(_looked_at(evaluator, simple, term) for term in terms)
+    return _ordered(scores)
 
 
 def _looked_at(evaluator: Evaluator, simple: Fitted, term: Term) -> Search[TermScore]:
@@ -190,49 +190,49 @@ def refined(
     """
     for _ in range(ATTEMPTS):
         looked = yield from screened(evaluator, simple, terms)
-        promising = [one for one in looked[:REFINED] if one.advantage.mean >= PROMISING]
-        careful = yield from together(_careful(evaluator, simple, one) for one in promising)
+        promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
+        careful = yield from together(_careful(evaluator, simple, score) for score in promising)
         scores = [*careful, *looked[len(promising) :]]
         restarted = yield from _restarted(evaluator, simple, scores[:REFINED])
         moved = gain(evaluator, simple, restarted).mean
         simple = restarted
         if moved < MOVED:
             break
-    nested = yield from together(_nested(evaluator, simple, one) for one in scores)
+    nested = yield from together(_nested(evaluator, simple, score) for score in scores)
     return simple, _ordered(nested)
 
 
-def _careful(evaluator: Evaluator, simple: Fitted, one: TermScore) -> Search[TermScore]:
+def _careful(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[TermScore]:
     """A score searched with care.
 
     The first look began from the best starts; this also begins from those that come next.
     """
-    layout = one.fitted.layout
-    starts = _starts(evaluator, simple, one.term, layout.hypothesis)
+    layout = score.fitted.layout
+    starts = _starts(evaluator, simple, score.term, layout.hypothesis)
     even, odd = yield from ranked(evaluator, layout, starts)
     more = [
         np.vstack((a.candidate, b.candidate))
         for a, b in zip(even[LOOK.keep :], odd[LOOK.keep :], strict=True)
     ]
-    fitted = yield from again(evaluator, one.fitted, CAREFUL, *more[: CAREFUL.keep - 1])
-    return TermScore(one.term, fitted, one.advantage)
+    fitted = yield from again(evaluator, score.fitted, CAREFUL, *more[: CAREFUL.keep - 1])
+    return TermScore(score.term, fitted, score.advantage)
 
 
 def _restarted(evaluator: Evaluator, simple: Fitted, scores: Sequence[TermScore]) -> Search[Fitted]:
     """``simple`` searched again from where richer hypotheses have led."""
     if not scores:
         return simple
-    restarts = [reduced(evaluator, one.fitted, simple.layout.hypothesis) for one in scores]
+    restarts = [reduced(evaluator, score.fitted, simple.layout.hypothesis) for score in scores]
     fitted = yield from again(evaluator, simple, CAREFUL, *restarts)
     fitted = yield from again(evaluator, fitted, POLISH)
     return fitted
 
 
-def _nested(evaluator: Evaluator, simple: Fitted, one: TermScore) -> Search[TermScore]:
+def _nested(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[TermScore]:
     """A score against what ``simple`` has become; a richer hypothesis contains it."""
-    plain = yield from neutral(evaluator, simple, one.fitted.layout.hypothesis)
-    fitted = better(evaluator, plain, one.fitted)
-    return TermScore(one.term, fitted, gain(evaluator, simple, fitted))
+    plain = yield from neutral(evaluator, simple, score.fitted.layout.hypothesis)
+    fitted = better(evaluator, plain, score.fitted)
+    return TermScore(score.term, fitted, gain(evaluator, simple, fitted))
 
 
 def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
@@ -256,7 +256,7 @@ def _tells(score: TermScore, evaluator: Evaluator) -> bool:
 
 def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:
     """The terms that explain the recording, the one to take first; those after it as good."""
-    passing = [one for one in scores if passes(one, evaluator, stage)]
+    passing = [score for score in scores if passes(score, evaluator, stage)]
     if not passing:
         return []
     best = passing[0]
@@ -264,7 +264,7 @@ def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[
         if simpler.slug in best.term.contains and _nearly(evaluator, simpler, best):
             best = simpler
             break
-    rivals = [one for one in passing if one is not best and _as_good(evaluator, one, best)]
+    rivals = [score for score in passing if score is not best and _as_good(evaluator, score, best)]
     return [best, *rivals]
 
 

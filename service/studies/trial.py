@@ -50,19 +50,21 @@ def mark_batch(batch: TrialBatch) -> list[Marked]:
     loops = [simulate_loop(loop, seed) for loop, seed in batch.loops]
     cases = [Case(recording=loop.recording) for loop in loops]
     # On the CPU, so that the counts are the same on every machine.
-    found = screen(cases, Options(narx=batch.narx, narx_settings=NarxSettings(device="cpu")))
-    return [_marked(loop.truth, one) for loop, one in zip(loops, found, strict=True)]
+    screenings = screen(cases, Options(narx=batch.narx, narx_settings=NarxSettings(device="cpu")))
+    return [_marked(loop.truth, valve) for loop, valve in zip(loops, screenings, strict=True)]
 
 
-def _marked(truth: Truth, found: Screening) -> Marked:
+def _marked(truth: Truth, screening: Screening) -> Marked:
     numbers = [
         None
         if estimate.value is None or estimate.low is None or estimate.high is None
         else (estimate.value, estimate.low, estimate.high)
-        for estimate in (found.S, found.J)
+        for estimate in (screening.S, screening.J)
     ]
-    shape = found.shape.value if found.shape else None
-    return Marked(truth, found.verdict, found.reason, shape, numbers[0], numbers[1], found.seconds)
+    shape = screening.shape.value if screening.shape else None
+    return Marked(
+        truth, screening.verdict, screening.reason, shape, numbers[0], numbers[1], screening.seconds
+    )
 
 
 def run_trial(
@@ -79,7 +81,7 @@ def run_trial(
     for place, marked in map_items(executor, mark_batch, batches):
         done[place] = marked
         tell(sum(map(len, done.values())))
-    return [one for place in sorted(done) for one in done[place]]
+    return [valve for place in sorted(done) for valve in done[place]]
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:
@@ -99,13 +101,13 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
 
 def rates(marked: Sequence[Marked]) -> Iterator[tuple[str, str, int, int]]:
     """(of which loops, what was said, how many, of how many)."""
-    stories = sorted({one.truth.story for one in marked})
+    stories = sorted({valve.truth.story for valve in marked})
     for name, group in [
         ("all healthy", [m for m in marked if m.truth.healthy]),
         ("all sticking", [m for m in marked if not m.truth.healthy]),
         *[(story, [m for m in marked if m.truth.story == story]) for story in stories],
     ]:
-        counts = Counter(one.verdict for one in group)
+        counts = Counter(valve.verdict for valve in group)
         for verdict in Verdict:
             if counts[verdict]:
                 yield name, verdict.value, counts[verdict], len(group)
@@ -123,28 +125,28 @@ class Accuracy:
 
 def accuracy(marked: Sequence[Marked]) -> list[Accuracy]:
     """Errors in percent of span over the sticking valves for which there is a number."""
-    found = []
+    figures = []
     for name in ("S", "J"):
         pairs = [
-            (getattr(one.truth, name), getattr(one, name))
-            for one in marked
-            if not one.truth.healthy and getattr(one, name) is not None
+            (getattr(valve.truth, name), getattr(valve, name))
+            for valve in marked
+            if not valve.truth.healthy and getattr(valve, name) is not None
         ]
         errors = [abs(truth - value) for truth, (value, _, _) in pairs]
         within = sum(low <= truth <= high for truth, (_, low, high) in pairs)
         median = float(np.median(errors)) if errors else float("nan")
-        found.append(Accuracy(name, median, within, len(pairs)))
-    return found
+        figures.append(Accuracy(name, median, within, len(pairs)))
+    return figures
 
 
 def shapes(marked: Sequence[Marked]) -> list[tuple[str, int, int]]:
     """(true shape, how many were given it, of how many sticking valves that were given a shape)."""
-    named = [one for one in marked if one.truth.shape is not None and one.shape is not None]
+    named = [valve for valve in marked if valve.truth.shape is not None and valve.shape is not None]
     return [
         (
             shape.value,
-            sum(one.truth.shape is shape and one.shape == shape.value for one in named),
-            sum(one.truth.shape is shape for one in named),
+            sum(valve.truth.shape is shape and valve.shape == shape.value for valve in named),
+            sum(valve.truth.shape is shape for valve in named),
         )
         for shape in Shape
     ]

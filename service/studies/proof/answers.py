@@ -70,49 +70,49 @@ class Answer:
         return NOTHING if self.verdict in ("none", "") else self.verdict
 
 
-def read_answer(found: Mapping[str, Any]) -> Answer:
+def read_answer(written: Mapping[str, Any]) -> Answer:
     """One object of the JSON of ``stemwatch explain``.
 
     Raises ``ValueError`` with what is missing where it does not follow the contract.
     """
     try:
-        heldout, stiction = found["heldout"] or {}, found["stiction"] or {}
+        heldout, stiction = written["heldout"] or {}, written["stiction"] or {}
         return Answer(
-            file=Path(found["recording"]).name,
-            verdict=str(found["verdict"]),
+            file=Path(written["recording"]).name,
+            verdict=str(written["verdict"]),
             names=tuple(
-                NamedEffect(slug=one["slug"], members=tuple(one["class"]))
-                for one in found["effects"]
+                NamedEffect(slug=effect["slug"], members=tuple(effect["class"]))
+                for effect in written["effects"]
             ),
-            record_effects=_slugs(found["record_effects"]),
-            not_testable=_slugs(found["not_testable"]),
+            record_effects=_slugs(written["record_effects"]),
+            not_testable=_slugs(written["not_testable"]),
             naive=_numbers(stiction.get("naive")),
             restated=_numbers(stiction.get("restated")),
             fit_naive=heldout.get("fit_naive"),
             fit_extended=heldout.get("fit_extended"),
             rmse_naive=heldout.get("rmse_naive"),
             rmse_extended=heldout.get("rmse_extended"),
-            seconds=float(found["seconds"]),
+            seconds=float(written["seconds"]),
             reason=_no_s(stiction.get("naive")),
         )
     except KeyError as missing:
         raise ValueError(
-            f"the JSON of explain lacks {missing} for {found.get('recording', 'a recording')}; "
-            f"received the fields {sorted(found)}"
+            f"the JSON of explain lacks {missing} for {written.get('recording', 'a recording')}; "
+            f"received the fields {sorted(written)}"
         ) from missing
 
 
-def _slugs(found: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    return tuple(str(one["slug"]) for one in found if one.get("slug"))
+def _slugs(written: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    return tuple(str(effect["slug"]) for effect in written if effect.get("slug"))
 
 
-def _no_s(found: Mapping[str, Any] | None) -> str:
-    return str(((found or {}).get("S") or {}).get("reason") or "")
+def _no_s(written: Mapping[str, Any] | None) -> str:
+    return str(((written or {}).get("S") or {}).get("reason") or "")
 
 
-def _numbers(found: Mapping[str, Any] | None) -> StictionNumbers:
+def _numbers(written: Mapping[str, Any] | None) -> StictionNumbers:
     """S and J; a missing object or a null value is no number."""
-    values = {name: ((found or {}).get(name) or {}).get("value") for name in ("S", "J")}
+    values = {name: ((written or {}).get(name) or {}).get("value") for name in ("S", "J")}
     return StictionNumbers(S=values["S"], J=values["J"])
 
 
@@ -155,7 +155,7 @@ def judge(
     for _, answers in map_items(executor, _explain, chunks):
         said += answers
         tell(len(said))
-    return sorted(said, key=lambda one: one.file)
+    return sorted(said, key=lambda answer: answer.file)
 
 
 def _explain(chunk: _Chunk) -> list[Answer]:

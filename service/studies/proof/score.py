@@ -68,10 +68,10 @@ def _tally(tally: Tally) -> dict[str, Any]:
     return asdict(tally) | {"low": low, "high": high}
 
 
-def _mark(one: CaseMark) -> dict[str, Any]:
+def _mark(mark: CaseMark) -> dict[str, Any]:
     return {
-        "truth": asdict(one.truth),
-        "said": asdict(one.said),
-        "outcome": one.outcome.value,
-        "wrong_names": list(one.wrong_names),
+        "truth": asdict(mark.truth),
+        "said": asdict(mark.said),
+        "outcome": mark.outcome.value,
+        "wrong_names": list(mark.wrong_names),
     }
