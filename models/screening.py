@@ -186,8 +186,8 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
     if not ready or not options.narx:
         return trained
     examples = [
-        NarxExample.of(one.masked, fit.first_heldout, start_of(fit, one.curve))
-        for _, fit, one in ready
+        NarxExample.of(valve.masked, fit.first_heldout, start_of(fit, valve.curve))
+        for _, fit, valve in ready
     ]
     for (at, _, _), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
         trained[at] = fit
@@ -249,7 +249,9 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
         left_out = None
         if options.mismatch:
             left_out = explain(fitted.recording, ceiling=ceiling, curve=fitted.curve)
-        screening = _with_verdict(fitted, fitted.fit, fitted.sample, network, left_out, options.limits)
+        screening = _with_verdict(
+            fitted, fitted.fit, fitted.sample, network, left_out, options.limits
+        )
     seconds = fitted.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
 
@@ -284,10 +286,10 @@ def _screening(
     )
 
 
-def _remembering(recording: Recording, one: _Fitted) -> Recording:
+def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     """The recording with the sentences that say what of it was fitted, and through which curve."""
-    said = [window_sentence(one.stretch, recording)] if one.stretch is not None else []
-    said += [one.curve.sentence()] if one.curve is not None else []
+    said = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
+    said += [fitted.curve.sentence()] if fitted.curve is not None else []
     if not said:
         return recording
     decisions = (*recording.provenance.decisions, *said)
@@ -308,11 +310,11 @@ def _estimate(draws: Floats, value: float) -> Estimate:
 
 
 def _stiction(
-    one: _Fitted, fit: StickSlipFit, sample: StickSlipSample, left_out: Mismatch | None
+    fitted: _Fitted, fit: StickSlipFit, sample: StickSlipSample, left_out: Mismatch | None
 ) -> tuple[Estimate, Estimate, Floats]:
     """S, J and draws of S, percent of OP: restated with the hidden physics where some was named."""
     if left_out is None or not left_out.effects or left_out.restated.S.value is None:
-        S, J, curve = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), one.curve
+        S, J, curve = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), fitted.curve
         if curve is None:
             return S, J, sample.S
         return curve.in_op(S), curve.in_op(J, is_jump=True), sample.S / abs(curve.slope)
