@@ -145,6 +145,10 @@ def search(
     scale: float,
     rounds: int,
 ) -> SearchResult:
+    """The best candidate that seeded searches over ``free`` find from ``starts``.
+
+    ``scale`` is the width of the first round as a share of the bounds.
+    """
     rng = np.random.default_rng(SEED)
     spread = evaluator.spread(free, scale)
     found = [
