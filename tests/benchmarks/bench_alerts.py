@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from sqlalchemy import event, insert
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.held_back import hold_back
 from stemwatch.service.alerts.silent_sources import watch_sources

@@ -20,7 +20,7 @@ import httpx
 import numpy as np
 from sqlalchemy import insert
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.access.sessions import begin_session
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert

@@ -24,7 +24,7 @@ from unittest.mock import patch
 import numpy as np
 from sqlalchemy import Connection, text
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.store.administration.backup import backup
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.samples import samples as samples_module

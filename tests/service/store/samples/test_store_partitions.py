@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrations.versions import v0005_production
 from stemwatch.service.store.samples import partitions
