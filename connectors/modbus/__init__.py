@@ -12,4 +12,4 @@ from stemwatch.connectors.modbus.poller import DevicePoller as DevicePoller
 from stemwatch.connectors.modbus.read_devices import DeviceMap as DeviceMap
 from stemwatch.connectors.modbus.read_devices import read_devices as read_devices
 from stemwatch.connectors.modbus.register import Register as Register
-from stemwatch.connectors.modbus.samples import SampleBatch as SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch as SampleBatch

@@ -19,7 +19,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.modbus.device import Device
 from stemwatch.connectors.modbus.poller import DevicePoller
-from stemwatch.connectors.modbus.samples import SampleBatch, joined
+from stemwatch.connectors.modbus.sample_batch import SampleBatch, joined
 from stemwatch.models.recording import ClockFacts, Provenance, Quality, Recording, Role, Signal
 
 LONGEST = timedelta(hours=4)

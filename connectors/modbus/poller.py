@@ -17,14 +17,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from stemwatch.connectors.modbus.backoff import Backoff
-from stemwatch.connectors.modbus.blockreader import BlockReader, Columns
+from stemwatch.connectors.modbus.block_reader import BlockReader, Columns
 from stemwatch.connectors.modbus.blocks import Block, BlockPlan
 from stemwatch.connectors.modbus.connection import Connection
 from stemwatch.connectors.modbus.device import Device
+from stemwatch.connectors.modbus.device_state import DeviceState
+from stemwatch.connectors.modbus.poll_schedule import PollSchedule, Slot
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault, no_connection
-from stemwatch.connectors.modbus.samples import SampleBatch, one_instant
-from stemwatch.connectors.modbus.schedule import Schedule, Slot
-from stemwatch.connectors.modbus.state import DeviceState
+from stemwatch.connectors.modbus.sample_batch import SampleBatch, one_instant
 from stemwatch.models.recording import Quality
 
 log = logging.getLogger(__name__)
@@ -76,13 +76,13 @@ class DevicePoller:
         device: Device,
         deliver: Deliver,
         *,
-        schedule: Schedule | None = None,
+        schedule: PollSchedule | None = None,
         rng: random.Random | None = None,
     ) -> None:
         self.device = device
         self.state = DeviceState(device.name, str(device.link))
         self._deliver = deliver
-        self._schedule = schedule or Schedule(device.every_s)
+        self._schedule = schedule or PollSchedule(device.every_s)
         self._rng = rng or random.Random()
         self._line = Connection(device.link)
         self._block_plan = BlockPlan(device.blocks())

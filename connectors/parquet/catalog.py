@@ -14,7 +14,7 @@ from urllib.parse import unquote
 from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.epoch import instant_of
-from stemwatch.connectors.parquet.file import ArchiveFile
+from stemwatch.connectors.parquet.archive_file import ArchiveFile
 
 ENDINGS = (".parquet", ".parq", ".pq")
 FRESH_S = 10.0  # a listing is looked at again after this: a service runs for months

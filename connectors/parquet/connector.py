@@ -146,7 +146,7 @@ class ParquetArchive:
     def _load(self, valve: ValveTags, window: Window) -> ValveColumns:
         from stemwatch.connectors.archive.valve_columns import ValveColumns, bounds_of, nothing_in
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
-        from stemwatch.connectors.parquet.layout import WORDS
+        from stemwatch.connectors.parquet.column_layout import WORDS
         from stemwatch.connectors.parquet.reading import column_of, read_pieces
 
         notes, bounds = ReadingNotes(), bounds_of(window, self.before_s)

@@ -18,10 +18,10 @@ from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times import Instants
 from stemwatch.connectors.historian.units import canonical
+from stemwatch.connectors.parquet.archive_file import ArchiveFile, as_floats
 from stemwatch.connectors.parquet.catalog import may_hold
-from stemwatch.connectors.parquet.file import ArchiveFile, as_floats
-from stemwatch.connectors.parquet.layout import SEPARATORS, Layout, is_number
-from stemwatch.connectors.parquet.times import (
+from stemwatch.connectors.parquet.column_layout import SEPARATORS, Layout, is_number
+from stemwatch.connectors.parquet.timestamps import (
     Stamps,
     file_bounds,
     is_naive,

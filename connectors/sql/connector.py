@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.reading_notes import ReadingNotes
     from stemwatch.connectors.historian.times import Instants
     from stemwatch.connectors.sql.database import Database
-    from stemwatch.connectors.sql.rows import Samples
+    from stemwatch.connectors.sql.query_rows import Samples
 
 CHUNK = 20_000
 _SQLITE = "sqlite:///"
@@ -249,7 +249,7 @@ class SqlArchive:
         self, connection: Connection, tag: str, role: Role, window: Window, notes: ReadingNotes
     ) -> tuple[Column, Instants | None]:
         from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
-        from stemwatch.connectors.sql.rows import column_of, instants_of
+        from stemwatch.connectors.sql.query_rows import column_of, instants_of
 
         samples = self._samples(connection, tag, window)
         if not samples.times:
@@ -265,7 +265,7 @@ class SqlArchive:
 
     def _samples(self, connection: Connection, tag: str, window: Window) -> Samples:
         from stemwatch.connectors.sql.database import ask
-        from stemwatch.connectors.sql.rows import gathered
+        from stemwatch.connectors.sql.query_rows import gathered
 
         parameters = {"tag": tag, **self._bounds(window)}
         names, parts = ask(connection, self.address.query, parameters, self.address.chunk)
@@ -313,7 +313,7 @@ class SqlArchive:
         from itertools import islice
 
         from stemwatch.connectors.sql.database import ask
-        from stemwatch.connectors.sql.rows import gathered
+        from stemwatch.connectors.sql.query_rows import gathered
 
         parameters = {"tag": tag, **self._bounds(WHOLE)}
         names, parts = ask(connection, self.address.query, parameters, 1)

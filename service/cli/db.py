@@ -45,8 +45,8 @@ def version(plant: PlantFile = None, db: Url = "") -> None:
     """Say which schema the database has, and which this program writes. Changes nothing."""
     from stemwatch.service.cli import db_views
     from stemwatch.service.store.administration.backup import disposing, one_instant
-    from stemwatch.service.store.administration.migrate import current_revision, newest_revision
     from stemwatch.service.store.database.engine import existing_engine
+    from stemwatch.service.store.migrations.migrate import current_revision, newest_revision
 
     address = _address(plant, db)
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
@@ -62,9 +62,9 @@ def upgrade(plant: PlantFile = None, db: Url = "") -> None:
     """
     from stemwatch.service.cli import db_views
     from stemwatch.service.store.administration.backup import disposing
-    from stemwatch.service.store.administration.migrate import newest_revision
-    from stemwatch.service.store.administration.migrate import upgrade as bring_up
     from stemwatch.service.store.database.engine import make_engine
+    from stemwatch.service.store.migrations.migrate import newest_revision
+    from stemwatch.service.store.migrations.migrate import upgrade as bring_up
 
     address = _address(plant, db)
     with disposing(make_engine(address)) as engine:
@@ -82,8 +82,8 @@ def downgrade(
     """Take the schema back, for an older program. What only newer schemas hold is LOST."""
     from stemwatch.service.cli import db_views
     from stemwatch.service.store.administration.backup import disposing
-    from stemwatch.service.store.administration.migrate import take_back
     from stemwatch.service.store.database.engine import existing_engine
+    from stemwatch.service.store.migrations.migrate import take_back
 
     address = _address(plant, db)
     if not yes:

@@ -81,7 +81,7 @@ def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> Non
     import webbrowser
 
     from stemwatch.service.cli import views
-    from stemwatch.service.live_demo import LiveDemo, Pace
+    from stemwatch.service.live_demo import DemoTiming, LiveDemo
 
     def say(text: str) -> None:
         # With soft_wrap an address stays on one line, whatever reads it.
@@ -91,7 +91,7 @@ def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> Non
         if open_page:
             webbrowser.open(address)
 
-    made = LiveDemo(out, Pace(speed=speed), port, say=say, ready=ready, seed=seed)
+    made = LiveDemo(out, DemoTiming(speed=speed), port, say=say, ready=ready, seed=seed)
     asyncio.run(_until_asked(made))
 
 

@@ -105,7 +105,7 @@ def _split(host: str) -> tuple[str, int]:
 
 def _show_words(link: Link, unit: int, written: str, count: int) -> None:
     from stemwatch.connectors.connector import ConnectorError
-    from stemwatch.connectors.modbus.commission import look
+    from stemwatch.connectors.modbus.commissioning import look
     from stemwatch.connectors.modbus.read_fault import ReadFault
     from stemwatch.connectors.modbus.register_address import AddressError, Table, parse_address
     from stemwatch.service.cli import modbus_views, views
@@ -130,7 +130,7 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
 
 def _try_maps(file: Path, wanted: str) -> None:
     from stemwatch.connectors.connector import ConnectorError
-    from stemwatch.connectors.modbus.commission import try_map
+    from stemwatch.connectors.modbus.commissioning import try_map
     from stemwatch.connectors.modbus.read_fault import ReadFault
     from stemwatch.service.cli import modbus_views, views
 

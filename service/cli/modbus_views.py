@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table as Grid
 
-from stemwatch.connectors.modbus.commission import Meaning, Tried, meanings, other_orders
+from stemwatch.connectors.modbus.commissioning import Meaning, Tried, meanings, other_orders
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number
 from stemwatch.connectors.modbus.device import Device
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault

@@ -103,15 +103,21 @@ def _run(
     new_baseline: bool,
     json_file: Path | None,
 ) -> tuple[Screening, ...]:
-    from stemwatch.models.limits import Limits
-    from stemwatch.service.cli import views
-    from stemwatch.service.executors import choose_executor
-    from stemwatch.service.run.engine import RunNow, RunResult, screen_now
-    from stemwatch.service.store.store import open_store
+    from stemwatch.service.executors import LocalProcesses, choose_executor
+    from stemwatch.service.process_lifecycle import expect_workers
 
     plant = request.plant
     timeout_s = plant.service.valve_timeout_s if plant else LONGEST_S
     executor = choose_executor(*workers, item_timeout_s=timeout_s)
+    if isinstance(executor, LocalProcesses) and plant and len(plant.valves) > 1:
+        expect_workers()
+
+    # Imported only now, while the workers' server imports what they need.
+    from stemwatch.models.limits import Limits
+    from stemwatch.service.cli import views
+    from stemwatch.service.run.engine import RunNow, RunResult, screen_now
+    from stemwatch.service.store.store import open_store
+
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
     out.mkdir(parents=True, exist_ok=True)

@@ -80,13 +80,13 @@ def _fitting(
 ) -> Callable[[PlantServer], Awaitable[object]]:
     """What repairs the valves of which maintenance is recorded in ``store`` from now on."""
     from stemwatch.service.cli import views
-    from stemwatch.service.live_demo import Fitter, repair_what_is_recorded
+    from stemwatch.service.live_demo import Technician, repair_what_is_recorded
 
     def told(tag: str) -> None:
         views.out.print(views.escape(f"{tag} was repaired and is as new."), highlight=False)
 
-    fitter = Fitter(store, [loop.tag for loop in loops])
-    return lambda server: repair_what_is_recorded(fitter, server, told)
+    technician = Technician(store, [loop.tag for loop in loops])
+    return lambda server: repair_what_is_recorded(technician, server, told)
 
 
 def wear_of(
@@ -126,7 +126,7 @@ def map_table(loops: Sequence[PlantLoop]) -> Table:
     """Which register holds which signal, of the first loops."""
     from rich.table import Table
 
-    from stemwatch.service.modbus_plant.layout import registers
+    from stemwatch.service.modbus_plant.register_layout import registers
 
     table = Table("tag", "holding register", "as manuals print it", "type", "unit")
     for line in registers(loops[:_SHOWN]):

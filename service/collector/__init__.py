@@ -7,7 +7,7 @@ there and a process that is killed loses at most the poll it was in the middle o
 
 from stemwatch.service.collector.collector import Collector as Collector
 from stemwatch.service.collector.collector import collect as collect
-from stemwatch.service.collector.sink import SampleSink as SampleSink
-from stemwatch.service.collector.sink import SinkRefused as SinkRefused
+from stemwatch.service.collector.sample_sink import SampleSink as SampleSink
+from stemwatch.service.collector.sample_sink import SinkRefused as SinkRefused
 from stemwatch.service.collector.spool import Spool as Spool
 from stemwatch.service.collector.spool import SpoolError as SpoolError

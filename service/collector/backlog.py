@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from stemwatch.service.collector.record import HEAD_BYTES, records
+from stemwatch.service.collector.batch_format import HEAD_BYTES, records
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _CURSOR = "cursor"

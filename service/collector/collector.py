@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from queue import SimpleQueue
 
 from stemwatch.connectors.modbus import Device, DevicePoller, SampleBatch
-from stemwatch.connectors.modbus.state import DeviceState
-from stemwatch.service.collector.drain import Drain, DrainState
-from stemwatch.service.collector.sink import SampleSink
+from stemwatch.connectors.modbus.device_state import DeviceState
+from stemwatch.service.collector.forwarder import Forwarder, ForwarderState
+from stemwatch.service.collector.sample_sink import SampleSink
 from stemwatch.service.collector.spool import Spool
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ class Collector:
         self._spool = spool
         self._queue: SimpleQueue[SampleBatch | None] = SimpleQueue()
         self._pollers = [DevicePoller(device, self._queue.put) for device in devices]
-        self._drain = Drain(spool, sink)
+        self._forwarder = Forwarder(spool, sink)
         self._gather_s = gather_s
         self._more, self._stop = threading.Event(), threading.Event()
 
@@ -51,16 +51,18 @@ class Collector:
         return [poller.state for poller in self._pollers]
 
     @property
-    def store(self) -> DrainState:
+    def store(self) -> ForwarderState:
         """How the store is doing."""
-        return self._drain.state
+        return self._forwarder.state
 
     async def run(self) -> None:
         """Collect until cancelled; what was polled by then is on disk when this returns."""
         self._more.set()  # what an earlier process left behind
         writing = threading.Thread(target=self._keep, name="spool")
         draining = threading.Thread(
-            target=self._drain.run, args=(self._more, self._stop, self._gather_s), name="drain"
+            target=self._forwarder.run,
+            args=(self._more, self._stop, self._gather_s),
+            name="forwarder",
         )
         for thread in (writing, draining):
             thread.start()

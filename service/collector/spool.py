@@ -16,9 +16,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
+from stemwatch.service.collector.batch_format import pack, records
 from stemwatch.service.collector.lock import FolderLock
-from stemwatch.service.collector.record import pack, records
 
 log = logging.getLogger(__name__)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.metadata import entry_points
 from typing import Annotated, Any, Literal, Self
 
@@ -14,6 +15,7 @@ from stemwatch.service.store.runs.schedule import ScreeningSchedule
 NOTIFIERS = "stemwatch.notifiers"
 Severity = Literal["high", "medium", "low"]
 SHORTEST_S = 10.0
+_HOST_AND_PORT = re.compile(r"[^/\s]+:\d+")
 
 
 def _readable_cron(expression: str) -> str:
@@ -182,9 +184,20 @@ class ServiceSection(TomlTable):
     workers: Annotated[int, Field(ge=1, le=256)] | None = Field(
         default=None, description="a whole number of processes, 1 to 256"
     )
-    executor: Annotated[str, Field(pattern=r"^(local|dask://[^/\s]+:\d+)$")] = Field(
-        default="local", description='"local" or "dask://HOST:PORT"'
-    )
+    executor: Name = Field(default="local", description='"local" or "dask://HOST:PORT"')
     valve_timeout_s: Annotated[float, Field(ge=1)] = Field(
         default=120.0, description="seconds, 1 or more"
     )
+
+    @model_validator(mode="after")
+    def _known_executor(self) -> Self:
+        """``local``, a cluster, or what the entry point group ``stemwatch.executors`` has."""
+        name, separator, rest = self.executor.partition("://")
+        if self.executor == "local" or (name == "dask" and _HOST_AND_PORT.fullmatch(rest)):
+            return self
+        others = {entry.name for entry in entry_points(group="stemwatch.executors")} - {"dask"}
+        if separator and name in others:
+            return self
+        more = "".join(f', or "{other}://..."' for other in sorted(others))
+        expected = f'"local" or "dask://HOST:PORT"{more}'
+        raise contradiction(("executor",), repr(self.executor), expected)

@@ -5,10 +5,10 @@ on schedule, raises an alert, and is repaired when somebody records the work.
 """
 
 from stemwatch.service.live_demo.demo import LiveDemo as LiveDemo
-from stemwatch.service.live_demo.fitter import Fitter as Fitter
-from stemwatch.service.live_demo.fitter import (
+from stemwatch.service.live_demo.folder import DemoFolder as DemoFolder
+from stemwatch.service.live_demo.mail_catcher import MailCatcher as MailCatcher
+from stemwatch.service.live_demo.technician import Technician as Technician
+from stemwatch.service.live_demo.technician import (
     repair_what_is_recorded as repair_what_is_recorded,
 )
-from stemwatch.service.live_demo.folder import DemoFolder as DemoFolder
-from stemwatch.service.live_demo.mails import MailCatcher as MailCatcher
-from stemwatch.service.live_demo.pace import Pace as Pace
+from stemwatch.service.live_demo.timing import DemoTiming as DemoTiming

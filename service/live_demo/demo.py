@@ -7,13 +7,17 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stemwatch.service.live_demo.fitter import Fitter, repair_what_is_recorded, wear_once_known
 from stemwatch.service.live_demo.folder import DemoFolder
 from stemwatch.service.live_demo.loops import WEARING, live_loops
-from stemwatch.service.live_demo.mails import Caught, MailCatcher
-from stemwatch.service.live_demo.pace import Pace
+from stemwatch.service.live_demo.mail_catcher import Caught, MailCatcher
 from stemwatch.service.live_demo.plant_file import demo_toml
-from stemwatch.service.live_demo.served import Served
+from stemwatch.service.live_demo.service_process import ServiceProcess
+from stemwatch.service.live_demo.technician import (
+    Technician,
+    repair_what_is_recorded,
+    wear_once_known,
+)
+from stemwatch.service.live_demo.timing import DemoTiming
 from stemwatch.service.modbus_plant import PlantServer
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.store.store import Store, open_store
@@ -22,7 +26,7 @@ T = TypeVar("T")
 
 
 class LiveDemo:
-    """The demo in ``out`` at ``pace``, its pages on ``port`` (0 takes a free one).
+    """The demo in ``out`` with ``timing``, its pages on ``port`` (0 takes a free one).
 
     ``say`` gets lines for people, ``ready`` the address of the pages once they are served.
     """
@@ -30,14 +34,14 @@ class LiveDemo:
     def __init__(
         self,
         out: Path,
-        pace: Pace,
+        timing: DemoTiming,
         port: int,
         *,
         say: Callable[[str], None],
         ready: Callable[[str], object] = lambda address: None,
         seed: int = 1,
     ) -> None:
-        self._out, self._pace, self._port, self._seed = out, pace, port, seed
+        self._out, self._timing, self._port, self._seed = out, timing, port, seed
         self._say, self._ready = say, ready
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -57,11 +61,11 @@ class LiveDemo:
             loops = live_loops()
             # The first stretch is simulated in a process of its own, which takes seconds.
             plant = await asyncio.to_thread(LivePlant, loops, seed=self._seed)
-            async with PlantServer(plant, speed=self._pace.speed) as server:
+            async with PlantServer(plant, speed=self._timing.speed) as server:
                 self._say(f"The simulated plant answers Modbus on 127.0.0.1:{server.port}")
                 text = demo_toml(
                     loops,
-                    self._pace,
+                    self._timing,
                     modbus_port=server.port,
                     mail_port=mails.port,
                     pages_port=self._port,
@@ -73,7 +77,7 @@ class LiveDemo:
         self, folder: DemoFolder, store: Store, server: PlantServer, stop: asyncio.Event
     ) -> None:
         """Let the service watch the plant, and repair what it is told."""
-        async with Served(folder.plant_file, self._port, folder.log, self._say) as service:
+        async with ServiceProcess(folder.plant_file, self._port, folder.log, self._say) as service:
             address = await _first(service.address(), stop)
             if address is None:
                 return
@@ -81,26 +85,26 @@ class LiveDemo:
                 self._say(line)
             self._ready(address)
 
-            fitter = Fitter(store, [loop.tag for loop in server.plant.loops])
+            technician = Technician(store, [loop.tag for loop in server.plant.loops])
 
             async def work() -> None:
                 await asyncio.gather(
                     service.ended(),
-                    wear_once_known(store, server, WEARING, self._pace.wear, self._wears),
-                    repair_what_is_recorded(fitter, server, self._repaired),
+                    wear_once_known(store, server, WEARING, self._timing.wear, self._wears),
+                    repair_what_is_recorded(technician, server, self._repaired),
                 )
 
             await _first(work(), stop)
 
     def _wears(self, tag: str) -> None:
-        told = self._pace.alert_after_s / self._pace.speed / 60.0
+        told = self._timing.alert_after_s / self._timing.speed / 60.0
         self._say(
             f"{tag} was screened as new and begins to wear. Its alert and the mail come in about "
             f"{told:.0f} minutes."
         )
 
     def _repaired(self, tag: str) -> None:
-        window = self._pace.window_s / 60.0
+        window = self._timing.window_s / 60.0
         self._say(
             f"The fitter has been at {tag}: its simulated valve is as new. The first run that sees "
             f"nothing but what came after says so, in {window:.1f} minutes or a little more."
@@ -111,7 +115,7 @@ class LiveDemo:
 
     def _story(self, address: str) -> list[str]:
         return [
-            f"1. All valves are screened every {self._pace.schedule_s:g} s. Once {WEARING} has a "
+            f"1. All valves are screened every {self._timing.schedule_s:g} s. Once {WEARING} has a "
             "baseline it wears, until it sticks.",
             f"2. When the mail has come, acknowledge the alert: {address}alerts",
             f"3. Record maintenance: {address}valve?id={WEARING} - a fitter then repairs it.",

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from stemwatch.models.studies.simulator import PlantLoop
 from stemwatch.service.live_demo.folder import REPORTS, SPOOL
 from stemwatch.service.live_demo.loops import STROKES
-from stemwatch.service.live_demo.pace import Pace
+from stemwatch.service.live_demo.timing import DemoTiming
 from stemwatch.service.modbus_plant import plant_toml
 
 _BASELINE_RATIO = 4.0
@@ -23,7 +23,7 @@ _HEAD = """\
 
 def demo_toml(
     loops: Sequence[PlantLoop],
-    pace: Pace,
+    timing: DemoTiming,
     *,
     modbus_port: int,
     mail_port: int,
@@ -34,23 +34,23 @@ def demo_toml(
     The plant's name says on every page that it is simulated and how fast. Mails link to the pages
     where ``pages_port`` is known beforehand.
     """
-    fast = "" if pace.speed == 1.0 else f", {pace.speed:g} times as fast as the clock"
+    fast = "" if timing.speed == 1.0 else f", {timing.speed:g} times as fast as the clock"
     plant = plant_toml(
         loops,
         host="127.0.0.1",
         port=modbus_port,
-        every_s=pace.every_s,
+        every_s=timing.every_s,
         name=f"Live demo (simulated{fast})",
         strokes=STROKES,
     )
-    return _HEAD + plant + _service(pace, mail_port, pages_port)
+    return _HEAD + plant + _service(timing, mail_port, pages_port)
 
 
-def _service(pace: Pace, mail_port: int, pages_port: int) -> str:
+def _service(timing: DemoTiming, mail_port: int, pages_port: int) -> str:
     address = f"http://127.0.0.1:{pages_port}/" if pages_port else ""
     return f"""
 [limits]
-min_duration_s = {pace.shortest_s}
+min_duration_s = {timing.shortest_s}
 # A baseline of minutes has seen less than one of a day; what follows it a little worse is no news.
 baseline_ratio_watch = {_BASELINE_RATIO}
 
@@ -58,7 +58,7 @@ baseline_ratio_watch = {_BASELINE_RATIO}
 address = {json.dumps(address)}
 spool = {json.dumps(SPOOL)}
 reports = {json.dumps(REPORTS)}
-window_s = {pace.window_s}
+window_s = {timing.window_s}
 workers = 1
 
 [alerts]
@@ -66,9 +66,9 @@ raise_after_runs = 2
 of_runs = 3
 
 [[schedules]]
-name = "all valves, every {pace.schedule_s:g} s"
-every_s = {pace.schedule_s}
-window_s = {pace.window_s}
+name = "all valves, every {timing.schedule_s:g} s"
+every_s = {timing.schedule_s}
+window_s = {timing.window_s}
 
 [[notifiers]]
 name = "maintenance"

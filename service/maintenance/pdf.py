@@ -1,169 +1,489 @@
-"""The maintenance report as PDF, drawn directly: a list of the valves, then a page for each."""
+"""The maintenance report as PDF: a list of the valves, then a page for each, laid out by reportlab.
+
+A valve's page is set in the largest type in which it fits one page. What does not fit even in the
+smallest flows onto a second one: nothing is cut.
+"""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
+from xml.sax.saxutils import escape
 
-from stemwatch.service.maintenance.pdf_fonts import REGULAR, fonts
-from stemwatch.service.maintenance.pdf_sheet import FOOT, LEFT, PAGE, TOP, WIDTH, draw_sheet
-from stemwatch.service.maintenance.pdf_text import Writer
+from reportlab.lib.pagesizes import A4
+from reportlab.lib.styles import ParagraphStyle
+from reportlab.platypus import (
+    BaseDocTemplate,
+    Flowable,
+    Frame,
+    LongTable,
+    NextPageTemplate,
+    PageBreak,
+    PageTemplate,
+    Paragraph,
+    Spacer,
+    Table,
+)
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance.drawing import Drawing, DrawnLine, DrawnText, Mark, hatching
+from stemwatch.service.maintenance.pdf_fonts import BOLD, REGULAR, fonts, is_whole, runs, width_of
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
-from stemwatch.service.presenter.advice import HINT
-from stemwatch.service.presenter.wording import NOTHING, VERDICT_SYMBOL, instant, printable
+from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
+from stemwatch.service.presenter.wording import (
+    NOTHING,
+    VERDICT_SYMBOL,
+    instant,
+    printable,
+    prose,
+    span_percent,
+    window,
+)
+from stemwatch.service.report.report_context import ReportContext
 
-SIZE = 8.2
-HEADINGS = ("Page", "Priority", "Valve", "Finding", "S", "Since", "By")
-COLUMNS = (0.0, 0.055, 0.215, 0.54, 0.735, 0.805, 0.9)
+MARGIN, TOP, FOOT = 40.0, 30.0, 34.0
+WIDTH = A4[0] - 2 * MARGIN
+SIGN_HEIGHT = 34.0
+ROOM = A4[1] - TOP - FOOT - SIGN_HEIGHT  # of a valve's page, above the lines to sign on
+GAP = 16.0
+LIST_SIZE = 8.2
+SIZES = (8.6, 7.9, 7.2, 6.6)  # points; smaller is not read at a valve
+SHORT = {Verdict.UNDETERMINED: "no verdict"}
+FRAME = {1: (3.0, None), 2: (1.8, None), 3: (0.8, None), 4: (0.8, (3.0, 2.0))}
+SEE_LETTERS = "□ stands for a letter that this PDF's font lacks: maintenance.html shows it."
+HEADINGS = ("No.", "Priority", "Valve", "Finding", "S", "Since", "By")
+SHARES = (0.055, 0.16, 0.325, 0.195, 0.07, 0.095, 0.1)
 LEGEND = (
     "Priority: severity x criticality x trend; 1 within a week, 2 within a month, 3 within three "
     "months, 4 at the next stop. Confirm with a stroke test before a valve is opened."
 )
+# Letters of a paragraph, which flows over pages, and of a cell, which has to fit one.
+LONGEST, LONGEST_CELL, LONGEST_NAME = 6000, 1200, 200
 
 
 def book_pdf(book: WorkList, *, compress: bool = True) -> bytes:
     """The report as PDF, the same for the same book; uncompressed where a test reads it."""
-    from reportlab.pdfgen.canvas import Canvas
-
     fonts()
     memory = io.BytesIO()
-    canvas = Canvas(
-        memory, pagesize=PAGE, pageCompression=int(compress), invariant=1, initialFontName=REGULAR
-    )
-    canvas.setTitle(printable(f"Maintenance report {book.context.plant}".strip()))
-    canvas.setAuthor(book.context.software)
-    lists = _Lists(canvas, book)
-    lists.draw()
+    document = _Document(book, memory, compress)
+    story: list[Any] = [*_front(book)]
     for number, sheet in enumerate(book.sheets, start=1):
-        draw_sheet(canvas, sheet, book.context)
-        key = f"m{number}"
-        canvas.bookmarkPage(key)
-        canvas.addOutlineEntry(printable(sheet.screening.valve)[:80], key)
-        _folio(Writer(canvas, PAGE[1], SIZE), book, str(number))
-        canvas.showPage()
-    canvas.save()
+        story += [NextPageTemplate("sheet"), PageBreak(), _Bookmark(number, sheet)]
+        story += _fitting(sheet, book.context)
+    document.build(story)
     return memory.getvalue()
 
 
-class _Lists:
-    """The front: what is in the report, the valves in their order, and those without a page."""
+class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no types
+    """A4 with a folio on every page, and lines to sign on below a valve's page."""
 
-    def __init__(self, canvas: Any, book: WorkList) -> None:
-        self._canvas, self._book = canvas, book
-        self._w = Writer(canvas, PAGE[1], SIZE)
-        self._y = TOP
+    def __init__(self, book: WorkList, file: io.BytesIO, compress: bool) -> None:
+        super().__init__(
+            file,
+            pagesize=A4,
+            title=printable(f"Maintenance report {book.context.plant}".strip()),
+            author=book.context.software,
+            pageCompression=int(compress),
+            invariant=1,
+            initialFontName=REGULAR,
+        )
+        self._context = book.context
+        plain = {"leftPadding": 0, "rightPadding": 0, "topPadding": 0, "bottomPadding": 0}
+        whole = Frame(MARGIN, FOOT, WIDTH, A4[1] - TOP - FOOT, **plain)
+        above = Frame(MARGIN, FOOT + SIGN_HEIGHT, WIDTH, ROOM, **plain)
+        self.addPageTemplates(
+            [
+                PageTemplate("list", [whole], onPage=self._folio),
+                PageTemplate("sheet", [above], onPage=self._signed),
+            ]
+        )
+
+    def _folio(self, canvas: Any, _: Any) -> None:
+        day = self._context.started.astimezone(self._context.tz)
+        told = f"{self._context.plant or self._context.software} · {day:%Y-%m-%d}"
+        _write(
+            canvas, told[:120] + f" · page {canvas.getPageNumber()}", A4[0] - MARGIN, 10.0, "end"
+        )
+
+    def _signed(self, canvas: Any, document: Any) -> None:
+        """Lines for the hand: a page that comes back from the valve is worth two that went."""
+        self._folio(canvas, document)
+        shares = (0.0, 0.34, 0.68, 0.85, 1.0)
+        titles = ("Found", "Done, parts used", "Name", "Date")
+        canvas.setLineWidth(0.6)
+        for title, begin, end in zip(titles, shares, shares[1:], strict=False):
+            left = MARGIN + begin * WIDTH
+            canvas.line(left, FOOT, left + (end - begin) * WIDTH - 8.0, FOOT)
+            _write(canvas, title, left, FOOT - 8.0)
+
+
+class _Bookmark(Flowable):  # type: ignore[misc]  # reportlab has no types
+    """Where a row of the list and the outline lead to."""
+
+    def __init__(self, number: int, sheet: WorkSheet) -> None:
+        super().__init__()
+        self._key, self._title = f"m{number}", printable(sheet.screening.valve)[:80]
+
+    def wrap(self, *_: float) -> tuple[float, float]:
+        return 0.0, 0.0
 
     def draw(self) -> None:
-        """All of it, on as many pages as it takes."""
-        book, w = self._book, self._w
-        self._y = w.text("Maintenance report", LEFT, TOP, WIDTH, size=2.2, bold=True)
-        told = f"{instant(book.context.started, book.context.tz)} ({book.context.zone})"
-        told += f", run {book.run}" if book.run is not None else ""
-        plant = f"{book.context.plant}, " if book.context.plant else ""
-        self._say(f"{plant}{told}. {book.context.software}.")
-        self._say(book.counts, bold=True)
-        self._say(book.discovered)
-        self._heading() if book.sheets else self._say(
-            "There is no page for a valve in this report."
-        )
-        for number, sheet in enumerate(book.sheets, start=1):
-            self._row(number, sheet)
-        self._rest()
-        self._remarks()
-        self._say(f"{LEGEND} {HINT}", size=0.86)
-        self._close()
+        self.canv.bookmarkPage(self._key)
+        self.canv.addOutlineEntry(self._title, self._key)
 
-    def _heading(self) -> None:
-        self._y += 4.0
-        for title, share in zip(HEADINGS, COLUMNS, strict=True):
-            self._w.text(title, LEFT + share * WIDTH, self._y, 200.0, bold=True, most=1)
-        self._y += SIZE * 1.24
-        self._w.rule(LEFT, self._y + 1.0, WIDTH, 0.8)
-        self._y += 2.0
 
-    def _row(self, number: int, sheet: WorkSheet) -> None:
-        context, work = self._book.context, sheet.has_order
-        begins = sheet.since.first.at if sheet.since.first else sheet.screening.window[1]
-        cells = (
-            str(number),
-            f"{sheet.priority.code} {sheet.priority.words}" if work else NOTHING,
-            sheet.screening.valve,
-            sheet.title,
-            sheet.sizes[0].percent if sheet.sizes[0].interval else NOTHING,
-            NOTHING if begins is None else f"{begins.astimezone(context.tz):%Y-%m-%d}",
-            str(sheet.priority.due(context.started, context.tz)) if work else NOTHING,
-        )
-        if self._full(2.0 * SIZE * 1.24 + 3.0):
-            self._heading()
-        ends = (*COLUMNS[1:], 1.0)
-        end = self._y
-        for at, (cell, share, stop) in enumerate(zip(cells, COLUMNS, ends, strict=True)):
-            room = (stop - share) * WIDTH - 4.0
-            x = LEFT + share * WIDTH
-            size = 0.9 if at in (1, 5, 6) else 1.0
-            most = 1 if at == 2 else 2
-            foot = self._w.text(cell, x, self._y, room, most=most, size=size, bold=at == 2)
-            if at == 2:
-                service = sheet.valve.facts.description
-                foot = self._w.text(service, x, foot, room, most=1, size=0.86)
-            end = max(end, foot)
-        self._canvas.linkRect(
-            "", f"m{number}", (LEFT, PAGE[1] - end, LEFT + WIDTH, PAGE[1] - self._y)
-        )
-        self._w.rule(LEFT, end + 1.2, WIDTH, 0.3)
-        self._y = end + 2.0
+class _Picture(Flowable):  # type: ignore[misc]  # reportlab has no types
+    """A drawing as wide as the page."""
 
-    def _rest(self) -> None:
-        others = self._book.others
-        if not others:
+    def __init__(self, drawing: Drawing) -> None:
+        super().__init__()
+        self._drawing, self._scale = drawing, WIDTH / drawing.width
+
+    def wrap(self, *_: float) -> tuple[float, float]:
+        return WIDTH, self._scale * self._drawing.height
+
+    def draw(self) -> None:
+        self.canv.scale(self._scale, self._scale)
+        for mark in self._drawing.marks:
+            self._mark(mark)
+
+    def _mark(self, mark: Mark) -> None:
+        height = self._drawing.height
+        if isinstance(mark, DrawnText):
+            x, y = mark.at
+            _write(self.canv, mark.text, x, height - y, mark.anchor, mark.size, bold=mark.bold)
             return
-        self._full(40.0)
-        many = "valve" if len(others) == 1 else "valves"
-        self._y = self._w.heading(
-            f"{len(others)} {many} without a page", LEFT, self._y + 6.0, WIDTH
+        for line in [mark] if isinstance(mark, DrawnLine) else hatching(mark):
+            self.canv.setLineWidth(line.width)
+            self.canv.setStrokeGray(line.grey)
+            self.canv.setDash(list(line.dash) if line.dash else [])
+            path = self.canv.beginPath()
+            for at, (x, y) in enumerate(line.points):
+                (path.lineTo if at else path.moveTo)(x, height - y)
+            self.canv.drawPath(path)
+
+
+@dataclass(frozen=True)
+class _Type:
+    """Paragraphs in type of ``size`` points."""
+
+    size: float
+
+    def text(self, text: str, share: float = 1.0, *, bold: bool = False, **style: Any) -> Paragraph:
+        """A paragraph in ``share`` of the size; every letter in a font that has it."""
+        points = self.size * share
+        look = ParagraphStyle(
+            "text", fontName=BOLD if bold else REGULAR, fontSize=points, leading=1.24 * points
         )
-        for one in others:
-            self._brief(one)
+        return Paragraph(_markup(text, bold), ParagraphStyle("text", look, **style))
 
-    def _brief(self, one: ValveWithoutPage) -> None:
-        self._full(SIZE * 1.24 * 2)
-        verdict = f"{VERDICT_SYMBOL[one.verdict]} {one.verdict.value}"
-        end = self._w.text(verdict, LEFT, self._y, 76.0, most=1, size=0.9)
-        tag = self._w.text(one.valve, LEFT + 78.0, self._y, 112.0, most=2, bold=True, size=0.9)
-        said = self._w.text(one.said, LEFT + 196.0, self._y, WIDTH - 196.0, most=2, size=0.9)
-        self._y = max(end, tag, said)
+    def heading(self, text: str) -> Flowable:
+        """A small heading over a thin rule."""
+        style: dict[str, Any] = {"spaceBefore": 0.5 * self.size, "spaceAfter": 0.25 * self.size}
+        return _Ruled(self.text(text.upper(), 0.84, bold=True, **style), 0.4)
 
-    def _remarks(self) -> None:
-        for at, one in enumerate(self._book.context.sources_not_read):
-            if at == 0:
-                self._full(40.0)
-                self._y = self._w.heading("Remarks", LEFT, self._y + 6.0, WIDTH)
-            self._full(SIZE * 1.24 * 2)
-            self._say(f"{one.source}: {one.reason}", size=0.9, most=2)
+    def columns(self, *cells: Sequence[Any]) -> Table:
+        """Flowables side by side."""
+        width = (WIDTH - GAP * (len(cells) - 1)) / len(cells)
+        widths = [width + (GAP if at < len(cells) - 1 else 0.0) for at in range(len(cells))]
+        style = [*_BARE, ("RIGHTPADDING", (0, 0), (-2, -1), GAP)]
+        return Table([[list(cell) for cell in cells]], colWidths=widths, style=style)
 
-    def _say(self, text: str, *, size: float = 1.0, bold: bool = False, most: int = 6) -> None:
-        if text:
-            self._full(SIZE * 1.24 * size)
-            self._y = self._w.text(
-                text, LEFT, self._y + 2.0, WIDTH, size=size, bold=bold, most=most
-            )
-
-    def _full(self, needed: float) -> bool:
-        """Begin a new page where ``needed`` points are not left; returns whether it did."""
-        if self._y + needed <= PAGE[1] - FOOT:
-            return False
-        self._close()
-        self._y = TOP
-        return True
-
-    def _close(self) -> None:
-        _folio(self._w, self._book, "")
-        self._canvas.showPage()
+    def grid(self, rows: Sequence[Sequence[Any]], widths: Sequence[float]) -> Table:
+        """A table of texts without rules; the first row and column are bold."""
+        cells = [
+            [self.text(cell, bold=line == 0 or at == 0) for at, cell in enumerate(row)]
+            for line, row in enumerate(rows)
+        ]
+        return Table(cells, colWidths=list(widths), style=_BARE, hAlign="LEFT")
 
 
-def _folio(writer: Writer, book: WorkList, page: str) -> None:
-    day = book.context.started.astimezone(book.context.tz)
-    told = f"{book.context.plant or book.context.software} · {day:%Y-%m-%d}"
-    text = f"{told} · page {page}" if page else told
-    writer.line(text[:120], LEFT + WIDTH, PAGE[1] - 10.0, 6.5, anchor="end")
+class _Ruled(Flowable):  # type: ignore[misc]  # reportlab has no types
+    """A paragraph with a rule below it."""
+
+    def __init__(self, inside: Paragraph, weight: float) -> None:
+        super().__init__()
+        self._inside, self._weight = inside, weight
+        self.keepWithNext = 1
+
+    def getSpaceBefore(self) -> float:  # reportlab's name
+        return float(self._inside.getSpaceBefore())
+
+    def getSpaceAfter(self) -> float:  # reportlab's name
+        return float(self._inside.getSpaceAfter())
+
+    def wrap(self, width: float, height: float) -> tuple[float, float]:
+        self._width, tall = self._inside.wrap(width, height)
+        return width, tall + 1.2
+
+    def draw(self) -> None:
+        self._inside.drawOn(self.canv, 0.0, 1.2)
+        self.canv.setLineWidth(self._weight)
+        self.canv.setStrokeGray(0.4)
+        self.canv.line(0.0, 0.0, self._width, 0.0)
+
+
+_BARE = [
+    ("VALIGN", (0, 0), (-1, -1), "TOP"),
+    ("LEFTPADDING", (0, 0), (-1, -1), 0),
+    ("RIGHTPADDING", (0, 0), (-1, -1), 0),
+    ("TOPPADDING", (0, 0), (-1, -1), 0),
+    ("BOTTOMPADDING", (0, 0), (-1, -1), 0),
+]
+_LIST = [
+    *_BARE,
+    ("RIGHTPADDING", (0, 0), (-1, -1), 4),
+    ("TOPPADDING", (0, 0), (-1, -1), 1.5),
+    ("BOTTOMPADDING", (0, 0), (-1, -1), 2.0),
+    ("LINEBELOW", (0, 0), (-1, -1), 0.3, "#666666"),
+]
+
+
+def _markup(text: str, bold: bool) -> str:
+    """``text`` as reportlab's markup: runs of letters that the page's font lacks name theirs."""
+    own = BOLD if bold else REGULAR
+    return "".join(
+        escape(letters) if font == own else f'<font name="{font}">{escape(letters)}</font>'
+        for font, letters in runs(prose(_cut(text, LONGEST)), bold)
+    )
+
+
+def _cut(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def _write(
+    canvas: Any,
+    text: str,
+    x: float,
+    y: float,
+    anchor: str = "start",
+    points: float = 6.5,
+    *,
+    bold: bool = False,
+) -> None:
+    """One line of words whose baseline is ``y`` above the foot."""
+    whole = width_of(printable(text), bold) * points
+    x -= whole if anchor == "end" else whole / 2 if anchor == "middle" else 0.0
+    for font, letters in runs(printable(text), bold):
+        canvas.setFont(font, points)
+        canvas.drawString(x, y, letters)
+        x += width_of(letters, bold) * points
+
+
+def _front(book: WorkList) -> list[Any]:
+    """What is in the report, the valves in their order, and those without a page."""
+    t, context = _Type(LIST_SIZE), book.context
+    told = f"{instant(context.started, context.tz)} ({context.zone})"
+    told += f", run {book.run}" if book.run is not None else ""
+    plant = f"{context.plant}, " if context.plant else ""
+    story: list[Any] = [
+        t.text("Maintenance report", 2.2, bold=True, spaceAfter=4.0),
+        t.text(f"{plant}{told}. {context.software}."),
+        t.text(book.counts, bold=True, spaceBefore=2.0),
+    ]
+    if book.discovered:
+        story.append(t.text(book.discovered, spaceBefore=2.0))
+    story.append(Spacer(1, 6.0))
+    if book.sheets:
+        rows = [[t.text(name, bold=True) for name in HEADINGS]]
+        rows += [_row(t, number, one, context) for number, one in enumerate(book.sheets, start=1)]
+        widths = [share * WIDTH for share in SHARES]
+        story.append(LongTable(rows, colWidths=widths, repeatRows=1, style=_LIST))
+    else:
+        story.append(t.text("There is no page for a valve in this report."))
+    if book.others:
+        many = "valve" if len(book.others) == 1 else "valves"
+        story.append(t.heading(f"{len(book.others)} {many} without a page"))
+        rest = [_brief(t, one) for one in book.others]
+        story.append(LongTable(rest, colWidths=[78.0, 118.0, WIDTH - 196.0], style=_BARE))
+    if context.sources_not_read:
+        story.append(t.heading("Remarks"))
+        story += [t.text(f"{one.source}: {one.reason}", 0.9) for one in context.sources_not_read]
+    return [*story, t.text(f"{LEGEND} {HINT}", 0.86, spaceBefore=6.0)]
+
+
+def _row(t: _Type, number: int, sheet: WorkSheet, context: ReportContext) -> list[Any]:
+    begins = sheet.since.first.at if sheet.since.first else sheet.screening.window[1]
+    order, priority = sheet.has_order, sheet.priority
+    tag = t.text(_cut(sheet.screening.valve, LONGEST_NAME), bold=True)
+    service = _cut(sheet.valve.facts.description, LONGEST_NAME)
+    link = ParagraphStyle("link", fontName=REGULAR, fontSize=t.size, leading=1.24 * t.size)
+    return [
+        Paragraph(f'<a href="#m{number}">{number}</a>', link),
+        t.text(f"{priority.code} {priority.words}" if order else NOTHING, 0.9),
+        [tag, t.text(service, 0.86)] if service else tag,
+        t.text(sheet.title),
+        t.text(sheet.sizes[0].percent if sheet.sizes[0].interval else NOTHING),
+        t.text(NOTHING if begins is None else _day(begins, context), 0.9),
+        t.text(str(priority.due(context.started, context.tz)) if order else NOTHING, 0.9),
+    ]
+
+
+def _brief(t: _Type, one: ValveWithoutPage) -> list[Any]:
+    verdict = f"{VERDICT_SYMBOL[one.verdict]} {one.verdict.value}"
+    return [
+        t.text(verdict, 0.9),
+        t.text(_cut(one.valve, LONGEST_NAME), 0.9, bold=True),
+        t.text(_cut(one.said, LONGEST_CELL), 0.9),
+    ]
+
+
+def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:
+    """The page of ``sheet`` in the largest type that fits; else in one column over several."""
+    for size in SIZES:
+        story = _sheet(_Type(size), sheet, context)
+        if _height(story) <= ROOM:
+            return story
+    return _sheet(_Type(SIZES[-1]), sheet, context, side_by_side=False)
+
+
+def _height(story: Sequence[Any]) -> float:
+    """How much room ``story`` takes."""
+    tall, after = 0.0, 0.0
+    for at, one in enumerate(story):
+        before = one.getSpaceBefore() if at else 0.0
+        tall += max(before, after) + one.wrap(WIDTH, 10_000.0)[1]
+        after = one.getSpaceAfter()
+    return tall
+
+
+def _sheet(
+    t: _Type, sheet: WorkSheet, context: ReportContext, *, side_by_side: bool = True
+) -> list[Any]:
+    """Everything on the page of one valve."""
+    seen = f"Window: {window(*sheet.screening.window, context.tz, context.zone)}"
+    seen += f" · run {sheet.run}" if sheet.run is not None else ""
+    picture = sheet.picture
+    note = sheet.picture_note + (" OP dashed, MV solid." if picture is not None else "")
+    story = [
+        *_head(t, sheet, context),
+        t.heading("What was found"),
+        t.text(sheet.said.in_full),
+        t.text(seen, 0.86),
+        *([] if picture is None else [Spacer(1, 3.0), _Picture(picture)]),
+        t.text(note, 0.86),
+    ]
+    width = (WIDTH - GAP) / 2 if side_by_side else WIDTH
+    first = _sizes(t, sheet, width), _since(t, sheet, context, width)
+    second = _hand(t, sheet), _doubt(t, sheet)
+    if side_by_side:
+        return [
+            *story,
+            t.columns(*first),
+            *_steps(t, sheet),
+            t.columns(*second),
+            *_isolation(t, sheet),
+        ]
+    return [
+        *[*story, *first[0], *first[1], *_steps(t, sheet)],
+        *[*second[0], *second[1], *_isolation(t, sheet)],
+    ]
+
+
+def _head(t: _Type, sheet: WorkSheet, context: ReportContext) -> list[Any]:
+    facts, screening = sheet.valve.facts, sheet.screening
+    about = [facts.description, facts.area]
+    about += [f"criticality {facts.criticality}"] if facts.criticality else []
+    about += [f"stroke {facts.stroke}"] if facts.stroke else []
+    title = f"{VERDICT_SYMBOL[screening.verdict]} {sheet.title} ({screening.verdict.value})"
+    left = [
+        t.text(_cut(screening.valve, LONGEST_NAME), 1.75, bold=True),
+        t.text(_cut(" · ".join(one for one in about if one), LONGEST_CELL), 0.92),
+        t.text(title, 1.25, bold=True, spaceBefore=1.0),
+    ]
+    if not is_whole(screening.valve + facts.description):
+        left.append(t.text(SEE_LETTERS, 0.8))
+    middle: dict[str, Any] = {"alignment": 1}
+    weight, dash = FRAME[sheet.priority.code if sheet.has_order else 4]
+    if sheet.has_order:
+        priority = sheet.priority
+        due = f"by {priority.due(context.started, context.tz)}"
+        box = [
+            t.text("Priority", 0.9, **middle),
+            t.text(str(priority.code), 2.1, bold=True, **middle),
+            *[t.text(text, 0.9, **middle) for text in (priority.words, due)],
+        ]
+    else:
+        box = [t.text("no order", **middle)]
+    inner = Table(
+        [[box]], colWidths=[92.0], style=[("BOX", (0, 0), (-1, -1), weight, "black", 0, dash)]
+    )
+    style = [
+        *_BARE,
+        ("LINEBELOW", (0, 0), (-1, -1), 1.0, "black"),
+        ("BOTTOMPADDING", (0, 0), (-1, -1), 3),
+    ]
+    return [Table([[left, inner]], colWidths=[WIDTH - 102.0, 102.0], style=style)]
+
+
+def _sizes(t: _Type, sheet: WorkSheet, width: float) -> list[Any]:
+    rows = [("", "of OP span", "95 %", "travel")]
+    rows += [
+        (size.name, size.percent, size.interval or NOTHING, size.travel or NOTHING)
+        for size in sheet.sizes
+    ]
+    meaning = " ".join(f"{size.name}: {size.meaning}." for size in sheet.sizes)
+    return [
+        t.heading("Size"),
+        t.grid(rows, [share * width for share in (0.09, 0.23, 0.34, 0.34)]),
+        t.text(f"{meaning} {sheet.stroke_note}", 0.86, spaceBefore=1.0),
+    ]
+
+
+def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> list[Any]:
+    found = [t.heading("Since when"), t.text(" ".join(sheet.since_said))]
+    if not sheet.past:
+        return found
+    rows = [
+        ["Before", *[_day(past.at, context) for past in sheet.past]],
+        ["", *[_verdict(past.verdict) for past in sheet.past]],
+        ["S, %", *[span_percent(past.S) for past in sheet.past]],
+    ]
+    step = (width - 28.0) / max(len(sheet.past), 4)
+    small = _Type(0.76 * t.size)
+    cells = [[small.text(cell, bold=at == 0) for at, cell in enumerate(row)] for row in rows]
+    widths = [28.0, *[step] * len(sheet.past)]
+    return [*found, Table(cells, colWidths=widths, style=_BARE, hAlign="LEFT")]
+
+
+def _verdict(verdict: Verdict) -> str:
+    return f"{VERDICT_SYMBOL[verdict]} {SHORT.get(verdict, verdict.value)}"
+
+
+def _day(when: datetime | None, context: ReportContext) -> str:
+    return NOTHING if when is None else f"{when.astimezone(context.tz):%Y-%m-%d}"
+
+
+def _steps(t: _Type, sheet: WorkSheet) -> list[Any]:
+    hanging: dict[str, Any] = {"leftIndent": 12.0, "firstLineIndent": -12.0}
+    return [
+        t.heading("Check in this order"),
+        *[
+            t.text(f"{number}. [{LEVEL_NAME[step.level]}] {step.text}", **hanging)
+            for number, step in enumerate(sheet.steps, start=1)
+        ],
+    ]
+
+
+def _hand(t: _Type, sheet: WorkSheet) -> list[Any]:
+    parts = t.text(f"{'; '.join(sheet.parts)}.")
+    return [t.heading("Have at hand"), parts, t.heading("How sure"), t.text(" ".join(sheet.sure))]
+
+
+def _doubt(t: _Type, sheet: WorkSheet) -> list[Any]:
+    said = " ".join(sheet.said.otherwise) or "Nothing that this recording would show."
+    reason = t.text(f"{sheet.priority.reason}.")
+    return [
+        *[t.heading("What else it could be"), t.text(said)],
+        *[t.heading("Why this priority"), reason],
+    ]
+
+
+def _isolation(t: _Type, sheet: WorkSheet) -> list[Any]:
+    levels = [t.text(f"[{LEVEL_NAME[level]}] {text}") for level, text in sheet.isolation]
+    return [t.heading("Isolation"), *levels, t.text(HINT, 0.86)]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.maintenance_html import book_html
-from stemwatch.service.maintenance.pdf import book_pdf
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv, orders_xlsx
@@ -45,6 +44,8 @@ def write_maintenance(
     ``everything`` each valve gets a page. Raises ``ReportNotWritten``, after writing what can be
     written, with each file and what to do.
     """
+    from stemwatch.service.maintenance.pdf import book_pdf  # reportlab takes long to import
+
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
     book = work_list_of(screenings, context, background, everything=everything)

@@ -13,8 +13,13 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator import PlantLoop
-from stemwatch.service.modbus_plant.layout import MOST_LOOPS
-from stemwatch.service.modbus_plant.tape import ROLES, Stretch, Tape, simulate_stretch
+from stemwatch.service.modbus_plant.register_layout import MOST_LOOPS
+from stemwatch.service.modbus_plant.simulated_ahead import (
+    ROLES,
+    SimulatedAhead,
+    Stretch,
+    simulate_stretch,
+)
 from stemwatch.service.modbus_plant.wear import Wear
 from stemwatch.service.process_lifecycle import begin_child, quiet_start
 
@@ -31,7 +36,7 @@ class _Running:
     loop: PlantLoop
     seed: int
     wear: Wear | None
-    tape: Tape
+    ahead: SimulatedAhead
     new_since_s: float = 0.0
     coming: Future[Stretch] | None = None
 
@@ -79,7 +84,7 @@ class LivePlant:
                 for loop, own_seed in zip(loops, seeds, strict=True)
             ]
         self._running = {
-            loop.tag: _Running(loop, own_seed, wear.get(loop.tag), Tape(stretch.result()))
+            loop.tag: _Running(loop, own_seed, wear.get(loop.tag), SimulatedAhead(stretch.result()))
             for loop, own_seed, stretch in zip(loops, seeds, first, strict=True)
         }
 
@@ -100,7 +105,7 @@ class LivePlant:
         Raises ``KeyError`` for a tag that is not there.
         """
         one = self._running[tag]
-        one.tape.append(Stretch(plant_s, one.loop.archive.interval_s, np.empty((0, len(ROLES)))))
+        one.ahead.append(Stretch(plant_s, one.loop.archive.interval_s, np.empty((0, len(ROLES)))))
         one.new_since_s = plant_s + REPAIR_S
         if lasting:
             one.wear = None
@@ -121,16 +126,16 @@ class LivePlant:
 
     def _row(self, one: _Running, plant_s: float) -> Floats:
         if one.coming is not None and one.coming.done():
-            one.tape.append(one.coming.result())
+            one.ahead.append(one.coming.result())
             one.coming = None
-        if one.coming is None and one.tape.stop_s - plant_s < self._stretch_s / 2:
-            one.coming = self._simulate(one, max(one.tape.stop_s, plant_s))
-        return one.tape.row(plant_s)
+        if one.coming is None and one.ahead.stop_s - plant_s < self._stretch_s / 2:
+            one.coming = self._simulate(one, max(one.ahead.stop_s, plant_s))
+        return one.ahead.row(plant_s)
 
     def _simulate(self, one: _Running, start_s: float) -> Future[Stretch]:
         worn_s = start_s - one.new_since_s
         length_s = _length_s(one.wear, worn_s, self._stretch_s)
-        before = one.tape.before(start_s)
+        before = one.ahead.before(start_s)
         return self._pool.submit(
             simulate_stretch, one.loop, one.wear, start_s, worn_s, length_s, one.seed, before
         )

@@ -13,7 +13,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from stemwatch.connectors.modbus import SampleBatch
-from stemwatch.connectors.modbus.state import DeviceState
+from stemwatch.connectors.modbus.device_state import DeviceState
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.logs import set_up_logs

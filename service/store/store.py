@@ -21,7 +21,7 @@ from stemwatch.service.store.accounts.users import Accounts
 from stemwatch.service.store.alerts.alerts import Alerts
 from stemwatch.service.store.alerts.deliveries import Deliveries
 from stemwatch.service.store.database.engine import make_engine, plainly
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.database_url import DatabaseUrl, masked_command
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.leases import Leases, ServiceSettings
@@ -70,7 +70,7 @@ def open_store(url: str | DatabaseUrl) -> Store:
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
     version of the program.
     """
-    from stemwatch.service.store.administration.migrate import upgrade
+    from stemwatch.service.store.migrations.migrate import upgrade
 
     address = url if isinstance(url, DatabaseUrl) else DatabaseUrl(url)
     engine = make_engine(address)
@@ -94,21 +94,21 @@ class Store:
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
         self.address = address
-        self.access = access = Transactions(engine, address)
-        self.access_links = AccessLinks(access)
-        self.accounts = Accounts(access)
-        self.alerts = Alerts(access)
-        self.api_tokens = ApiTokens(access)
-        self.attempts = Attempts(access)
-        self.audit = AuditLog(access)
-        self.deliveries = Deliveries(access)
-        self.leases = Leases(access)
-        self.queue = RunQueue(access)
-        self.samples = SampleStore(access)
-        self.schedules = Schedules(access)
-        self.settings = ServiceSettings(access)
-        self.sources = Sources(access)
-        self.web_sessions = WebSessions(access)
+        self.transactions = transactions = Transactions(engine, address)
+        self.access_links = AccessLinks(transactions)
+        self.accounts = Accounts(transactions)
+        self.alerts = Alerts(transactions)
+        self.api_tokens = ApiTokens(transactions)
+        self.attempts = Attempts(transactions)
+        self.audit = AuditLog(transactions)
+        self.deliveries = Deliveries(transactions)
+        self.leases = Leases(transactions)
+        self.queue = RunQueue(transactions)
+        self.samples = SampleStore(transactions)
+        self.schedules = Schedules(transactions)
+        self.settings = ServiceSettings(transactions)
+        self.sources = Sources(transactions)
+        self.web_sessions = WebSessions(transactions)
 
     def __repr__(self) -> str:
         return f"Store({str(self.address)!r})"
@@ -126,13 +126,13 @@ class Store:
 
     def close(self) -> None:
         """Close every connection."""
-        self.access.readers.dispose()
+        self.transactions.readers.dispose()
 
     def begin_run(
         self, *, command: Sequence[str] = (), software_version: str, settings_digest: str = ""
     ) -> int:
         """Note that a run has begun, and give its number. Secrets in ``command`` are masked."""
-        with self.access.writing("noting the run") as session:
+        with self.transactions.writing("noting the run") as session:
             run = RunRow(
                 started=datetime.now(UTC),
                 finished=None,
@@ -148,7 +148,7 @@ class Store:
 
     def finish_run(self, run_id: int) -> StoredRun:
         """Note that a run has ended, with how many of its screenings had each verdict."""
-        with self.access.writing("noting the run's end") as session:
+        with self.transactions.writing("noting the run's end") as session:
             run = self._run(session, run_id)
             run.finished, run.state = datetime.now(UTC), RunState.DONE.value
             run.counts = dict(screenings.count_verdicts(session, run_id))
@@ -156,14 +156,14 @@ class Store:
 
     def run(self, run_id: int) -> StoredRun:
         """The run of this number."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return stored_run(self._run(session, run_id))
 
     def save(self, screening: Screening, run_id: int, baseline_id: int | None = None) -> int:
         """Save one screening and give its row's number. The same valve and window again replaces
         what is there, whichever of two writers comes last. ``baseline_id`` says which baseline
         the screening was compared with."""
-        with self.access.writing(f"saving {screening.valve}") as session:
+        with self.transactions.writing(f"saving {screening.valve}") as session:
             return screenings.write_screening(session, screening, run_id, baseline_id)
 
     def save_many(
@@ -184,7 +184,7 @@ class Store:
                 failures.append(SaveFailure(valve=screening.valve, reason="not tried: no answer"))
                 continue
             try:
-                with Session(self.access.writers) as session, session.begin():
+                with Session(self.transactions.writers) as session, session.begin():
                     screenings.write_screening(
                         session, screening, run_id, baselines_of.get(screening.valve)
                     )
@@ -197,92 +197,92 @@ class Store:
 
     def save_valves(self, valves: Iterable[DescribedValve]) -> None:
         """Keep what the plant file says of the valves; valves it no longer names stay."""
-        with self.access.writing("saving the valves") as session:
+        with self.transactions.writing("saving the valves") as session:
             screenings.write_valves(session, valves)
 
     def valves(self) -> list[StoredValve]:
         """Every valve, by id."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.read_valves(session)
 
     def latest(self, *, area: str | None = None, limit: int | None = None) -> list[Ranked]:
         """Each valve's latest screening: by severity, then criticality, the worst first. Without
         what was found beside S and J, which ``screenings`` has."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.read_latest(session, area, limit)
 
     def screenings(self, valve: str, limit: int = 50) -> list[StoredScreening]:
         """The valve's last screenings, newest first."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.read_last(session, valve, limit)
 
     def screening_of(self, valve: str, window: _Window) -> StoredScreening | None:
         """The valve's screening of exactly this window."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.read_of_window(session, valve, window)
 
     def indicator_of(self, name: str, screening_ids: Sequence[int]) -> dict[int, float]:
         """One indicator of several screenings, by their numbers; without those that lack it."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.read_indicator(session, name, screening_ids)
 
     def worst_of_run(self, run_id: int, limit: int) -> list[str]:
         """The valves of a run's worst screenings, the worst first."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.read_worst(session, run_id, limit)
 
     def valve(self, valve: str) -> StoredValve | None:
         """The valve of this id."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.read_valve(session, valve)
 
     def knows(self, valve: str) -> bool:
         """Whether there is a valve of this id."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return screenings.is_known(session, valve)
 
     def areas(self) -> tuple[str, ...]:
         """The areas that valves are in, by name."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return ranking.read_areas(session)
 
     def valves_in(self, area: str) -> list[str]:
         """The valves of one area, by id."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return ranking.read_valves_in(session, area)
 
     def ranking(self, wanted: RankingFilter) -> RankingPage:
         """One page of valves, each with its latest screening."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return ranking.read_ranking(session, wanted)
 
     def screenings_of_run(self, run_id: int) -> list[Restored]:
         """Every screening of a run, for reports. Raises ``StoreError`` for a run that is none."""
-        with self.access.reading("reading a run's screenings") as session:
+        with self.transactions.reading("reading a run's screenings") as session:
             self._run(session, run_id)
             return restored.read_of_run(session, run_id)
 
     def latest_screenings(self) -> list[Restored]:
         """Each valve's latest screening, for reports."""
-        with self.access.reading("reading the latest screenings") as session:
+        with self.transactions.reading("reading the latest screenings") as session:
             return restored.read_latest_of_each(session)
 
     def recent(self, valves: Sequence[str], depth: int, indicator: str) -> dict[str, RecentOfValve]:
         """The last ``depth`` screenings of each of some hundred valves, one indicator of theirs,
         and what they are compared with."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return recent.read_recent(session, valves, depth, indicator)
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run that could have shown an effect beside S and J."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return false_discoveries.read_tested(session, run_id)
 
     def note_held_back(self, run_id: int, remarks: Mapping[int, str]) -> None:
         """Keep beside each of these screenings of a run, by number, why its named effects do not
         stand; an empty remark takes one away."""
         if remarks:
-            with self.access.writing(f"marking what run {run_id} found") as session:
+            with self.transactions.writing(f"marking what run {run_id} found") as session:
                 false_discoveries.write_remarks(session, remarks)
 
     def previous_finding(
@@ -301,39 +301,39 @@ class Store:
         A screening without dates comes after all that was saved before ``now``, or where that is
         not given before it was saved itself.
         """
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return read_previous(session, screening, limit, now)
 
     def history(
         self, valve: str, indicator: str, since: datetime | None = None
     ) -> list[TrendPoint]:
         """One indicator of one valve over time, oldest first."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return history.read_trend(session, valve, indicator, since)
 
     def indicators(self, screening_id: int) -> Mapping[str, TrendPoint]:
         """The indicators of one screening, by name."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return history.read_indicators(session, screening_id)
 
     def s_and_j(self, valve: str, since: datetime | None = None) -> list[HistoryPoint]:
         """S and J of the valve's screenings, oldest first; the newest few thousand of them."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return history.read_history(session, valve, since)
 
     def baseline_marks(self, valve: str) -> list[BaselineMark]:
         """Every baseline that the valve has or had, without its network, oldest first."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return history.read_baseline_marks(session, valve)
 
     def baseline(self, valve: str) -> Baseline | None:
         """The network the valve is compared with, and what must be known about it."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return baselines.read_network(session, valve, baselines.BASELINE)
 
     def baselines(self, valve: str) -> list[Baseline]:
         """Every baseline that the valve had, oldest first."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return baselines.read_baselines(session, valve)
 
     def set_baseline(
@@ -343,46 +343,46 @@ class Store:
 
         ``reason`` says why: "first healthy window", "first healthy window after maintenance".
         """
-        with self.access.writing(f"setting the baseline of {valve}") as session:
+        with self.transactions.writing(f"setting the baseline of {valve}") as session:
             baselines.write_network(session, valve, baselines.BASELINE, network, window, reason)
 
     def fitted(self, valve: str) -> Baseline | None:
         """The network fitted to the valve last."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return baselines.read_network(session, valve, baselines.FITTED)
 
     def set_fitted(
         self, valve: str, network: bytes, *, window: _Window = (None, None), reason: str
     ) -> None:
         """Keep the network fitted last, in place of the one before."""
-        with self.access.writing(f"saving the network of {valve}") as session:
+        with self.transactions.writing(f"saving the network of {valve}") as session:
             baselines.write_network(session, valve, baselines.FITTED, network, window, reason)
 
     def record_maintenance(self, valve: str, at: datetime, note: str, who: str = "") -> None:
         """Note work on a valve. ``baseline`` says from then on that the valve was changed, until
         a baseline with a later window is set."""
-        with self.access.writing(f"recording maintenance of {valve}") as session:
+        with self.transactions.writing(f"recording maintenance of {valve}") as session:
             remark = Remark(valve=valve, at=at, note=note, who=who)
             baselines.write_remark(session, MaintenanceRow, remark)
 
     def maintenance(self, valve: str) -> list[Remark]:
         """Work on the valve, oldest first."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return baselines.read_remarks(session, MaintenanceRow, valve)
 
     def work_without_note(self, valves: Sequence[str], writer: str) -> list[str]:
         """Those of ``valves`` whose last maintenance has no note of ``writer`` yet."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return recent.read_work_without_note(session, valves, writer)
 
     def add_note(self, valve: str, at: datetime, note: str, who: str = "") -> None:
         """Keep a remark about a valve."""
-        with self.access.writing(f"adding a note to {valve}") as session:
+        with self.transactions.writing(f"adding a note to {valve}") as session:
             baselines.write_remark(session, NoteRow, Remark(valve=valve, at=at, note=note, who=who))
 
     def notes(self, valve: str) -> list[Remark]:
         """Remarks about the valve, oldest first."""
-        with self.access.reading() as session:
+        with self.transactions.reading() as session:
             return baselines.read_remarks(session, NoteRow, valve)
 
     def _run(self, session: Session, run_id: int) -> RunRow:

@@ -22,7 +22,7 @@ from stemwatch.connectors.historian import ReadOptions
 from stemwatch.connectors.historian.columns import Column
 from stemwatch.connectors.historian.opened_file import OpenedFile, open_file
 from stemwatch.connectors.historian.recordings import find_tag
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
 from stemwatch.service.process_lifecycle import begin_child, quiet_start, worker_context
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from sqlalchemy import event, insert
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.held_back import hold_back
 from stemwatch.service.alerts.silent_sources import watch_sources
@@ -68,13 +68,13 @@ def fill(store: Store, plant: Plant, runs: int) -> int:
     for run in range(runs):
         at = NOW - timedelta(hours=24 * (runs - 1 - run))
         number = store.queue.put(RunRequest(), software_version="1") or 0
-        with store.access.writing("filling") as session:
+        with store.transactions.writing("filling") as session:
             done = {"state": "done", "reason": "", "finished": at}
             session.execute(
                 insert(RunValveRow), [{"run_id": number, "valve": one, **done} for one in names]
             )
             session.execute(insert(ScreeningRow), [screening(one, number, at) for one in names])
-    with store.access.writing("filling") as session:
+    with store.transactions.writing("filling") as session:
         window = {"window_start": NOW - timedelta(hours=1), "window_end": NOW}
         session.execute(
             insert(NetworkRow),
@@ -154,12 +154,12 @@ def measured(store: Store, name: str) -> Iterator[None]:
         nonlocal statements
         statements += 1
 
-    event.listen(store.access.readers, "before_cursor_execute", count)
+    event.listen(store.transactions.readers, "before_cursor_execute", count)
     began, worked = time.perf_counter(), time.process_time()
     try:
         yield
     finally:
-        event.remove(store.access.readers, "before_cursor_execute", count)
+        event.remove(store.transactions.readers, "before_cursor_execute", count)
     took_s, work_s = time.perf_counter() - began, time.process_time() - worked
     print(f"{took_s:8.2f} s {work_s:8.2f} s work {statements:7d} statements  {name}")
 

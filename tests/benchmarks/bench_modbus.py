@@ -31,8 +31,8 @@ from stemwatch.connectors.modbus.device import Link, LinkKind
 from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
 from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.collector import Collector, Spool, collect
-from stemwatch.service.modbus_plant.layout import STRIDE, words
-from stemwatch.service.modbus_plant.tape import simulate_stretch
+from stemwatch.service.modbus_plant.register_layout import STRIDE, words
+from stemwatch.service.modbus_plant.simulated_ahead import simulate_stretch
 
 ASKED_LATE_S, ASKED_CORES = 0.1, 1.0
 SIGNALS = {"OP": 0, "ZT": 2, "PV": 4}

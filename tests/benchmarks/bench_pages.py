@@ -20,7 +20,7 @@ import httpx
 import numpy as np
 from sqlalchemy import insert
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.access.sessions import begin_session
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
@@ -56,7 +56,7 @@ def fill(store: Store, valves: int, runs: int) -> None:
     for run in range(runs):
         at = NOW - timedelta(days=7 * (runs - 1 - run))
         number = store.begin_run(software_version="0.1")
-        with store.access.writing("filling") as session:
+        with store.transactions.writing("filling") as session:
             rows = [_screening(name, place, number, at) for place, name in enumerate(names)]
             session.execute(insert(ScreeningRow), rows)
         store.finish_run(number)
@@ -115,7 +115,7 @@ def _screening(name: str, place: int, run: int, at: datetime) -> dict[str, objec
 
 def _indicators(store: Store) -> None:
     """Thirty numbers of each screening of the first hundred valves."""
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         found = session.query(ScreeningRow.id, ScreeningRow.valve, ScreeningRow.at)
         rows = [
             {
@@ -131,7 +131,7 @@ def _indicators(store: Store) -> None:
             for number, valve, at in found.where(ScreeningRow.valve < "FIC-00100")
             for place in range(30)
         ]
-    with store.access.writing("filling") as session:
+    with store.transactions.writing("filling") as session:
         session.execute(insert(IndicatorRow), rows)
 
 

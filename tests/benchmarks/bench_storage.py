@@ -24,7 +24,7 @@ from unittest.mock import patch
 import numpy as np
 from sqlalchemy import Connection, text
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.store.administration.backup import backup
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.samples import samples as samples_module
@@ -86,7 +86,7 @@ def measure(store: Store, total: int) -> list[dict[str, Any]]:
     """Every figure, as rows of a table."""
     now_s = int(time.time()) // 86_400 * 86_400
     ways: dict[str, Insert] = {"COPY": insert_samples, "INSERT from arrays": insert_arrays}
-    if store.access.is_sqlite:
+    if store.transactions.is_sqlite:
         ways = {"prepared INSERT": insert_samples}
     found: list[dict[str, Any]] = []
     first_s = now_s
@@ -130,7 +130,7 @@ def main() -> None:
             try:
                 found = measure(store, asked.samples)
             finally:
-                with store.access.writing("removing the samples again") as session:
+                with store.transactions.writing("removing the samples again") as session:
                     session.execute(text("DELETE FROM samples"))
                     session.execute(text("DELETE FROM tags WHERE source = 'bench'"))
     print(f"{platform.machine()}, Python {platform.python_version()}, {address}")

@@ -83,7 +83,7 @@ def test_no_password_stands_in_the_compose_file(compose: dict) -> None:
 def test_the_plant_of_the_compose_file_is_the_one_that_is_simulated(tmp_path: Path) -> None:
     """Its registers and valves are those that ``simulate --modbus`` serves."""
     from stemwatch.models.studies.simulator import demo_plant
-    from stemwatch.service.modbus_plant.mapfile import plant_toml
+    from stemwatch.service.modbus_plant.plant_file import plant_toml
 
     simulated = tmp_path / "plant.toml"
     simulated.write_text(plant_toml(demo_plant(1), host="plant", port=5020), encoding="utf-8")

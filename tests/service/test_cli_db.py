@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.store.administration.migrate import downgrade, newest_revision
 from stemwatch.service.store.database.engine import make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.migrations.migrate import downgrade, newest_revision
 from stemwatch.service.store.store import open_store
 from tests.service.web.made_plant import NOW, fill, plant_of, write_samples
 

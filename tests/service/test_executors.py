@@ -20,6 +20,7 @@ from pathlib import Path
 
 import pytest
 
+from stemwatch.service.config import PlantFileError, load_plant
 from stemwatch.service.executors import (
     Executor,
     ExecutorUnavailable,
@@ -356,6 +357,12 @@ def test_an_executor_of_another_package_is_found_by_its_name(
     assert (out / "report.html").is_file()
     with pytest.raises(UnknownExecutor, match=r"or tiny://"):
         choose_executor(None, "huge://farm")
+    file = tmp_path / "plant.toml"
+    file.write_text('[service]\nexecutor = "tiny://farm"\n', encoding="utf-8")
+    assert load_plant(file, environment={}).service.executor == "tiny://farm"
+    file.write_text('[service]\nexecutor = "huge://farm"\n', encoding="utf-8")
+    with pytest.raises(PlantFileError, match=r"dask://HOST:PORT.*tiny://"):
+        load_plant(file, environment={})
 
 
 @pytest.mark.parametrize(

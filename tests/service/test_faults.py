@@ -26,11 +26,11 @@ import numpy as np
 import pytest
 
 from stemwatch.models.studies.simulator import demo_plant
-from stemwatch.service.modbus_plant.layout import PLACE, STRIDE
-from stemwatch.service.modbus_plant.layout import tag as tag_of
 from stemwatch.service.modbus_plant.live import LivePlant
-from stemwatch.service.modbus_plant.mapfile import plant_toml
-from stemwatch.service.modbus_plant.serve import PlantServer
+from stemwatch.service.modbus_plant.plant_file import plant_toml
+from stemwatch.service.modbus_plant.plant_server import PlantServer
+from stemwatch.service.modbus_plant.register_layout import PLACE, STRIDE
+from stemwatch.service.modbus_plant.register_layout import tag as tag_of
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.samples import TagSamples as Samples
 from stemwatch.service.store.screenings.records import RunState

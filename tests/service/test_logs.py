@@ -109,7 +109,7 @@ import logging, sys, threading, warnings
 from stemwatch.service.logs import hide, logs_as_parent, set_up_logs
 set_up_logs(as_json=sys.argv[1] == "json", process="collector")
 hide(["geheim-1", "", None, "ab"])
-log = logging.getLogger("stemwatch.service.collector.drain")
+log = logging.getLogger("stemwatch.service.collector.forwarder")
 log.info("first\\nsecond geheim-1 ab postgresql://u:geheim-2@h/d", extra={"device": "plc geheim-1"})
 log.error("\\ud800 half a letter")
 warnings.warn("geheim-1 is old")
@@ -139,7 +139,7 @@ def test_what_a_line_is_about_stands_beside_it() -> None:
     first, _, warned, failed, thread, end = lines
     assert first["device"] == "plc ***"
     assert first["message"] == "first\nsecond *** ab postgresql://u:***@h/d"
-    assert first["part"] == "collector.drain"
+    assert first["part"] == "collector.forwarder"
     assert {line["process"] for line in lines} == {"collector"}
     assert "***" in warned["message"]
     assert (failed["run"], failed["valve"]) == (3, "FIC-101")

@@ -10,14 +10,14 @@ from sqlalchemy import Select, select, update
 from stemwatch.service.store.accounts.records import ApiToken, Scope
 from stemwatch.service.store.accounts.tables import TokenRow, UserRow
 from stemwatch.service.store.accounts.users import user_of
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 
 
 class ApiTokens:
     """Tokens by their digests. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def add(
         self,
@@ -31,7 +31,7 @@ class ApiTokens:
         expires: datetime | None,
     ) -> int:
         """Keep a new token of ``user``, and give its number."""
-        with self._access.writing("adding a token") as session:
+        with self._transactions.writing("adding a token") as session:
             row = TokenRow(
                 user_id=user,
                 name=name,
@@ -49,13 +49,13 @@ class ApiTokens:
 
     def find(self, digest: str) -> ApiToken | None:
         """The token of this digest, whether or not it still lets a program in."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             found = session.execute(_with_user().where(TokenRow.digest == digest)).one_or_none()
             return None if found is None else _token_of(*found)
 
     def get(self, token: int) -> ApiToken | None:
         """The token of this number."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             found = session.execute(_with_user().where(TokenRow.id == token)).one_or_none()
             return None if found is None else _token_of(*found)
 
@@ -64,17 +64,17 @@ class ApiTokens:
         statement = _with_user().order_by(TokenRow.id.desc())
         if user is not None:
             statement = statement.where(TokenRow.user_id == user)
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return [_token_of(*found) for found in session.execute(statement)]
 
     def note_use(self, token: int, now: datetime) -> None:
         """Note that a token was used."""
-        with self._access.writing("noting a token's use") as session:
+        with self._transactions.writing("noting a token's use") as session:
             session.execute(update(TokenRow).where(TokenRow.id == token).values(last_used=now))
 
     def revoke(self, token: int, now: datetime) -> None:
         """Let nobody in by this token any more."""
-        with self._access.writing("revoking a token") as session:
+        with self._transactions.writing("revoking a token") as session:
             session.execute(
                 update(TokenRow)
                 .where(TokenRow.id == token, TokenRow.revoked.is_(None))

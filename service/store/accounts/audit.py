@@ -9,7 +9,7 @@ from sqlalchemy import select
 
 from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, StoredAuditEntry
 from stemwatch.service.store.accounts.tables import AuditRow
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 
 LONGEST = 500  # characters of a field: what somebody sends must not fill the database
 
@@ -31,12 +31,12 @@ class AuditFilter:
 class AuditLog:
     """The entries in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def add(self, entry: AuditEntry) -> None:
         """Keep an entry."""
-        with self._access.writing("writing the audit log") as session:
+        with self._transactions.writing("writing the audit log") as session:
             session.add(
                 AuditRow(
                     at=entry.at,
@@ -65,12 +65,12 @@ class AuditLog:
             statement = statement.where(AuditRow.at < wanted.stop)
         if wanted.before is not None:
             statement = statement.where(AuditRow.id < wanted.before)
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return [_entry_of(row) for row in session.scalars(statement)]
 
     def actions(self) -> list[str]:
         """Every kind of action that there is an entry of, by name."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return list(session.scalars(select(AuditRow.action).distinct().order_by("action")))
 
 

@@ -9,14 +9,14 @@ from sqlalchemy import Select, delete, or_, select, update
 from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.accounts.tables import SessionRow, UserRow
 from stemwatch.service.store.accounts.users import user_of
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 
 
 class WebSessions:
     """Sessions by the digest of their cookies. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def begin(
         self,
@@ -29,7 +29,7 @@ class WebSessions:
         agent: str = "",
     ) -> None:
         """Keep a new session of ``user``."""
-        with self._access.writing("beginning a session") as session:
+        with self._transactions.writing("beginning a session") as session:
             session.add(
                 SessionRow(
                     digest=digest,
@@ -51,13 +51,13 @@ class WebSessions:
             SessionRow.seen > now - idle,
             UserRow.disabled.is_(None),
         )
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             found = session.execute(statement).one_or_none()
             return None if found is None else _session_of(*found)
 
     def touch(self, digest: str, now: datetime) -> None:
         """Note that a session is in use."""
-        with self._access.writing("noting a session") as session:
+        with self._transactions.writing("noting a session") as session:
             session.execute(update(SessionRow).where(SessionRow.digest == digest).values(seen=now))
 
     def of_user(self, user: int, *, now: datetime, idle: timedelta) -> list[WebSession]:
@@ -67,25 +67,25 @@ class WebSessions:
             SessionRow.expires > now,
             SessionRow.seen > now - idle,
         )
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             found = session.execute(statement.order_by(SessionRow.seen.desc()))
             return [_session_of(*pair) for pair in found]
 
     def end(self, digest: str) -> None:
         """End one session."""
-        with self._access.writing("ending a session") as session:
+        with self._transactions.writing("ending a session") as session:
             session.execute(delete(SessionRow).where(SessionRow.digest == digest))
 
     def end_others(self, user: int, kept: str = "") -> None:
         """End every session of a user but ``kept``."""
-        with self._access.writing("ending sessions") as session:
+        with self._transactions.writing("ending sessions") as session:
             session.execute(
                 delete(SessionRow).where(SessionRow.user_id == user, SessionRow.digest != kept)
             )
 
     def remove_ended(self, *, now: datetime, idle: timedelta) -> None:
         """Forget sessions that have ended by themselves."""
-        with self._access.writing("removing ended sessions") as session:
+        with self._transactions.writing("removing ended sessions") as session:
             ended = or_(SessionRow.expires <= now, SessionRow.seen <= now - idle)
             session.execute(delete(SessionRow).where(ended))
 

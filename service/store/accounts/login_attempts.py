@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.service.store.accounts.tables import AttemptRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 
 # How long to wait after so many failures.
 Wait = Callable[[int], timedelta]
@@ -23,15 +23,15 @@ Wait = Callable[[int], timedelta]
 class Attempts:
     """Counts by key, such as a name or an address. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def begin(
         self, waits: Mapping[str, Wait], *, now: datetime, forget: timedelta
     ) -> datetime | None:
         """Count an attempt under each key; or, where one of them has to wait, count nothing and
         give the instant until which. Counts older than ``forget`` begin anew."""
-        with self._access.writing("counting an attempt to sign in") as session:
+        with self._transactions.writing("counting an attempt to sign in") as session:
             rows = {key: _row(session, key, now) for key in sorted(waits)}
             waiting = [row.until for row in rows.values() if row.until > now]
             if waiting:
@@ -44,7 +44,7 @@ class Attempts:
     def succeeded(self, forgotten: str, undone: Sequence[str]) -> None:
         """An attempt has succeeded: the count under ``forgotten`` goes, those under ``undone``
         lose this one attempt."""
-        with self._access.writing("noting a login") as session:
+        with self._transactions.writing("noting a login") as session:
             session.execute(delete(AttemptRow).where(AttemptRow.key == forgotten))
             for row in session.scalars(
                 select(AttemptRow).where(AttemptRow.key.in_(undone)).with_for_update()
@@ -53,7 +53,7 @@ class Attempts:
 
     def remove_old(self, before: datetime) -> None:
         """Forget counts that nothing was added to since ``before``."""
-        with self._access.writing("forgetting attempts to sign in") as session:
+        with self._transactions.writing("forgetting attempts to sign in") as session:
             session.execute(delete(AttemptRow).where(AttemptRow.last < before))
 
 

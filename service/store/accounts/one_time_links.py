@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, UserRole
 from stemwatch.service.store.accounts.tables import LinkRow
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 
 
 class AccessLinks:
@@ -18,8 +18,8 @@ class AccessLinks:
     A link is used up by ``Accounts``, in the transaction that adds or changes the user.
     """
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def make(
         self,
@@ -35,7 +35,7 @@ class AccessLinks:
     ) -> OneTimeLink:
         """Keep a one-time link. A link for the first admin, or for a password of ``user``, takes
         the place of those before it."""
-        with self._access.writing("making a one-time link") as session:
+        with self._transactions.writing("making a one-time link") as session:
             if kind is OneTimeLinkKind.FIRST:
                 revoke(session, now, LinkRow.kind == kind.value)
             elif user is not None:
@@ -58,19 +58,19 @@ class AccessLinks:
 
     def find(self, digest: str) -> OneTimeLink | None:
         """The one-time link of this digest, whether or not it still lets somebody in."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = session.scalar(select(LinkRow).where(LinkRow.digest == digest))
             return None if row is None else _link_of(row)
 
     def open(self, now: datetime) -> list[OneTimeLink]:
         """One-time links that still let somebody in, the newest first."""
         statement = select(LinkRow).where(*_open(now)).order_by(LinkRow.id.desc())
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return [_link_of(row) for row in session.scalars(statement)]
 
     def revoke(self, link: int, now: datetime) -> bool:
         """Withdraw a one-time link; whether there was one to withdraw."""
-        with self._access.writing("withdrawing a one-time link") as session:
+        with self._transactions.writing("withdrawing a one-time link") as session:
             return revoke(session, now, LinkRow.id == link)
 
 

@@ -12,7 +12,7 @@ from stemwatch.service.store.accounts.one_time_links import revoke, use_up
 from stemwatch.service.store.accounts.records import OneTimeLinkKind, User, UserRole
 from stemwatch.service.store.accounts.tables import LinkRow, SessionRow, UserRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.storable import clean_text
 
@@ -33,46 +33,46 @@ def name_key(name: str) -> str:
 class Accounts:
     """Users in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def is_empty(self) -> bool:
         """Whether nobody can sign in yet."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return session.scalar(select(UserRow.id).limit(1)) is None
 
     def all(self) -> list[User]:
         """Every user, by name."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return [user_of(row) for row in session.scalars(select(UserRow).order_by(UserRow.name))]
 
     def find(self, name: str) -> User | None:
         """The user of this name."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = _by_name(session, name)
             return None if row is None else user_of(row)
 
     def get(self, user: int) -> User | None:
         """The user of this number."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = session.get(UserRow, user)
             return None if row is None else user_of(row)
 
     def password_of(self, name: str) -> tuple[User, str] | None:
         """A user with the password's hash."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = _by_name(session, name)
             return None if row is None else (user_of(row), row.password)
 
     def add(self, name: str, role: UserRole, password: str, *, by: str, now: datetime) -> User:
         """A new user; ``password`` is its hash. Raises ``NameTaken``."""
-        with self._access.writing("adding a user") as session:
+        with self._transactions.writing("adding a user") as session:
             return _add(session, name, role, password, by, now)
 
     def add_by_link(self, digest: str, name: str, password: str, now: datetime) -> User | None:
         """A new user by a one-time link, used up in the same transaction; ``None`` where the link
         lets nobody in. Raises ``NameTaken``, and the link stays as it was."""
-        with self._access.writing("using a one-time link") as session:
+        with self._transactions.writing("using a one-time link") as session:
             link = use_up(session, digest, now)
             if link is None or link.kind == OneTimeLinkKind.PASSWORD.value:
                 return None
@@ -84,7 +84,7 @@ class Accounts:
 
     def new_password_by_link(self, digest: str, password: str, now: datetime) -> User | None:
         """A new password by a one-time link; every session of the user ends."""
-        with self._access.writing("using a one-time link") as session:
+        with self._transactions.writing("using a one-time link") as session:
             link = use_up(session, digest, now)
             if link is None or link.kind != OneTimeLinkKind.PASSWORD.value or link.user_id is None:
                 return None
@@ -92,12 +92,12 @@ class Accounts:
 
     def set_password(self, user: int, password: str, now: datetime) -> User:
         """A new password, by its hash; every session of the user ends."""
-        with self._access.writing("changing a password") as session:
+        with self._transactions.writing("changing a password") as session:
             return _set_password(session, user, password, now)
 
     def note_login(self, user: int, now: datetime, rehashed: str | None = None) -> None:
         """Note that somebody signed in; ``rehashed`` is the same password, hashed anew."""
-        with self._access.writing("noting a login") as session:
+        with self._transactions.writing("noting a login") as session:
             row = _need(session, user)
             row.last_login = now
             if rehashed is not None:
@@ -105,7 +105,7 @@ class Accounts:
 
     def set_role(self, user: int, role: UserRole) -> User:
         """Change what somebody is. Raises ``LastAdmin``."""
-        with self._access.writing("changing a role") as session:
+        with self._transactions.writing("changing a role") as session:
             row = _need(session, user)
             if role is not UserRole.ADMIN:
                 _refuse_last_admin(session, row)
@@ -115,7 +115,7 @@ class Accounts:
     def disable(self, user: int, now: datetime) -> User:
         """Let somebody in no more; sessions end, links are withdrawn, tokens rest. Raises
         ``LastAdmin``."""
-        with self._access.writing("disabling a user") as session:
+        with self._transactions.writing("disabling a user") as session:
             row = _need(session, user)
             _refuse_last_admin(session, row)
             row.disabled = row.disabled or now
@@ -125,7 +125,7 @@ class Accounts:
 
     def enable(self, user: int) -> User:
         """Let somebody in again."""
-        with self._access.writing("enabling a user") as session:
+        with self._transactions.writing("enabling a user") as session:
             row = _need(session, user)
             row.disabled = None
             return user_of(row)

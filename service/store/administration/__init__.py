@@ -1,1 +1,1 @@
-"""What ``stemwatch db`` does: migrate, check, prune, back up, restore and copy a database."""
+"""What ``stemwatch db`` does: check, prune, back up, restore and copy a database."""

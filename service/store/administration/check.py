@@ -12,7 +12,6 @@ from datetime import UTC, datetime
 from sqlalchemy import Connection, inspect, text
 
 from stemwatch.service.store.administration.backup import disposing, one_instant
-from stemwatch.service.store.administration.migrate import newest_revision
 from stemwatch.service.store.administration.row_batches import count_rows
 from stemwatch.service.store.administration.schema import (
     DatabaseSchema,
@@ -21,6 +20,7 @@ from stemwatch.service.store.administration.schema import (
 )
 from stemwatch.service.store.database.engine import existing_engine
 from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.migrations.migrate import newest_revision
 from stemwatch.service.store.migrations.views_v1 import NAMES as VIEWS
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.partitions import SampleLayout

@@ -44,7 +44,7 @@ class StoreFigures:
 
 def figures_of(store: Store) -> StoreFigures:
     """All of it, as it stands now. Raises ``StoreError``."""
-    with store.access.reading("counting") as session:
+    with store.transactions.reading("counting") as session:
         return _figures(session)
 
 

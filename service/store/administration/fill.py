@@ -13,7 +13,6 @@ from alembic import command
 from sqlalchemy import Connection, Engine, inspect
 
 from stemwatch.service.store.administration.backup_file import TableDigest
-from stemwatch.service.store.administration.migrate import config_for, refuse_newer, wait_for_others
 from stemwatch.service.store.administration.row_batches import (
     Digest,
     count_rows,
@@ -30,6 +29,7 @@ from stemwatch.service.store.administration.schema import (
 from stemwatch.service.store.database.engine import driver_errors, for_writing, store_errors
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.migrations.migrate import config_for, refuse_newer, wait_for_others
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
 from stemwatch.service.store.samples.partitions import DAY_US, SampleLayout

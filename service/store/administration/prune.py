@@ -51,7 +51,7 @@ class Pruned:
 def would_prune(store: Store, ages: RetentionDays, now: datetime | None = None) -> Pruned:
     """What ``prune`` would remove. Changes nothing. Raises ``StoreError``."""
     now = now or datetime.now(UTC)
-    with store.access.reading("counting what is over age") as session:
+    with store.transactions.reading("counting what is over age") as session:
         before_us = _samples_before_us(ages, now)
         samples = 0 if before_us is None else _count(session, SampleRow, _older(before_us))
         rules = _rules(ages, now)
@@ -73,7 +73,7 @@ def prune(store: Store, ages: RetentionDays, now: datetime | None = None) -> Pru
         oldest = now - timedelta(days=ages.samples_days)
         samples = store.samples.remove_before(oldest, whole_days=True)
     went: dict[str, int] = {}
-    with store.access.writing("removing what is over age") as session:
+    with store.transactions.writing("removing what is over age") as session:
         for name, rule in _rules(ages, now).items():
             gone = session.execute(
                 delete(_TABLES[name]).where(rule), execution_options={"synchronize_session": False}

@@ -11,10 +11,10 @@ import sqlalchemy as sa
 from sqlalchemy import Connection, ForeignKey, inspect
 from sqlalchemy.types import TypeEngine
 
-from stemwatch.service.store.administration.migrate import current_revision
 from stemwatch.service.store.all_tables import metadata
 from stemwatch.service.store.database.columns import UtcDateTime
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.migrations.migrate import current_revision
 from stemwatch.service.store.samples.partitions import is_partition
 
 SAMPLES = "samples"

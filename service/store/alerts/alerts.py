@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import ValveRow
@@ -106,19 +106,19 @@ def state_of(alert: StoredAlert, now: datetime) -> str:
 class Alerts:
     """The alerts in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def raise_all(self, found: Sequence[RaisedAlert]) -> list[int]:
         """Open an alert for each cause that has none open; the numbers of the new ones."""
-        with self._access.writing("raising alerts") as session:
+        with self._transactions.writing("raising alerts") as session:
             return [number for one in found if (number := _raise(session, one)) is not None]
 
     def clear(self, causes: Sequence[str], why: str) -> list[StoredAlert]:
         """Close the open alerts of these causes; those that were closed by it."""
         if not causes:
             return []
-        with self._access.writing("closing alerts") as session:
+        with self._transactions.writing("closing alerts") as session:
             rows = session.scalars(
                 select(AlertRow).where(AlertRow.closed.is_(None), AlertRow.cause.in_(causes))
             ).all()
@@ -150,7 +150,7 @@ class Alerts:
 
     def get(self, alert: int) -> StoredAlert:
         """The alert of this number."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return stored_alert(_row(session, alert))
 
     def open(
@@ -161,7 +161,7 @@ class Alerts:
             AlertRow.closed.is_(None), AlertRow.false_alarm.is_(False)
         )
         order = {AlertSeverity.HIGH.value: 0, AlertSeverity.MEDIUM.value: 1}
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             found = [stored_alert(row) for row in session.scalars(statement)]
         found.sort(key=lambda one: (order.get(one.severity.value, 2), -one.opened.timestamp()))
         return found[:limit]
@@ -171,7 +171,7 @@ class Alerts:
     ) -> list[StoredAlert]:
         """Alerts of any state, newest first."""
         statement = _of(valve, None).order_by(AlertRow.opened.desc(), AlertRow.id.desc())
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = session.scalars(statement.limit(limit).offset(offset))
             return [stored_alert(row) for row in rows]
 
@@ -181,7 +181,7 @@ class Alerts:
         """The newest ``limit`` in one of ``STATES``; alerts that are not over by urgency."""
         statement = _of(valve, None).where(*_in_state(state, now))
         newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             found = [stored_alert(row) for row in session.scalars(newest)]
         if state in ("closed", "all"):
             return found
@@ -190,7 +190,7 @@ class Alerts:
     def count_open(self, now: datetime) -> int:
         """How many alerts are open: not acknowledged, and nobody let them rest."""
         counted = select(func.count()).select_from(AlertRow).where(*_in_state("open", now))
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return session.scalar(counted) or 0
 
     def open_by_valve(self, now: datetime) -> dict[str, int]:
@@ -198,7 +198,7 @@ class Alerts:
         statement = select(AlertRow.valve, func.count()).where(
             *_in_state("open", now), AlertRow.valve.is_not(None)
         )
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             found = session.execute(statement.group_by(AlertRow.valve))
             return {valve: count for valve, count in found if valve is not None}
 
@@ -209,7 +209,7 @@ class Alerts:
             .where(AlertRow.closed.is_(None), AlertRow.false_alarm.is_(False))
             .group_by(AlertRow.severity)
         )
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return {AlertSeverity(name): number for name, number in session.execute(statement)}
 
     def open_causes(self, prefixes: Sequence[str] = ()) -> set[str]:
@@ -218,12 +218,12 @@ class Alerts:
         if prefixes:
             begins = [AlertRow.cause.startswith(prefix, autoescape=True) for prefix in prefixes]
             statement = statement.where(or_(*begins))
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return set(session.scalars(statement))
 
     @contextmanager
     def _changing(self, alert: int) -> Iterator[AlertRow]:
-        with self._access.writing(f"changing alert {alert}") as session:
+        with self._transactions.writing(f"changing alert {alert}") as session:
             yield _row(session, alert)
 
 

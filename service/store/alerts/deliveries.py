@@ -17,7 +17,7 @@ from sqlalchemy import or_, select, update
 from stemwatch.service.store.alerts.alerts import StoredAlert, stored_alert
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 
 CLAIM = timedelta(minutes=5)  # no notifier takes longer to send one message
 
@@ -41,8 +41,8 @@ class StoredDelivery:
 class Deliveries:
     """The messages in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def untold(self) -> list[StoredAlert]:
         """Open alerts that no message has told of and that nobody let rest."""
@@ -53,7 +53,7 @@ class Deliveries:
             AlertRow.false_alarm.is_(False),
             or_(AlertRow.snoozed_until.is_(None), AlertRow.snoozed_until <= now),
         )
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return [stored_alert(row) for row in session.scalars(statement.order_by(AlertRow.id))]
 
     def put(
@@ -61,7 +61,7 @@ class Deliveries:
     ) -> bool:
         """Queue each notifier's message about ``alerts``; whether this process did it."""
         now = datetime.now(UTC)
-        with self._access.writing("queueing a message") as session:
+        with self._transactions.writing("queueing a message") as session:
             told = session.execute(
                 update(AlertRow)
                 .where(AlertRow.id.in_(alerts), AlertRow.told.is_(None))
@@ -90,7 +90,7 @@ class Deliveries:
     def claim(self) -> StoredDelivery | None:
         """The next message to send, this process's for a few minutes, or ``None``."""
         now = datetime.now(UTC)
-        with self._access.writing("taking a message") as session:
+        with self._transactions.writing("taking a message") as session:
             row = session.scalar(
                 select(DeliveryRow)
                 .where(
@@ -119,12 +119,12 @@ class Deliveries:
 
     def recent(self, limit: int = 100) -> list[StoredDelivery]:
         """The newest messages, newest first."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = select(DeliveryRow).order_by(DeliveryRow.id.desc()).limit(limit)
             return [_stored(row) for row in session.scalars(rows)]
 
     def _change(self, delivery: int, **values: Any) -> None:
-        with self._access.writing("noting a message's state") as session:
+        with self._transactions.writing("noting a message's state") as session:
             session.execute(update(DeliveryRow).where(DeliveryRow.id == delivery).values(**values))
 
 

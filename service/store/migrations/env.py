@@ -8,10 +8,10 @@ import os
 from alembic import context
 from sqlalchemy import Connection
 
-from stemwatch.service.store.administration.migrate import is_compared
 from stemwatch.service.store.all_tables import metadata
 from stemwatch.service.store.database.engine import for_writing, make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.migrations.migrate import is_compared
 
 
 def run(connection: Connection) -> None:

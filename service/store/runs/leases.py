@@ -9,19 +9,19 @@ from typing import Any
 from sqlalchemy import delete, or_, select
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions, database_now
+from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.runs.tables import LeaseRow, SettingRow
 
 
 class Leases:
     """Duties that one process at a time has. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def hold(self, name: str, owner: str, for_: timedelta) -> bool:
         """Take or renew the duty for so long; whether ``owner`` has it now."""
-        with self._access.writing(f"taking over {name}") as session:
+        with self._transactions.writing(f"taking over {name}") as session:
             now = database_now(session)
             values = {"name": name, "owner": owner, "until": now + for_}
             session.execute(upsert(session, LeaseRow, [values], ("name",), update=False))
@@ -37,7 +37,7 @@ class Leases:
 
     def holder(self, name: str) -> str | None:
         """Who has the duty now."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = session.get(LeaseRow, name)
             if row is None or row.until < database_now(session):
                 return None
@@ -45,25 +45,25 @@ class Leases:
 
     def let_go(self, name: str, owner: str) -> None:
         """Give the duty back, so that nobody has to wait for its end."""
-        with self._access.writing(f"giving back {name}") as session:
+        with self._transactions.writing(f"giving back {name}") as session:
             session.execute(delete(LeaseRow).where(LeaseRow.name == name, LeaseRow.owner == owner))
 
 
 class ServiceSettings:
     """Values that the service keeps across restarts. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def get(self, name: str) -> dict[str, Any] | None:
         """What was kept under ``name``."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = session.get(SettingRow, name)
             return None if row is None else dict(row.value)
 
     def put(self, name: str, value: Mapping[str, Any], who: str = "") -> None:
         """Keep ``value`` under ``name``, in place of what was there."""
-        with self._access.writing(f"keeping the setting {name}") as session:
+        with self._transactions.writing(f"keeping the setting {name}") as session:
             values = {
                 "name": name,
                 "value": dict(value),

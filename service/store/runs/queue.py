@@ -15,7 +15,7 @@ from sqlalchemy import ColumnElement, and_, or_, select, update
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions, database_now
+from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.runs.tables import RunValveRow
 from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.screenings.rows import stored_run
@@ -54,8 +54,8 @@ class SetAside(NamedTuple):
 class RunQueue:
     """The queue of runs. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def put(self, wanted: RunRequest, *, software_version: str) -> int | None:
         """Queue a run; its number, or ``None`` where this schedule's instant is queued already.
@@ -63,7 +63,7 @@ class RunQueue:
         A schedule whose run before still waits or goes on does not run twice at a time: the new
         instant is noted as skipped, so that every instant is accounted for.
         """
-        with self._access.writing("queueing a run") as session:
+        with self._transactions.writing("queueing a run") as session:
             going = _going(session, wanted.schedule)
             now = database_now(session)
             values: dict[str, object] = {
@@ -101,7 +101,7 @@ class RunQueue:
         First one whose worker has fallen silent, then the oldest that may begin. Two processes
         never get the same one.
         """
-        with self._access.writing("taking a run from the queue") as session:
+        with self._transactions.writing("taking a run from the queue") as session:
             now = database_now(session)
             silent = and_(
                 RunRow.state == RunState.RUNNING.value, RunRow.heartbeat < now - silent_after
@@ -126,7 +126,7 @@ class RunQueue:
 
     def beat(self, run_id: int, owner: str) -> StoredRun | None:
         """Say that ``owner`` still works on the run; ``None`` where it is no longer its own."""
-        with self._access.writing("a run's sign of life") as session:
+        with self._transactions.writing("a run's sign of life") as session:
             row = session.scalar(select(RunRow).where(RunRow.id == run_id).with_for_update())
             if row is None or row.owner != owner or row.state != RunState.RUNNING.value:
                 return None
@@ -135,7 +135,7 @@ class RunQueue:
 
     def leave(self, run_id: int, owner: str) -> None:
         """Let a run lie for the next process, which need not wait for ``owner`` to fall silent."""
-        with self._access.writing("leaving a run for later") as session:
+        with self._transactions.writing("leaving a run for later") as session:
             session.execute(
                 update(RunRow)
                 .where(
@@ -148,7 +148,7 @@ class RunQueue:
 
     def plan(self, run_id: int, valves: Iterable[str], settings_digest: str = "") -> list[str]:
         """Note which valves the run has to do, once; those that are left, in order."""
-        with self._access.writing(f"planning run {run_id}") as session:
+        with self._transactions.writing(f"planning run {run_id}") as session:
             names = list(dict.fromkeys(valves))
             rows = [_pending(run_id, valve) for valve in names]
             session.execute(
@@ -170,12 +170,12 @@ class RunQueue:
 
     def mark(self, run_id: int, valve: str, state: ValveState, reason: str = "") -> None:
         """What became of one valve. A second time it changes nothing."""
-        with self._access.writing(f"noting {valve} of run {run_id}") as session:
+        with self._transactions.writing(f"noting {valve} of run {run_id}") as session:
             mark(session, run_id, valve, state, reason)
 
     def valves_done(self, run_id: int) -> list[str]:
         """The valves of a run that have a result."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = select(RunValveRow.valve).where(
                 RunValveRow.run_id == run_id, RunValveRow.state == ValveState.DONE.value
             )
@@ -183,7 +183,7 @@ class RunQueue:
 
     def set_aside(self, run_id: int, limit: int | None = None) -> list[SetAside]:
         """The valves of a run that were set aside, by id; at most ``limit``."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = select(RunValveRow.valve, RunValveRow.reason).where(
                 RunValveRow.run_id == run_id, RunValveRow.state == ValveState.SET_ASIDE.value
             )
@@ -192,7 +192,7 @@ class RunQueue:
 
     def find(self, run_id: int) -> StoredRun | None:
         """The run of this number, ``None`` where there is none."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = session.get(RunRow, run_id)
             return None if row is None else stored_run(row)
 
@@ -200,7 +200,7 @@ class RunQueue:
         self, run_id: int, state: RunState, *, reason: str = "", report: str | None = None
     ) -> StoredRun:
         """Note that a run is over, how, and how many screenings had each verdict."""
-        with self._access.writing("noting the run's end") as session:
+        with self._transactions.writing("noting the run's end") as session:
             row = session.get_one(RunRow, run_id)
             row.state, row.finished = state.value, datetime.now(UTC)
             row.reason = reason or row.reason
@@ -211,7 +211,7 @@ class RunQueue:
     def ask_to_cancel(self, run_id: int, who: str) -> bool:
         """Ask that a run ends early; whether it was there to be cancelled. One that still waits is
         over at once, one that goes on when its worker hears of it."""
-        with self._access.writing(f"cancelling run {run_id}") as session:
+        with self._transactions.writing(f"cancelling run {run_id}") as session:
             row = session.scalar(select(RunRow).where(RunRow.id == run_id).with_for_update())
             if row is None or row.state not in _GOING:
                 return False
@@ -223,7 +223,7 @@ class RunQueue:
 
     def recent(self, limit: int = 100, *, schedule: str | None = None) -> list[StoredRun]:
         """The newest runs, newest first."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             statement = select(RunRow).order_by(RunRow.id.desc()).limit(limit)
             if schedule is not None:
                 statement = statement.where(RunRow.schedule == schedule)
@@ -231,7 +231,7 @@ class RunQueue:
 
     def going(self) -> list[StoredRun]:
         """Runs that wait or go on, oldest first."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = select(RunRow).where(RunRow.state.in_(_GOING)).order_by(RunRow.id)
             return [stored_run(row) for row in session.scalars(rows)]
 

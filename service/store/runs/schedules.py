@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from sqlalchemy import delete, select, update
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.schedule import FROM_FILE, ScreeningSchedule
 from stemwatch.service.store.runs.tables import ScheduleRow
@@ -28,13 +28,13 @@ class StoredSchedule:
 class Schedules:
     """The schedules in the store. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def take_from_file(self, schedules: Sequence[ScreeningSchedule]) -> None:
         """Make the plant file's schedules those that it names now. One that stays keeps how far it
         has got; what people saved stays untouched."""
-        with self._access.writing("taking over the plant file's schedules") as session:
+        with self._transactions.writing("taking over the plant file's schedules") as session:
             names = [one.name for one in schedules]
             session.execute(
                 delete(ScheduleRow).where(
@@ -54,7 +54,7 @@ class Schedules:
     def save(self, schedule: ScreeningSchedule) -> None:
         """Keep a schedule that a person made or changed. Raises ``StoreError`` for the name of one
         that stands in the plant file, where it has to be changed."""
-        with self._access.writing(f"saving the schedule {schedule.name}") as session:
+        with self._transactions.writing(f"saving the schedule {schedule.name}") as session:
             kept = session.get(ScheduleRow, schedule.name)
             if kept is not None and kept.origin == FROM_FILE:
                 raise StoreError(
@@ -67,14 +67,14 @@ class Schedules:
 
     def remove(self, name: str) -> None:
         """Forget a schedule that a person made."""
-        with self._access.writing(f"removing the schedule {name}") as session:
+        with self._transactions.writing(f"removing the schedule {name}") as session:
             session.execute(
                 delete(ScheduleRow).where(ScheduleRow.name == name, ScheduleRow.origin != FROM_FILE)
             )
 
     def all(self) -> list[StoredSchedule]:
         """Every schedule, by name."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = session.scalars(select(ScheduleRow).order_by(ScheduleRow.name))
             return [_stored(row) for row in rows]
 
@@ -83,7 +83,7 @@ class Schedules:
         values: dict[str, datetime | None] = {"next_due": next_due}
         if last_due is not None:
             values["last_due"] = last_due
-        with self._access.writing(f"noting the schedule {name}") as session:
+        with self._transactions.writing(f"noting the schedule {name}") as session:
             session.execute(update(ScheduleRow).where(ScheduleRow.name == name).values(**values))
 
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, Select, delete, func, select, text
 from sqlalchemy.orm import Session
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Floats, QualityCodes
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
@@ -65,8 +65,8 @@ class SampleStore:
     ``write`` may be called by one thread at a time; several processes may write.
     """
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
         self._tags: dict[tuple[str, str], int] = {}
         self._reasons: dict[str, int] = {}
         self._days: set[int] = set()  # that were looked after, as far as this process knows
@@ -75,7 +75,7 @@ class SampleStore:
         """Keep every sample of ``batch`` that is not there already; for good when it returns."""
         days = self._prepare(batch)
         try:
-            with self._access.writing(f"storing samples of {batch.source}") as session:
+            with self._transactions.writing(f"storing samples of {batch.source}") as session:
                 tags = self._numbers_of_tags(session, batch)
                 reasons = self._numbers_of_reasons(session, batch)
                 insert_samples(session.connection(), _columns(batch, tags, reasons))
@@ -94,14 +94,14 @@ class SampleStore:
             {"source": source, "name": clean_text(name), "unit": unit}
             for name, unit in sorted(units.items())
         ]
-        with self._access.writing(f"describing the tags of {source}") as session:
+        with self._transactions.writing(f"describing the tags of {source}") as session:
             for first in range(0, len(rows), _IN_ONE_STATEMENT):
                 part = rows[first : first + _IN_ONE_STATEMENT]
                 session.execute(upsert(session, TagRow, part, ("source", "name")))
 
     def tags(self, source: str) -> list[StoredTag]:
         """The tags of a source, by name."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = select(TagRow).where(TagRow.source == source).order_by(TagRow.name)
             return [
                 StoredTag(id=row.id, source=row.source, name=row.name, unit=row.unit)
@@ -115,7 +115,7 @@ class SampleStore:
         statement = _window(
             select(SampleRow.at_us, SampleRow.value, SampleRow.quality), source, tag, start, stop
         )
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = session.execute(statement.order_by(SampleRow.at_us)).all()
         at, values, quality = zip(*rows, strict=True) if rows else ((), (), ())
         return TagSamples(
@@ -129,7 +129,7 @@ class SampleStore:
     ) -> int:
         """How many samples a tag has from ``start`` to ``stop``."""
         statement = _window(select(func.count()), source, tag, start, stop)
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return session.execute(statement).scalar_one()
 
     def bounds(self, source: str, tag: str) -> tuple[datetime, datetime] | None:
@@ -137,7 +137,7 @@ class SampleStore:
         # One statement each: SQLite seeks the end of an index for min or max alone, not for both.
         first = _window(select(func.min(SampleRow.at_us)), source, tag, None, None)
         last = _window(select(func.max(SampleRow.at_us)), source, tag, None, None)
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             first_us, last_us = session.scalar(first), session.scalar(last)
         if first_us is None or last_us is None:
             return None
@@ -145,7 +145,7 @@ class SampleStore:
 
     def has_tag(self, source: str, tag: str) -> bool:
         """Whether the tag ever had a sample, or a unit, in the store."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return _tag_number(session, source, tag) is not None
 
     def plot_points(
@@ -153,7 +153,7 @@ class SampleStore:
     ) -> PlotPoints | None:
         """A tag from ``start`` to ``stop`` in about ``points`` points at most; ``None`` where the
         store does not know it."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             number = _tag_number(session, source, tag)
             return (
                 None if number is None else read_plot_points(session, number, start, stop, points)
@@ -162,20 +162,20 @@ class SampleStore:
     def bad(self, source: str, tag: str, start: datetime, stop: datetime) -> BadSamples | None:
         """How many samples of a tag are not good, and why; ``None`` for a tag that the store does
         not know."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             number = _tag_number(session, source, tag)
             return None if number is None else read_bad(session, number, tag, start, stop)
 
     def dead_tags(self, source: str, limit: timedelta, now: datetime) -> dict[str, int]:
         """The tags of ``source`` whose samples of the last ``limit`` are all bad, one of the last
         minute among them, with their numbers."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return read_dead_tags(session, source, limit, now)
 
     def last_good(self, tags: Sequence[int], since: datetime) -> dict[int, LastGood]:
         """Of each tag, by its number: its last good sample after ``since``, and why its newest
         sample is bad."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return {number: read_last_good(session, number, since) for number in tags}
 
     def reasons(
@@ -184,14 +184,14 @@ class SampleStore:
         """Why samples of a tag are bad, and how many for each reason."""
         statement = _window(select(SampleReasonRow.words, func.count()), source, tag, start, stop)
         statement = statement.join(SampleReasonRow, SampleReasonRow.id == SampleRow.reason_id)
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = session.execute(statement.group_by(SampleReasonRow.words))
             return {words: number for words, number in rows}
 
     def prepare_days(self, now: datetime | None = None, days: frozenset[int] = frozenset()) -> int:
         """Make PostgreSQL's partitions of the coming days and of ``days``; how many were new."""
         wanted = partitions.wanted_days(days, now or datetime.now(UTC))
-        with self._access.writing("making partitions of samples") as session:
+        with self._transactions.writing("making partitions of samples") as session:
             if partitions.layout_of(session.connection()) is not SampleLayout.PARTITIONS:
                 return 0
             return partitions.make_days(session.connection(), wanted)
@@ -205,9 +205,9 @@ class SampleStore:
         before_us = microseconds(instant)
         if whole_days:
             before_us -= before_us % DAY_US
-        if self._access.is_sqlite:
+        if self._transactions.is_sqlite:
             return self._remove_by_tag(before_us)
-        with self._access.writing("removing old samples") as session:
+        with self._transactions.writing("removing old samples") as session:
             days = _remove_days(session.connection(), before_us)
             rest = session.execute(delete(SampleRow).where(SampleRow.at_us < before_us))
             strays: int = rest.rowcount  # type: ignore[attr-defined]  # a DELETE has one
@@ -217,10 +217,10 @@ class SampleStore:
 
     def _remove_by_tag(self, before_us: int) -> int:
         removed = 0
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             numbers = list(session.scalars(select(TagRow.id)))
         for number in numbers:
-            with self._access.writing("removing old samples") as session:
+            with self._transactions.writing("removing old samples") as session:
                 gone = session.execute(
                     delete(SampleRow).where(SampleRow.tag_id == number, SampleRow.at_us < before_us)
                 )
@@ -230,7 +230,7 @@ class SampleStore:
     def _prepare(self, batch: SampleBatch) -> frozenset[int]:
         """See to the partitions of the batch's days; without them it goes where it can. The days
         that were looked after."""
-        if self._access.is_sqlite:
+        if self._transactions.is_sqlite:
             return frozenset()
         days = frozenset(np.unique(np.asarray(batch.at_us) // DAY_US).tolist()) - self._days
         if days:

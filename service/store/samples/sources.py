@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.sessions import Transactions
+from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.samples.tables import SourceStateRow, TakenFileRow
 
 
@@ -43,8 +43,8 @@ class TakenFile:
 class Sources:
     """States of sources and files that were taken in. Methods raise ``StoreError``."""
 
-    def __init__(self, access: Transactions) -> None:
-        self._access = access
+    def __init__(self, transactions: Transactions) -> None:
+        self._transactions = transactions
 
     def note(self, state: SourceState) -> None:
         """Keep how a source is doing now, in place of what was said before."""
@@ -58,12 +58,12 @@ class Sources:
             "fault": state.fault,
             "figures": dict(state.figures),
         }
-        with self._access.writing(f"noting the state of {state.source}") as session:
+        with self._transactions.writing(f"noting the state of {state.source}") as session:
             session.execute(upsert(session, SourceStateRow, [values], ("source",)))
 
     def states(self) -> list[SourceState]:
         """How every source is doing, by name."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             rows = session.scalars(select(SourceStateRow).order_by(SourceStateRow.source))
             return [
                 SourceState(
@@ -81,7 +81,7 @@ class Sources:
 
     def taken(self, digest: str) -> TakenFile | None:
         """The file with these bytes, if it was ever taken in or rejected."""
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             row = session.get(TakenFileRow, digest)
             return None if row is None else _file(row)
 
@@ -96,7 +96,7 @@ class Sources:
             "samples": file.samples,
             "note": file.note,
         }
-        with self._access.writing(f"noting the file {file.name}") as session:
+        with self._transactions.writing(f"noting the file {file.name}") as session:
             session.execute(upsert(session, TakenFileRow, [values], ("digest",)))
 
     def files(self, source: str | None = None, limit: int = 100) -> list[TakenFile]:
@@ -104,7 +104,7 @@ class Sources:
         statement = select(TakenFileRow).order_by(TakenFileRow.taken.desc()).limit(limit)
         if source is not None:
             statement = statement.where(TakenFileRow.source == source)
-        with self._access.reading() as session:
+        with self._transactions.reading() as session:
             return [_file(row) for row in session.scalars(statement)]
 
 

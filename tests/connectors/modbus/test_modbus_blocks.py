@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.modbus.blockreader import BlockReader, Columns
+from stemwatch.connectors.modbus.block_reader import BlockReader, Columns
 from stemwatch.connectors.modbus.blocks import Block, plan_blocks
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.register_address import Table

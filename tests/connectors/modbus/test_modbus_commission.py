@@ -7,7 +7,7 @@ import asyncio
 import pytest
 from pymodbus.constants import ExcCodes
 
-from stemwatch.connectors.modbus.commission import Tried, look, meanings, other_orders, try_map
+from stemwatch.connectors.modbus.commissioning import Tried, look, meanings, other_orders, try_map
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.read_fault import ReadFault
 from stemwatch.connectors.modbus.register_address import RegisterAddress, Table

@@ -24,7 +24,7 @@ from stemwatch.connectors.modbus.device import Device, Link, LinkKind
 from stemwatch.connectors.modbus.poller import DevicePoller
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
 from stemwatch.connectors.modbus.register_address import Table
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from tests.connectors.modbus.served import answering, device, register, tcp
 
 POLLS_TOLD_APART = 64

@@ -14,7 +14,7 @@ from stemwatch.connectors.modbus.blocks import FORGET_S, REST_S, BlockPlan
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.device import Device
 from stemwatch.connectors.modbus.poller import NOT_POLLED, DevicePoller
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
 from tests.connectors.modbus.served import (
     Behaviour,
@@ -321,7 +321,7 @@ def test_one_device_that_hangs_costs_the_others_nothing() -> None:
 
 def test_what_nobody_thought_of_costs_one_poll(monkeypatch: pytest.MonkeyPatch) -> None:
     """A mistake in our own code ends no polling."""
-    from stemwatch.connectors.modbus.blockreader import BlockReader
+    from stemwatch.connectors.modbus.block_reader import BlockReader
 
     behaviour = Behaviour(holding={0: 5})
     right = BlockReader.read

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pymodbus import FramerType
 from pymodbus.client.mixin import ModbusClientMixin
 
-from stemwatch.connectors.modbus.commission import try_map
+from stemwatch.connectors.modbus.commissioning import try_map
 from stemwatch.connectors.modbus.connection import Connection, OnlyReading, gate
 from stemwatch.connectors.modbus.device import LinkKind
 from stemwatch.connectors.modbus.poller import DevicePoller

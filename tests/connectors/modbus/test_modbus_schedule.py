@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.modbus.schedule import Schedule
+from stemwatch.connectors.modbus.poll_schedule import PollSchedule
 
 EVERY_S = st.sampled_from([0.1, 0.25, 0.5, 1.0, 3.0, 10.0])
 
@@ -17,7 +17,7 @@ EVERY_S = st.sampled_from([0.1, 0.25, 0.5, 1.0, 3.0, 10.0])
 @given(EVERY_S, st.integers(0, 10**16), st.lists(st.integers(0, 30_000_000), max_size=40))
 def test_slots_and_misses_cover_the_time_without_overlap(every_s, start_us, steps) -> None:
     """Whatever a poll takes, each multiple of the interval is a slot or missed, once, in order."""
-    schedule = Schedule(every_s)
+    schedule = PollSchedule(every_s)
     now_us = start_us
     seen: list[int] = []
     for step_us in steps:
@@ -32,13 +32,13 @@ def test_slots_and_misses_cover_the_time_without_overlap(every_s, start_us, step
 
 def test_slots_lie_on_a_grid_that_does_not_depend_on_the_start() -> None:
     """Two devices, or one before and after a restart, share their instants."""
-    assert Schedule(0.5).plan(1_700_000_000_400_000).at_us == 1_700_000_000_500_000
-    assert Schedule(0.5).plan(1_700_000_000_499_999).at_us == 1_700_000_000_500_000
+    assert PollSchedule(0.5).plan(1_700_000_000_400_000).at_us == 1_700_000_000_500_000
+    assert PollSchedule(0.5).plan(1_700_000_000_499_999).at_us == 1_700_000_000_500_000
 
 
 def test_a_poll_that_ends_late_misses_what_it_covered() -> None:
     """2.4 s at an interval of 1 s: two instants are gone, the third is kept."""
-    schedule = Schedule(1.0)
+    schedule = PollSchedule(1.0)
     schedule.plan(10_000_000)
     slot = schedule.plan(12_400_000)
     assert (list(slot.missed_us), slot.at_us) == ([11_000_000, 12_000_000], 13_000_000)
@@ -46,7 +46,7 @@ def test_a_poll_that_ends_late_misses_what_it_covered() -> None:
 
 def test_a_poll_may_begin_a_little_late() -> None:
     """After 1.2 s the next instant, 0.2 s ago, is still kept."""
-    schedule = Schedule(1.0)
+    schedule = PollSchedule(1.0)
     schedule.plan(10_000_000)
     slot = schedule.plan(11_200_000)
     assert (list(slot.missed_us), slot.at_us) == ([], 11_000_000)
@@ -54,7 +54,7 @@ def test_a_poll_may_begin_a_little_late() -> None:
 
 def test_a_clock_set_back_is_said_and_lived_with() -> None:
     """An hour back: polling goes on at once, at times that come a second time."""
-    schedule = Schedule(1.0)
+    schedule = PollSchedule(1.0)
     schedule.plan(7_200_000_000)
     slot = schedule.plan(3_600_000_000)
     assert slot.clock_went_back
@@ -64,7 +64,7 @@ def test_a_clock_set_back_is_said_and_lived_with() -> None:
 
 def test_a_clock_corrected_a_little_repeats_nothing() -> None:
     """Half an interval back is waited for."""
-    schedule = Schedule(1.0)
+    schedule = PollSchedule(1.0)
     schedule.plan(10_000_000)
     assert schedule.plan(9_600_000).at_us == 11_000_000
 
@@ -73,7 +73,7 @@ def test_waiting_returns_at_the_slot_never_before() -> None:
     """On the real clock, and without an error that adds up."""
 
     async def three() -> list[tuple[int, int]]:
-        schedule = Schedule(0.1)
+        schedule = PollSchedule(0.1)
         found = []
         for _ in range(3):
             slot = await schedule.next()
@@ -92,7 +92,7 @@ def test_a_clock_set_back_during_the_wait_does_not_stop_the_polling(back_s: int)
 
     async def run() -> int:
         nonlocal offset_ns
-        schedule = Schedule(0.2, lambda: time.time_ns() + offset_ns)
+        schedule = PollSchedule(0.2, lambda: time.time_ns() + offset_ns)
         await schedule.next()
         waiting = asyncio.create_task(schedule.next())
         await asyncio.sleep(0.01)

@@ -12,7 +12,7 @@ from stemwatch.connectors.modbus.device import Link, LinkKind
 from stemwatch.connectors.modbus.poller import DevicePoller
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
 from stemwatch.connectors.modbus.register_address import Table
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from tests.connectors.modbus.served import Behaviour, device, register, sim_device
 
 

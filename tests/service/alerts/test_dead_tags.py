@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
 from stemwatch.service.alerts.silent_sources import BACK, JOINED, watch_sources
 from stemwatch.service.config import Plant, load_plant

@@ -16,8 +16,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.modbus.samples import SampleBatch, joined, one_instant
-from stemwatch.service.collector.record import MARK, pack, records
+from stemwatch.connectors.modbus.sample_batch import SampleBatch, joined, one_instant
+from stemwatch.service.collector.batch_format import MARK, pack, records
 from stemwatch.service.collector.spool import Position, Spool, SpoolError
 
 SMALL = {"limit_bytes": 8_000, "segment_bytes": 1_000}

@@ -21,7 +21,7 @@ from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import load_plant
 from stemwatch.service.config.schema import parse_stroke
-from stemwatch.service.live_demo import DemoFolder, Fitter, LiveDemo, MailCatcher, Pace
+from stemwatch.service.live_demo import DemoFolder, DemoTiming, LiveDemo, MailCatcher, Technician
 from stemwatch.service.live_demo.loops import INTERVAL_S, WEARING, live_loops
 from stemwatch.service.live_demo.plant_file import demo_toml
 from stemwatch.service.store.store import open_store
@@ -30,7 +30,7 @@ from stemwatch.service.store.store import open_store
 @given(st.floats(min_value=1.0, max_value=4.0))
 def test_the_plant_sees_the_same_at_every_speed(speed: float) -> None:
     """Poll and window are the same seconds of the plant; no device is polled too fast."""
-    pace, usual = Pace(speed=speed), Pace()
+    pace, usual = DemoTiming(speed=speed), DemoTiming()
     assert pace.every_s >= 0.1
     assert pace.every_s * speed == pytest.approx(usual.every_s, rel=0.01)
     assert pace.window_s * speed == pytest.approx(usual.window_s)
@@ -43,21 +43,21 @@ def test_the_plant_sees_the_same_at_every_speed(speed: float) -> None:
 def test_a_speed_that_cannot_be_polled_is_refused(speed: float) -> None:
     """With the bounds and what was received."""
     with pytest.raises(ValueError, match=r"1 to 4 times .* received"):
-        Pace(speed=speed)
+        DemoTiming(speed=speed)
 
 
 @pytest.mark.parametrize("speed", [1.0, 2.5, 4.0])
 def test_the_plant_file_is_understood_and_says_what_it_is(tmp_path: Path, speed: float) -> None:
     """Nothing is said against it; the plant's name tells that it is simulated, and how fast."""
     file = tmp_path / "plant.toml"
-    text = demo_toml(live_loops(), Pace(speed=speed), modbus_port=5020, mail_port=2525)
+    text = demo_toml(live_loops(), DemoTiming(speed=speed), modbus_port=5020, mail_port=2525)
     file.write_text(text, encoding="utf-8")
     plant = load_plant(file, environment={})
     assert plant.problems == ()
     assert set(plant.valves) == {loop.tag for loop in live_loops()}
     assert WEARING in plant.valves
     assert all(parse_stroke(valve.stroke).unit == "mm" for valve in plant.valves.values())
-    assert plant.limits.min_duration_s < Pace(speed=speed).window_s
+    assert plant.limits.min_duration_s < DemoTiming(speed=speed).window_s
     assert "simulated" in plant.name
     assert ("times as fast" in plant.name) == (speed > 1.0)
     (notifier,) = plant.notifiers.values()
@@ -66,7 +66,7 @@ def test_the_plant_file_is_understood_and_says_what_it_is(tmp_path: Path, speed:
 
 def test_the_shortest_window_carries_verdict_and_baseline() -> None:
     """Of every loop while it is new, as polled at the fastest: healthy, with a network."""
-    pace = Pace(speed=4.0)
+    pace = DemoTiming(speed=4.0)
     cases = []
     for loop in live_loops():
         length_s = pace.shortest_s * pace.speed
@@ -178,7 +178,7 @@ def test_the_fitter_comes_once_for_each_record(tmp_path: Path) -> None:
     with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
         now = datetime.now(UTC)
         store.record_maintenance("FIC-102", now, "long ago", "Ann")
-        fitter = Fitter(store, ["FIC-101", "FIC-102"])
+        fitter = Technician(store, ["FIC-101", "FIC-102"])
         assert fitter.look() == []
         store.record_maintenance("FIC-101", now, "packing renewed", "Ann")
         store.record_maintenance("FIC-999", now, "elsewhere", "Ann")
@@ -194,7 +194,7 @@ def test_a_service_that_cannot_start_ends_the_demo_with_a_sentence(tmp_path: Pat
     import socket
 
     async def run(port: int) -> None:
-        made = LiveDemo(tmp_path / "demo", Pace(speed=4.0), port, say=lambda line: None)
+        made = LiveDemo(tmp_path / "demo", DemoTiming(speed=4.0), port, say=lambda line: None)
         await made.run(asyncio.Event())
 
     with socket.socket() as taken:

@@ -14,10 +14,16 @@ import pytest
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.maintenance_html import book_html
-from stemwatch.service.maintenance.pdf import book_pdf
-from stemwatch.service.maintenance.pdf_fonts import BOX, is_whole, runs, width_of
-from stemwatch.service.maintenance.pdf_sheet import FOOT, PAGE, SIGN_HEIGHT, SIZES, _page
-from stemwatch.service.maintenance.pdf_text import CUT, Writer, wrapped
+from stemwatch.service.maintenance.pdf import (
+    ROOM,
+    SIZES,
+    _fitting,
+    _height,
+    _sheet,
+    _Type,
+    book_pdf,
+)
+from stemwatch.service.maintenance.pdf_fonts import BOX, is_whole, runs
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.maintenance.work_orders import (
     FIELDS,
@@ -102,17 +108,25 @@ def test_the_pdf_is_the_same_for_the_same_book(whole):
     assert book_pdf(whole) == book_pdf(whole)
 
 
-def test_long_texts_are_cut_to_their_page_and_the_page_says_so():
-    """Every kind of finding with every text far too long: still one page each, nothing runs into
-    the lines to sign."""
+def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
+    """Every kind of finding with every text far too long: nothing runs into the lines to sign, and
+    the last word of each text is there."""
     screenings, made, background = longest()
     found = work_list_of(screenings, made, background)
+    assert all(_height(_sheet(_Type(SIZES[-1]), one, made)) > ROOM for one in found.sheets)
     pdf = book_pdf(found, compress=False)
-    assert pages(pdf) == 1 + len(screenings)
-    for sheet in found.sheets:
-        ends = _page(Writer(None, PAGE[1], SIZES[-1]), sheet, made)
-        assert ends <= PAGE[1] - FOOT - SIGN_HEIGHT
-    assert text_of(pdf).count("Shortened to fit the page") == len(screenings)
+    said = text_of(pdf)
+    assert said.count("Done, parts used") == 2 * len(screenings)
+    assert pages(pdf) > 2 * len(screenings)
+    assert len(re.findall(r"long\s+reason", said)) == 150 * len(screenings)
+
+
+def test_a_page_is_set_in_the_largest_type_that_fits(whole):
+    """A usual finding fills one page in type that can be read at the valve."""
+    for sheet in whole.sheets:
+        story = _fitting(sheet, whole.context)
+        assert _height(story) <= ROOM
+        assert _height(story) == _height(_sheet(_Type(SIZES[0]), sheet, whole.context))
 
 
 def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
@@ -249,11 +263,14 @@ def test_letters_that_no_font_has_become_a_box():
     assert runs("🙂")[0][1] == BOX
 
 
-@pytest.mark.parametrize("text", ["a " * 400, "x" * 900, "wide WWWW " * 60, "弁" * 300, "", " "])
-def test_wrapped_lines_fit_their_width(text):
-    """Words wider than a line are broken, and a cut is marked."""
-    lines = wrapped(text, 40.0, most=5)
-    assert len(lines) <= 5
-    assert all(width_of(line) <= 40.0 + 1e-6 for line in lines)
-    whole = "".join("".join(lines).split()) == "".join(text.split())
-    assert whole or lines[-1].endswith(CUT)
+@pytest.mark.parametrize(
+    "text", ["a " * 400, "x" * 9000, "wide WWWW " * 600, "弁" * 3000, "", " ", "<b>&</para>"]
+)
+def test_any_text_is_laid_out(text):
+    """A tag, a service and a finding of any length and spelling cost no other page."""
+    found = replace(screening(text or "FV-1", S=7.0), reason=text)
+    blind = replace(frozen(f"{text} 2"), reason=f"Cannot tell: {text}")
+    made = context([found, blind])
+    facts = {valve: replace(one, description=text) for valve, one in made.valves.items()}
+    book = work_list_of([found, blind], replace(made, valves=facts), BACKGROUND)
+    assert pages(book_pdf(book, compress=False)) >= 2

@@ -16,15 +16,21 @@ import numpy as np
 import pytest
 
 from stemwatch.connectors.modbus import read_devices
-from stemwatch.connectors.modbus.commission import try_map
+from stemwatch.connectors.modbus.commissioning import try_map
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import PlantLoop, demo_plant
 from stemwatch.service.config import load_plant
 from stemwatch.service.live_demo.loops import live_loops
 from stemwatch.service.modbus_plant import PlantServer, Wear, plant_toml, serve_plant
-from stemwatch.service.modbus_plant.layout import signals, tag, words
 from stemwatch.service.modbus_plant.live import REPAIR_S, LivePlant
-from stemwatch.service.modbus_plant.tape import ALIKE, Stretch, Tape, _going_on, simulate_stretch
+from stemwatch.service.modbus_plant.register_layout import signals, tag, words
+from stemwatch.service.modbus_plant.simulated_ahead import (
+    ALIKE,
+    SimulatedAhead,
+    Stretch,
+    _going_on,
+    simulate_stretch,
+)
 from stemwatch.service.modbus_plant.wear import worn
 
 HEALTHY, BLIND = 0, 12  # places in the demo plant: a flow loop, and a valve without a transmitter
@@ -159,7 +165,7 @@ def test_stretches_end_where_wear_begins_and_ends() -> None:
     assert wear.even_for_s(400.0) == np.inf
     plant = LivePlant(loops()[:1], wear={loops()[0].tag: wear}, stretch_s=1800.0)
     try:
-        assert plant._running[loops()[0].tag].tape.stop_s == 100.0
+        assert plant._running[loops()[0].tag].ahead.stop_s == 100.0
     finally:
         plant.close()
 
@@ -173,7 +179,7 @@ def test_wear_begins_when_it_is_told_to_and_ends_with_a_lasting_repair() -> None
         one = plant._running[name]
         worn_rows = one.coming.result().rows
         plant.rows(20.0)
-        assert one.tape.stop_s == 70.0
+        assert one.ahead.stop_s == 70.0
         plant.repair(name, 60.0, lasting=True)
         rows = one.coming.result().rows
         assert len(rows) == 200
@@ -204,7 +210,7 @@ def test_a_stretch_goes_on_where_the_one_before_it_ended(place: int) -> None:
     loop = live_loops()[place]
     first = simulate_stretch(loop, None, 0.0, 0.0, 300.0, 3)
     usual = np.abs(np.diff(first.rows[:, :3], axis=0)).max(axis=0)
-    tape = Tape(first)
+    tape = SimulatedAhead(first)
     joined = simulate_stretch(loop, None, 300.0, 0.0, 60.0, 3, tape.before(300.0))
     alone = simulate_stretch(loop, None, 300.0, 0.0, 60.0, 3)
     assert joined.rows.shape == alone.rows.shape
@@ -233,7 +239,7 @@ def test_the_place_to_go_on_from_is_found_beside_gaps_and_dead_signals() -> None
 
 def test_a_tape_tells_what_was_served_last() -> None:
     """Across no joint and no hole."""
-    tape = Tape(Stretch(0.0, 0.5, np.arange(100.0).reshape(20, 5)))
+    tape = SimulatedAhead(Stretch(0.0, 0.5, np.arange(100.0).reshape(20, 5)))
     assert tape.before(10.0)[:, 0].tolist() == [75.0, 80.0, 85.0, 90.0, 95.0]
     assert tape.before(9.7)[:, 0].tolist() == [75.0, 80.0, 85.0, 90.0, 95.0]
     assert tape.before(1.0)[:, 0].tolist() == [0.0, 5.0]
@@ -266,11 +272,11 @@ def test_a_repair_takes_effect_at_once() -> None:
         running_loop = plant._running[loops()[0].tag]
         running_loop.coming.result()
         plant.rows(151.0)
-        assert running_loop.tape.stop_s == 400.0
+        assert running_loop.ahead.stop_s == 400.0
         plant.repair(loops()[0].tag, 160.0)
         running_loop.coming.result()
         plant.rows(160.0)
-        assert running_loop.tape.stop_s == 360.0 + REPAIR_S
+        assert running_loop.ahead.stop_s == 360.0 + REPAIR_S
         with pytest.raises(KeyError):
             plant.repair("nobody", 0.0)
     finally:
@@ -279,7 +285,7 @@ def test_a_repair_takes_effect_at_once() -> None:
 
 def test_a_tape_shows_nothing_where_nothing_is_simulated() -> None:
     """Not the last value held, which would look like a frozen transmitter."""
-    tape = Tape(Stretch(0.0, 1.0, np.arange(10.0).reshape(2, 5)))
+    tape = SimulatedAhead(Stretch(0.0, 1.0, np.arange(10.0).reshape(2, 5)))
     assert tape.row(1.5).tolist() == [5.0, 6.0, 7.0, 8.0, 9.0]
     assert np.isnan(tape.row(2.0)).all()
 

@@ -154,7 +154,7 @@ def test_killed_half_way_the_next_start_finishes(make_plant, plant_store: Store)
     assert {valve: _last(plant_store)(valve).id for valve in done} == {
         valve: before[valve] for valve in done
     }
-    with plant_store.access.reading() as session:
+    with plant_store.transactions.reading() as session:
         rows = session.execute(text("SELECT valve, count(*) FROM screenings GROUP BY valve")).all()
     assert dict(rows) == dict.fromkeys(plant.valves, 1)
     shown = json.loads((Path(run.report) / "valves.json").read_text(encoding="utf-8"))

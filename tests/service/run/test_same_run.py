@@ -90,7 +90,7 @@ def by_command(executor: Executor) -> Ask:
 
 def _rows(store: Store, table: str) -> list[dict[str, Any]]:
     """The rows of a table that do not depend on the clock, in an order of their own."""
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         rows = session.execute(text(f"SELECT * FROM {table}")).mappings().all()
     return sorted((_plain(dict(row)) for row in rows), key=repr)
 

@@ -20,8 +20,8 @@ from stemwatch.connectors.modbus import read_devices
 from stemwatch.models.studies.simulator import demo_plant
 from stemwatch.service.access.first_user import make_user
 from stemwatch.service.modbus_plant.live import LivePlant
-from stemwatch.service.modbus_plant.mapfile import plant_toml
-from stemwatch.service.modbus_plant.serve import PlantServer
+from stemwatch.service.modbus_plant.plant_file import plant_toml
+from stemwatch.service.modbus_plant.plant_server import PlantServer
 from stemwatch.service.serve.page_server import CannotListen, listen
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import RunState
@@ -136,7 +136,7 @@ def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
 def _owner(store: Store, number: int) -> str:
     from sqlalchemy import text
 
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         statement = text("SELECT owner FROM runs WHERE id = :n")
         return str(session.execute(statement, {"n": number}).scalar_one())
 

@@ -14,9 +14,9 @@ import sqlalchemy as sa
 from alembic import command
 from sqlalchemy import Connection, Engine, inspect, text
 
-from stemwatch.service.store.administration.migrate import config_for
 from stemwatch.service.store.database.engine import for_writing, make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.migrations.migrate import config_for
 from stemwatch.service.store.samples.partitions import is_partition
 
 AT_US = 1_772_344_800_000_000  # 2026-03-01 06:00 UTC

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from stemwatch.connectors.connector import Window
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Floats, Provenance, Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening

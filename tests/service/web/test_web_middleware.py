@@ -48,7 +48,7 @@ def test_an_unforeseen_failure_is_a_page_with_the_headers_too(live, client, monk
     def fail(*_):
         raise RuntimeError("geheim")
 
-    monkeypatch.setattr("stemwatch.service.web.pages.ranking_page.read_ranking", fail)
+    monkeypatch.setattr(type(live.store), "ranking", fail)
     with caplog.at_level(logging.ERROR):
         answer = client.get("/")
     assert answer.status_code == 500
@@ -64,7 +64,7 @@ def test_a_database_that_is_away_is_said_so(live, client, monkeypatch):
     def away(*_):
         raise StoreError("postgresql://plant@db/x: reading failed")
 
-    monkeypatch.setattr(type(live.store.access), "reading", away)
+    monkeypatch.setattr(type(live.store.transactions), "reading", away)
     for path in ("/", "/api/v1/valves", "/healthz"):
         answer = client.get(path)
         assert answer.status_code == 503

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from html import unescape
 
 import pytest
 
 from stemwatch.service.config import load_plant
+from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.web.site import Site
 from tests.service.made_mismatch import named
@@ -53,7 +55,7 @@ def test_what_the_model_leaves_out_is_on_the_page(live, client):
     live.store.save(screening(STICKY, mismatch=found), run)
     text = page_of(client, STICKY)
     assert "Where simulation and recording differ" in text
-    assert found.effects[0].check in text
+    assert present_effect(found.effects[0]).check in unescape(text)
     assert "◆" in client.get("/").text
 
 

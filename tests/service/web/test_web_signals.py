@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.screening import Case, screen
 from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.plot_points import with_holes

@@ -11,11 +11,11 @@ from alembic.runtime.migration import MigrationContext
 from sqlalchemy import Engine, inspect, text
 
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.store.administration.migrate import downgrade, is_compared, upgrade
 from stemwatch.service.store.all_tables import metadata
 from stemwatch.service.store.database.engine import make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.migrations.migrate import downgrade, is_compared, upgrade
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.samples.partitions import is_partition
 from stemwatch.service.store.store import Store, open_store

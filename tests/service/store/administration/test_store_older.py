@@ -7,14 +7,14 @@ from datetime import UTC, datetime
 import pytest
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.store.administration.migrate import (
+from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.migrations.migrate import (
     downgrade,
     newest_revision,
     take_back,
     upgrade,
 )
-from stemwatch.service.store.database_url import DatabaseUrl
-from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
 from tests.service.store.made_rows import AT_US, REVISIONS, contents, database_at
 

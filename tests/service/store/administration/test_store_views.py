@@ -40,7 +40,7 @@ COLUMNS = {
 
 def test_the_columns_of_version_1_never_change(store: Store) -> None:
     """Names and order of every column, as the first release of the views had them."""
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         inspector = inspect(session.connection())
         found = {
             name: " ".join(column["name"] for column in inspector.get_columns(name))
@@ -64,7 +64,7 @@ def test_the_views_show_what_the_store_holds(store: Store) -> None:
     """A plant with months behind it: each view has its rows, with the store's own numbers."""
     fill(store, months=1)
     write_samples(store, hours=0.1)
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         counts = {
             name: session.execute(text(f"SELECT count(*) FROM {name}")).scalar() for name in NAMES
         }

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrations.versions import v0005_production
 from stemwatch.service.store.samples import partitions
@@ -48,12 +48,12 @@ def batch(*instants: datetime, value: float = 1.0, tag: str = "OP") -> SampleBat
 
 
 def rows_in(store: Store, table: str) -> int:
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         return session.execute(text(f"SELECT count(*) FROM {table}")).scalar_one()
 
 
 def days_of(store: Store) -> set[int]:
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         return set(partitions.days_there(session.connection()))
 
 
@@ -63,7 +63,7 @@ def test_days_are_made_ahead(site: Store) -> None:
     today = partitions.day_of(NOW)
     assert set(range(today, today + DAYS_AHEAD + 1)) <= days_of(site)
     assert rows_in(site, partitions.partition_name(today)) == 1
-    with site.access.reading() as session:
+    with site.transactions.reading() as session:
         assert partitions.layout_of(session.connection()) is SampleLayout.PARTITIONS
 
 
@@ -84,12 +84,15 @@ def test_a_sample_is_kept_once_wherever_it_lies(site: Store) -> None:
     site.samples.write(batch(LONG_AGO, NOW, value=9.0))
     assert site.samples.read("plc", "OP").values.tolist() == [1.0, 1.0]
     day = partitions.day_of(LONG_AGO)
-    with site.access.writing("moving a day") as session:
+    with site.transactions.writing("moving a day") as session:
         assert partitions.make_days(session.connection(), {day}) == 1
     assert (rows_in(site, partitions.DEFAULT), rows_in(site, "samples_19990101")) == (0, 1)
     site.samples.write(batch(LONG_AGO, value=9.0))
     assert site.samples.read("plc", "OP").values.tolist() == [1.0, 1.0]
-    with pytest.raises(StoreError, match="duplicate key"), site.access.writing("twice") as session:
+    with (
+        pytest.raises(StoreError, match="duplicate key"),
+        site.transactions.writing("twice") as session,
+    ):
         session.execute(text("INSERT INTO samples_19990101 SELECT * FROM samples_19990101"))
 
 
@@ -139,7 +142,7 @@ def test_a_day_that_cannot_be_made_costs_no_sample(
 ) -> None:
     """While somebody holds the table, samples go into the default partition, with a warning."""
     monkeypatch.setattr(partitions, "_LOCK_WAIT", "50ms")
-    with site.access.readers.connect() as reader:
+    with site.transactions.readers.connect() as reader:
         reader.execute(text("SELECT count(*) FROM samples"))
         site.samples.write(batch(NOW))
     assert rows_in(site, partitions.DEFAULT) == 1

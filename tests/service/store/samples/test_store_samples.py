@@ -18,7 +18,7 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality, Role
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.samples.instants import microseconds

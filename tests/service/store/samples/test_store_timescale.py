@@ -31,7 +31,7 @@ def test_timescaledb_is_used_where_it_is_installed(new_database: Callable[[str],
         connection.execute(text("CREATE EXTENSION timescaledb"))
         connection.commit()
     with open_store(url) as store:
-        with store.access.reading() as session:
+        with store.transactions.reading() as session:
             assert partitions.layout_of(session.connection()) is SampleLayout.HYPERTABLE
         store.samples.write(batch(NOW - 5 * DAY, NOW))
         store.samples.write(batch(NOW - 5 * DAY, NOW, value=9.0))

@@ -64,7 +64,7 @@ def test_a_mismatch_comes_back_without_its_samples(store: Store, make_screening)
     store.save(make_screening(mismatch=MISMATCH), store.begin_run(software_version="1"))
     (found,) = store.screenings("FIC-101")
     assert found.mismatch == replace(MISMATCH, runs=None)
-    with store.access.reading() as session:
+    with store.transactions.reading() as session:
         row = session.execute(text("SELECT mismatch_finding, mismatch_slugs FROM screenings")).one()
     assert row[0] == "named"
     assert "lost_motion" in str(row[1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 
 
 class SinkRefused(Exception):

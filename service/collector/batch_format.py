@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.connectors.modbus.samples import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import SampleBatch
 
 MARK = b"\xf1sWb"  # begins each record; the first byte is no ASCII and no UTF-8
 _HEAD = struct.Struct("<4sII")  # mark, bytes of the body, checksum of the body

@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 _LOOK_S = 0.5
 
 
-class Fitter:
+class Technician:
     """Sees in ``store`` which of ``valves`` somebody has newly recorded maintenance of.
 
     What was recorded before the fitter came is not done again. Raises ``StoreError``.
@@ -49,13 +49,13 @@ class Fitter:
 
 
 async def repair_what_is_recorded(
-    fitter: Fitter, server: PlantServer, told: Callable[[str], object]
+    technician: Technician, server: PlantServer, told: Callable[[str], object]
 ) -> None:
-    """Repair each valve of ``server`` that ``fitter`` is called to, for ever.
+    """Repair each valve of ``server`` that ``technician`` is called to, for ever.
 
     A repaired valve wears no more. ``told`` is called with its tag.
     """
-    async for tag in fitter.calls():
+    async for tag in technician.calls():
         server.repair(tag, lasting=True)
         told(tag)
 

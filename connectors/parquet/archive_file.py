@@ -13,7 +13,7 @@ import numpy as np
 from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.parquet.layout import Layout, decide_layout
+from stemwatch.connectors.parquet.column_layout import Layout, decide_layout
 
 _UNIT_NS = {"milliseconds": 1_000_000, "microseconds": 1_000, "nanoseconds": 1}
 _FURTHEST = 2**63 - 1

@@ -1,4 +1,4 @@
-"""``Tape``: one loop's signals, simulated some way ahead of the time they are served at."""
+"""``SimulatedAhead``: one loop's signals, simulated some way ahead of when they are served."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _spread(values: Floats) -> float:
     return float(np.std(there)) or 1.0 if there.size else 1.0
 
 
-class Tape:
+class SimulatedAhead:
     """Stretches of one loop, one behind the other."""
 
     def __init__(self, first: Stretch) -> None:

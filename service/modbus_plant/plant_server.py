@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stemwatch.models.studies.simulator import PlantLoop
-from stemwatch.service.modbus_plant.layout import STRIDE, words
 from stemwatch.service.modbus_plant.live import LivePlant
-from stemwatch.service.modbus_plant.mapfile import plant_toml
+from stemwatch.service.modbus_plant.plant_file import plant_toml
+from stemwatch.service.modbus_plant.register_layout import STRIDE, words
 from stemwatch.service.modbus_plant.wear import Wear
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""``Served``: ``stemwatch serve`` as a process of its own."""
+"""``ServiceProcess``: ``stemwatch serve`` as a process of its own."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ServiceEnded(OSError):
     """The service ended although nobody asked it to."""
 
 
-class Served:
+class ServiceProcess:
     """The service for ``plant_file`` on loopback, its log in ``log``.
 
     ``say`` gets each line that it prints for people: its address, and how to sign in first. Use it
@@ -38,7 +38,7 @@ class Served:
         self._reading: asyncio.Task[None] | None = None
         self._address: asyncio.Future[str] | None = None
 
-    async def __aenter__(self) -> Served:
+    async def __aenter__(self) -> ServiceProcess:
         command = ["-m", "stemwatch.service", "serve", "--plant", str(self._file)]
         with self._log.open("ab") as log:
             self._process = await asyncio.create_subprocess_exec(

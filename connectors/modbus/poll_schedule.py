@@ -1,4 +1,4 @@
-"""``Schedule``: the instants at which a device is polled, which do not drift."""
+"""``PollSchedule``: the instants at which a device is polled, which do not drift."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Slot:
     clock_went_back: bool = False
 
 
-class Schedule:
+class PollSchedule:
     """Instants at whole multiples of ``every_s`` since 1970 UTC.
 
     They do not depend on when the program started, so samples before and after a restart, and those

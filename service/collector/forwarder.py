@@ -1,4 +1,4 @@
-"""``Drain``: carries batches from the spool to the sink, in order, for as long as it takes."""
+"""``Forwarder``: carries batches from the spool to the sink, in order, for as long as it takes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from itertools import groupby
 from operator import attrgetter
 
 from stemwatch.connectors.modbus.backoff import Backoff
-from stemwatch.connectors.modbus.samples import SampleBatch, joined
-from stemwatch.service.collector.sink import SampleSink, SinkRefused
+from stemwatch.connectors.modbus.sample_batch import SampleBatch, joined
+from stemwatch.service.collector.sample_sink import SampleSink, SinkRefused
 from stemwatch.service.collector.spool import Position, Spool, Waiting
 
 log = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass
-class DrainState:
+class ForwarderState:
     """How the store is doing: samples handed over, samples it refused, and why it is away."""
 
     stored: int = 0
@@ -33,7 +33,7 @@ class DrainState:
     fault: str = ""
 
 
-class Drain:
+class Forwarder:
     """Offers what waits in ``spool`` to ``sink`` and acknowledges what was taken.
 
     While the sink is away each attempt waits longer, up to half a minute; samples it refuses for
@@ -41,7 +41,7 @@ class Drain:
     """
 
     def __init__(self, spool: Spool, sink: SampleSink) -> None:
-        self.state = DrainState()
+        self.state = ForwarderState()
         self._spool, self._sink = spool, sink
         self._backoff = Backoff(0.5, LONGEST_WAIT_S)
         self._place: Position | None = None  # where the sink is, even if noting it failed

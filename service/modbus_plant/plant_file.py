@@ -7,7 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import PlantLoop
-from stemwatch.service.modbus_plant.layout import Register, registers, signals, tag, unit
+from stemwatch.service.modbus_plant.register_layout import (
+    ServedRegister,
+    registers,
+    signals,
+    tag,
+    unit,
+)
 
 NAME = "plc-1"
 
@@ -52,7 +58,7 @@ def device_toml(
     return lines
 
 
-def _register(register: Register) -> Iterator[str]:
+def _register(register: ServedRegister) -> Iterator[str]:
     yield "[[devices.registers]]"
     yield f"tag = {_quoted(register.tag)}"
     yield 'register = "holding"'

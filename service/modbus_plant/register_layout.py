@@ -27,7 +27,7 @@ def signals(loop: PlantLoop) -> tuple[Role, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Register:
+class ServedRegister:
     """Where one signal is: its first holding register, counted from 0."""
 
     tag: str
@@ -37,11 +37,11 @@ class Register:
     unit: str
 
 
-def registers(loops: Sequence[PlantLoop]) -> Iterator[Register]:
+def registers(loops: Sequence[PlantLoop]) -> Iterator[ServedRegister]:
     """The registers of ``loops``, which stand one behind the other from 0 on."""
     for place, loop in enumerate(loops):
         for role in signals(loop):
-            yield Register(
+            yield ServedRegister(
                 tag=tag(loop, role),
                 role=role,
                 address=STRIDE * place + PLACE[role],

@@ -1,4 +1,4 @@
-"""``Pace``: how often the demo polls and screens, and when its valve wears."""
+"""``DemoTiming``: how often the demo polls and screens, and when its valve wears."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SHORTEST_SCHEDULE_S = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pace:
+class DemoTiming:
     """The demo's times. ``speed`` is how many seconds of the plant pass in one of the clock.
 
     At 1 the loops are as quick as they would be; only the wear is not, which takes minutes and not
