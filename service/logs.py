@@ -41,7 +41,6 @@ def set_up_logs(*, as_json: bool = False, process: str = "service") -> None:
     logging.captureWarnings(True)
     for name in ("pymodbus", "alembic", "uvicorn"):
         logging.getLogger(name).setLevel(logging.WARNING)
-    logging.getLogger("apscheduler").setLevel(logging.CRITICAL)  # ``Alarm`` says what went wrong
     if as_json:
         sys.excepthook = _say_end
         threading.excepthook = _say_end_of_thread

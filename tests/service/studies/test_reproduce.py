@@ -75,7 +75,7 @@ def test_a_missed_target_is_said_plainly(
     result: CaseResult, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a limit no network can reach, each miss is a line with both numbers."""
-    monkeypatch.setattr("stemwatch.models.studies.reproduction.study.SINE", -1.0)
+    monkeypatch.setattr("stemwatch.models.studies.reproduction.study.SINE_RMSE", -1.0)
     show([result], 1)
     text = " ".join(capsys.readouterr().out.split())
     assert "8 of 9 met" in text
