@@ -1,6 +1,6 @@
 """Which of a run's named effects stand, over all its valves: marked in the store, once.
 
-Among many valves chance alone names something on a few (``report.discoveries``). What does not
+Among many valves chance alone names something on a few (``presenter.false_discoveries``). What does not
 stand is marked in the screening itself, so that rules, pages and reports agree about it.
 """
 
