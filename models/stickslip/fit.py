@@ -101,7 +101,7 @@ def _reading(problem: FitProblem) -> tuple[float, float]:
         return 0.0, float(low + high) / 2.0
     span = float(np.ptp(np.percentile(op, (2.0, 98.0))))
     gain = float(np.ptp(np.percentile(mv, (2.0, 98.0)))) / span if span > 0 else 1.0
-    if np.corrcoef(op, mv)[0, 1] < 0:
+    if op.std() > 0.0 and mv.std() > 0.0 and np.corrcoef(op, mv)[0, 1] < 0:
         gain = -gain
     return gain - 1.0, float(np.median(mv) - gain * np.median(op))
 

@@ -55,6 +55,7 @@ AGAINST = -0.3
 # Bends of ``100 (exp(b OP/100) - 1) / (exp(b) - 1)``: 0 is linear, 4 steeper than an equal
 # percentage of 1:50, -4 a quick opening.
 BENDS = np.arange(-4.0, 4.5, 1.0)
+BENT_OVER = (-25.0, 125.0)  # percent of OP
 KEPT_BENDS = 3
 DEGREE = 3  # of the polynomial that puts the curve right
 ROUNDS = 3
@@ -190,7 +191,7 @@ def find_stroke_curve(recording: Recording) -> StrokeCurve | None:
     OP and MV in percent. The answer is ``None`` too where no curve explains the held-out part of
     the record better than the plain reading does: what is wrong is then something else.
     """
-    if not suspected(recording):
+    if not suspected(recording) or not _moves(recording):
         return None
     plain = _Reading.of(recording, recording.op.values, 0)
     slope_known = slope_of_means(recording) is not None
@@ -209,6 +210,15 @@ def find_stroke_curve(recording: Recording) -> StrokeCurve | None:
     everything = np.ones(chosen.evaluator.problem.n_blocks, dtype=bool)
     final = chosen.improved(recording, everything)
     return _monotone(recording, (final or chosen).command, slope_known)
+
+
+def _moves(recording: Recording) -> bool:
+    """Whether both move on the samples that a fit is scored on; else nothing tells a slope."""
+    problem = make_problem(recording)
+    return problem.scored.sum() >= MOVING_SAMPLES and all(
+        np.ptp(np.percentile(values[problem.scored], (2.0, 98.0))) > LEAST_TRAVEL_PERCENT
+        for values in (problem.op, problem.mv)
+    )
 
 
 @dataclass(frozen=True)
@@ -309,6 +319,7 @@ def _better(rich: _Reading, simple: _Reading, gain: float, t: float) -> bool:
 def _bent(op: Floats, bend: float) -> Floats:
     if bend == 0.0:
         return op
+    op = np.clip(op, *BENT_OVER)
     return np.asarray(100.0 * np.expm1(bend * op / 100.0) / np.expm1(bend))
 
 

@@ -1,7 +1,7 @@
 """Which of a run's named effects stand, over all its valves: marked in the store, once.
 
-Among many valves chance alone names something on a few (``presenter.false_discoveries``). What does not
-stand is marked in the screening itself, so that rules, pages and reports agree about it.
+Among many valves chance alone names something on a few (``presenter.false_discoveries``). What does
+not stand is marked in the screening itself, so that rules, pages and reports agree about it.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ class TravelStop(StemTerm):
                     "transmitter is saturated."
                 ),
                 "manual: Drive the valve slowly beyond the place and back; read its air pressure.",
-                "air: Check coupling, bench set and supply pressure for the full stroke.",
+                "air: Check coupling, bench set and supply pressure for full stroke.",
                 "line: Look for a foreign body or deposits on the seat.",
             ),
             parts=(

@@ -273,9 +273,12 @@ def test_whatever_a_recording_holds_something_sound_is_said(
 
 
 def test_a_reversed_position_is_not_called_a_sticking_valve():
-    """A position that falls as OP rises fits no S and J, and is not told as if it did."""
+    """A position that falls as OP rises has the S of one that rises, and a sentence says so."""
     recording = played()
-    found = explain(rescaled(recording, 100.0 - recording.mv.values))
+    plain, found = explain(recording), explain(rescaled(recording, 100.0 - recording.mv.values))
     sound(found, len(recording))
-    assert found.finding is not Finding.NONE
-    assert found.heldout.fit_extended is None or found.heldout.fit_extended < 50.0
+    assert found.finding is plain.finding
+    assert found.stroke_curve is not None
+    assert found.stroke_curve.slope == pytest.approx(-1.0, abs=0.1)
+    assert found.sentence.startswith(found.stroke_curve.sentence())
+    assert found.restated.S.low <= plain.restated.S.value <= found.restated.S.high

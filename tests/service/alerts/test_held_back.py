@@ -18,6 +18,7 @@ from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
 from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
 from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import ValveState
@@ -106,7 +107,7 @@ def test_no_alert_comes_of_what_is_held_back(either_store: Store, plant: Plant) 
         evaluate(store, plant, number)
     (alert,) = store.alerts.open()
     assert (alert.kind, alert.valve) == (AlertKind.MISMATCH, "V01")
-    assert alert.text == "V01: There is play. Look."
+    assert alert.text == f"V01: There is play. {present_effect(EFFECT).check}"
 
 
 def test_many_valves_are_gathered_as_one_by_one(either_store: Store, plant: Plant) -> None:

@@ -209,6 +209,9 @@ def test_the_section_is_drawn_in_a_browser(browser, written, explained_page, the
     page.goto(path.as_uri())
     page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     overlay = page.locator(".overlay").first
+    # As a reader comes there: by the valve, which is laid out in full once it is on the screen.
+    overlay.evaluate("one => one.closest('article')?.scrollIntoView()")
+    page.evaluate("new Promise(drawn => requestAnimationFrame(() => requestAnimationFrame(drawn)))")
     overlay.scroll_into_view_if_needed()
     overlay.locator(".plot-residual canvas").wait_for()
     assert overlay.locator(".plot-travel .u-legend .u-series").count() == 5

@@ -19,6 +19,8 @@ from stemwatch.service.cli.compare import compare as command
 from stemwatch.service.studies.comparison.compare_models import NETWORKS, compare
 from stemwatch.service.studies.comparison.comparison_html import html_bytes
 
+pytestmark = pytest.mark.long  # a study: it simulates, fits and trains from the beginning
+
 
 @pytest.fixture(scope="module")
 def app():

@@ -11,6 +11,8 @@ import pytest
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.proof.draw import draw_cases, write_cases
 
+pytestmark = pytest.mark.long  # a study: it simulates, fits and trains from the beginning
+
 
 @pytest.fixture(scope="module")
 def proved(tmp_path_factory: pytest.TempPathFactory, stemwatch):

@@ -13,6 +13,8 @@ from stemwatch.models.studies.reproduction.cases import CASES
 from stemwatch.models.studies.reproduction.study import OURS, CaseResult, StudyTask, study, targets
 from stemwatch.service.cli.reproduce import as_json, reproduce, show
 
+pytestmark = pytest.mark.long  # a study: it simulates, fits and trains from the beginning
+
 
 @pytest.fixture(scope="module")
 def result() -> CaseResult:

@@ -23,6 +23,8 @@ from stemwatch.service.studies.trial import (
     wilson,
 )
 
+pytestmark = pytest.mark.long  # a study: it simulates, fits and trains from the beginning
+
 
 @pytest.fixture(scope="module")
 def marked() -> list[Marked]:
