@@ -11,8 +11,8 @@ from importlib.metadata import entry_points
 
 from stemwatch.service.alerts.notifiers.notifier import Notifier as Notifier
 from stemwatch.service.alerts.notifiers.notifier import NotifierKind as NotifierKind
+from stemwatch.service.alerts.notifiers.notifier import NotifierSecret
 from stemwatch.service.alerts.notifiers.notifier import NotSent as NotSent
-from stemwatch.service.alerts.notifiers.secret import NotifierSecret
 from stemwatch.service.config import Plant
 from stemwatch.service.config.service_schema import NOTIFIERS, NotifierTable
 

@@ -11,8 +11,7 @@ from email.utils import formatdate
 from pathlib import Path
 from typing import Any, Self
 
-from stemwatch.service.alerts.notifiers.notifier import NotSent
-from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+from stemwatch.service.alerts.notifiers.notifier import NotifierSecret, NotSent
 from stemwatch.service.config.service_schema import NotifierTable
 
 TIMEOUT_S = 20.0

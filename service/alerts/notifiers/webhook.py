@@ -22,8 +22,7 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import SplitResult, urlsplit
 
-from stemwatch.service.alerts.notifiers.notifier import NotSent
-from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+from stemwatch.service.alerts.notifiers.notifier import NotifierSecret, NotSent
 from stemwatch.service.config.service_schema import NotifierTable
 
 # IPv6 addresses that lead to an IPv4 one: translators (RFC 6052), 6to4 (RFC 3056) and the old

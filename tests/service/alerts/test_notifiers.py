@@ -268,7 +268,7 @@ def test_a_secret_that_is_not_there_is_named(make: Make, monkeypatch, tmp_path: 
         make(url + 'secret_variable = "NOWHERE"').send("k", HOSTILE)
     with pytest.raises(NotSent, match=r"no-such-file cannot be read"):
         make(url + 'secret_file = "no-such-file"').send("k", HOSTILE)
-    from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+    from stemwatch.service.alerts.notifiers.notifier import NotifierSecret
 
     file = tmp_path / "secret"
     file.write_text(SECRET + "\n", encoding="utf-8")

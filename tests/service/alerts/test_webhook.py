@@ -18,7 +18,7 @@ import pytest
 
 from stemwatch.service.alerts.notifiers import NotSent, webhook
 from stemwatch.service.alerts.notifiers import webhook as outside
-from stemwatch.service.alerts.notifiers.secret import NotifierSecret
+from stemwatch.service.alerts.notifiers.notifier import NotifierSecret
 from stemwatch.service.alerts.notifiers.webhook import WebhookNotifier, is_public
 from stemwatch.service.alerts.sender import Sender
 from stemwatch.service.store.store import Store, open_store
