@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -98,6 +99,19 @@ def test_no_file_is_a_heap() -> None:
     assert long == []
 
 
+def test_no_files_import_each_other() -> None:
+    """Imports run one way, those for types and those inside functions counted."""
+    modules = {_module(path): path for path in _sources(PACKAGES)}
+    imported = {
+        module: {name for name in _imported(path) if name in modules and name != module}
+        for module, path in modules.items()
+    }
+    try:
+        TopologicalSorter(imported).prepare()
+    except CycleError as error:
+        pytest.fail(f"a circle of imports: {' <- '.join(error.args[1])}")
+
+
 def test_nothing_is_left_unfinished() -> None:
     """No placeholder stands where code or a decision should."""
     marks = ("TO" + "DO", "FIX" + "ME", "NotImplemented" + "Error")
@@ -133,6 +147,29 @@ def _everything() -> list[Path]:
 
 def _sources(folders: tuple[str, ...]) -> list[Path]:
     return sorted(path for folder in folders for path in (REPOSITORY / folder).rglob("*.py"))
+
+
+def _module(path: Path) -> str:
+    name = ".".join(path.relative_to(REPOSITORY).with_suffix("").parts)
+    return f"stemwatch.{name}".removesuffix(".__init__")
+
+
+def _imported(path: Path) -> Iterator[str]:
+    """The modules that a file may mean: ``from a import b`` is a or a.b."""
+    for node in ast.walk(_tree(path)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inside = {f"{node.module}.{alias.name}" for alias in node.names}
+            files = {name for name in inside if _is_file(name)}
+            yield from files
+            if files != inside:
+                yield node.module
+
+
+def _is_file(module: str) -> bool:
+    place = REPOSITORY.joinpath(*module.removeprefix("stemwatch.").split("."))
+    return place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
 
 
 @cache
