@@ -243,7 +243,8 @@ class _Reading:
         unit = "travel" if free_gain else None
         problem = make_problem(with_command(recording, command, unit))
         evaluator, base = first_look(problem)
-        train = problem.training_blocks()
+        # By OP as it was recorded: readings are compared on the same blocks.
+        train = make_problem(recording).training_blocks()
         loss = evaluator.loss(train)
         starts = best_of(loss, sticking_grid(evaluator, base), keep=2)
         if start is not None:

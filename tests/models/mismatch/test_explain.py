@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.mismatch.explain import explain, scores
@@ -258,6 +258,8 @@ ODD_COMMANDS = {
     of_mv=st.sampled_from([*ODD_POSITIONS]),
     seed=st.integers(0, 2**20),
 )
+@example(samples=420, interval_s=0.1, of_op="huge", of_mv="usual", seed=0)
+@example(samples=80, interval_s=0.1, of_op="huge", of_mv="constant", seed=0)
 @settings(max_examples=25, deadline=None)
 def test_whatever_a_recording_holds_something_sound_is_said(
     samples, interval_s, of_op, of_mv, seed
