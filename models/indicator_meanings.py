@@ -31,6 +31,7 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "S_of_travel_percent": ("S in percent of travel, where OP strokes by a curve", "up"),
     "J_of_travel_percent": ("J in percent of travel, where OP strokes by a curve", "up"),
     "dead_band_percent": ("Dead band, S - J", "up"),
+    "breakaway_scatter_percent": ("Scatter of the breakaways about their mean level", "none"),
     "naive_S_percent": ("S of S and J alone", "none"),
     "naive_J_percent": ("J of S and J alone", "none"),
     "position_zero_percent": ("Position minus OP, at rest", "none"),

@@ -15,7 +15,7 @@ from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.events import SlipEvents
-from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
 
 
@@ -91,14 +91,15 @@ def of_friction(
         return []
     swing_of_op = fit.evaluator.problem.swing
     share = 100.0 * fit.S / swing_of_op if swing_of_op > 0 else None
-    naive_S = float(fit.naive[coordinate.S_PERCENT]) * op_per_travel
-    naive_J = naive_S * float(fit.naive[coordinate.RATIO])
+    naive_S, naive_J = (op_per_travel * number for number in S_and_J(fit.naive))
+    scatter = 100.0 * fit.breakaways.scatter if fit.breakaways else None
     zero = float(fit.candidate[coordinate.ZERO])
     indicators = [
         *_estimated("S_percent", S),
         *_estimated("J_percent", J),
         *_one("S_of_swing_percent", share, "%"),
         *_one("dead_band_percent", max(fit.S - fit.J, 0.0) * op_per_travel, "%"),
+        *_one("breakaway_scatter_percent", scatter, "%"),
         *_one("naive_S_percent", naive_S, "%"),
         *_one("naive_J_percent", naive_J, "%"),
         *_one("position_zero_percent", zero, "%"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.actuator import shown_speed_limits
-from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 
 # Less than this is how good valves are, and not worth a word.
 WORTH_SAYING_S = 0.5
@@ -69,7 +69,7 @@ def _limited(fit: StickSlipFit) -> list[str]:
 
 
 def _misread(fit: StickSlipFit) -> str:
-    naive = float(fit.naive[coordinate.S_PERCENT])
-    if naive > MISREAD * fit.S and naive - fit.S > MISREAD_PERCENT:
+    naive, fitted = S_and_J(fit.naive)[0], S_and_J(fit.candidate)[0]
+    if naive > MISREAD * fitted and naive - fitted > MISREAD_PERCENT:
         return f"; S and J alone would have read S as {naive:.1f} %"
     return ""

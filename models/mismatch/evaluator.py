@@ -20,11 +20,11 @@ import numpy as np
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow, used
-from stemwatch.models.mismatch.onsets import Onsets, Samples, onsets
 from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.kernel import RESYNC, Marks
+from stemwatch.models.stickslip.onsets import Onsets, Samples, onsets
 from stemwatch.models.stickslip.parameters import Bounds
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.search import Loss

@@ -63,6 +63,8 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.stickslip.breakaways import breakaways
+from stemwatch.models.stickslip.interval import REPLICATES
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
 
@@ -277,11 +279,13 @@ def _told(case: _Case) -> Mismatch:
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
+    # With nothing left out the breakaways are those of the element, and tell S and J best.
+    nothing = finding is Finding.NONE
     return Mismatch(
         finding=finding,
         sentence=_sentence(finding, effects, case.refused, before),
-        naive=_stiction(draws(plain, simple, naive), naive),
-        restated=_stiction(drawn, best),
+        naive=_stiction(plain, draws(plain, simple, naive), naive, by_breakaways=nothing),
+        restated=_stiction(evaluator, drawn, best, by_breakaways=nothing),
         effects=effects,
         record_effects=case.settled.effects,
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
@@ -331,11 +335,16 @@ def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floa
     return fitted.layout, best.candidate
 
 
-def _stiction(drawn: Floats, best: Floats) -> Stiction:
-    S, J = (
-        best[base_coordinate.S_PERCENT],
-        best[base_coordinate.S_PERCENT] * best[base_coordinate.RATIO],
-    )
+def _stiction(
+    evaluator: Evaluator, drawn: Floats, best: Floats, *, by_breakaways: bool
+) -> Stiction:
+    S = float(best[base_coordinate.S_PERCENT])
+    J = S * float(best[base_coordinate.RATIO])
+    gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
+    seen = breakaways(evaluator.problem, gain, zero, S, J) if by_breakaways else None
+    if seen is not None:
+        S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
+        return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
     error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
     S_drawn = drawn[:, base_coordinate.S_PERCENT]
     return Stiction(

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from stemwatch.models.mismatch.delay import delayed
-from stemwatch.models.mismatch.onsets import Samples
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
+from stemwatch.models.stickslip.onsets import Samples
 
 _Key = tuple[tuple[str, ...], bytes]  # the terms that shape a command, and their coordinates
 

@@ -18,8 +18,8 @@ from numba import njit
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import Search
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, RunRequest, RunResults
-from stemwatch.models.mismatch.onsets import Samples
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.stickslip.onsets import Samples
 from stemwatch.models.stickslip.search import SearchResult
 
 DAMPING = (0.003, 0.1, 3.0)  # tried side by side in every round

@@ -19,6 +19,7 @@ import numpy as np
 from stemwatch.models.forensics import repeat_share
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
 from stemwatch.models.stickslip.parameters import Bounds, bounds, to_kernel
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.search import Loss, SearchResult, best_of, refine
@@ -232,6 +233,12 @@ def advantage(simple: Floats, rich: Floats, counts: Floats, delta: float) -> Adv
     return Advantage(mean, float(mean / (log.std(ddof=1) / np.sqrt(log.size) + 0.01)))
 
 
+def S_and_J(candidate: Floats) -> tuple[float, float]:
+    """S and J of a candidate (9,), percent of OP span."""
+    S = float(candidate[coordinate.S_PERCENT])
+    return S, S * float(candidate[coordinate.RATIO])
+
+
 @dataclass(frozen=True)
 class StickSlipFit:
     """The chosen model of a valve and the evidence for it.
@@ -249,16 +256,18 @@ class StickSlipFit:
     of_sticking: Advantage
     naive: Floats  # (9,) S and J alone, on the whole record
     first_heldout: int  # first sample of the held-out part
+    breakaways: Breakaways | None = None
 
     @property
     def S(self) -> float:
-        """Deadband plus stickband, percent of OP span."""
-        return float(self.candidate[coordinate.S_PERCENT])
+        """Deadband plus stickband, percent of OP span: of the mean breakaway where slips tell it,
+        else the candidate's."""
+        return self.breakaways.S if self.breakaways else S_and_J(self.candidate)[0]
 
     @property
     def J(self) -> float:
-        """Slip jump, percent of OP span."""
-        return float(self.candidate[coordinate.S_PERCENT] * self.candidate[coordinate.RATIO])
+        """Slip jump, percent of OP span; as ``S``."""
+        return self.breakaways.J if self.breakaways else S_and_J(self.candidate)[1]
 
     def heldout(self, *, resynced: bool = False) -> Floats:
         """(n,) free run of MV with the parameters of the training part.
@@ -359,7 +368,13 @@ def fit_stickslip(recording: Recording) -> StickSlipFit:
         of_sticking=of_sticking,
         naive=naive.candidate,
         first_heldout=int(np.ceil(problem.op.size * train.sum() / problem.n_blocks)),
+        breakaways=_breakaways(problem, final.candidate),
     )
+
+
+def _breakaways(problem: FitProblem, candidate: Floats) -> Breakaways | None:
+    gain, zero = 1.0 + float(candidate[coordinate.GAIN]), float(candidate[coordinate.ZERO])
+    return breakaways(problem, gain, zero, *S_and_J(candidate)) if gain else None
 
 
 def _polish(

@@ -1,4 +1,5 @@
-"""Intervals of S and J by the block bootstrap (``models.block_bootstrap``), which never refits.
+"""Intervals of S and J: from the breakaways where they tell, else by the block bootstrap
+(``models.block_bootstrap``), which never refits.
 
 The cloud of candidates around the optimum is drawn anew a few times, each time where the draws
 before it ended. Blocks are long against a slip, so autocorrelated residuals do not make the
@@ -54,8 +55,11 @@ def spread_of(estimate: Estimate) -> Floats:
 
 
 def bootstrap(fit: StickSlipFit) -> StickSlipSample:
-    """Draw S and J as the recording's blocks of time allow them to be. Seeded."""
+    """Draw S and J as the breakaways, or else the recording's blocks of time, allow them to be.
+    Seeded."""
     rng = np.random.default_rng(7)
+    if fit.breakaways is not None:
+        return StickSlipSample(*fit.breakaways.draws(REPLICATES, rng))
     evaluator = fit.evaluator
     free = BOTH.free if fit.hypothesis == "both" else STICKING.free
     width = evaluator.spread(free, 0.03)

@@ -19,6 +19,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
+from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import Executor, map_items
 
@@ -28,6 +29,7 @@ STICKING_S = (3.0, 8.0)  # percent
 HEALTHY_S = (0.1, 0.5)
 RANGEABILITY = 40.0
 BATCH = 4
+FINE_S, SLIP_SAMPLES = 0.1, 5
 
 
 def _changed(
@@ -187,10 +189,44 @@ def draw_valves(each: int, seed: int) -> list[Valve]:
 
 
 def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> Valve:
-    """The case with this S and J; every second packing gives a little before it lets go."""
-    packing = PackingDefects(presliding_percent=0.002 if place % 2 else 0.0)
-    valve = replace(case.loop.valve, S=S, J=J, packing=packing)
-    return Valve(replace(case, loop=replace(case.loop, valve=valve)), sticking, S, J)
+    """The case with this S and J; two packings of four give a little before they let go.
+
+    Bristles let go the earlier the quicker the force grows, so a LuGre packing has the S and J that
+    it shows in its own loop, less what a packing with the same levels and no bristles shows there.
+    """
+    valve = replace(case.loop.valve, S=S, J=J)
+    stiff = replace(case.loop, valve=valve)
+    if place % 4 < 2:
+        return Valve(replace(case, loop=stiff), sticking, S, J)
+    packing = PackingDefects(presliding_percent=0.002)
+    soft = replace(case.loop, valve=replace(valve, packing=packing))
+    if sticking:
+        shown, without = (_levels_shown(loop, case.seed, J) for loop in (soft, stiff))
+        level, kinetic = shown[0] - without[0], shown[1] - without[1]
+        S, J = S + level + kinetic, max(J + level - kinetic, 0.0)
+    return Valve(replace(case, loop=soft), sticking, S, J)
+
+
+def _levels_shown(loop: PlantLoop, seed: int, J: float) -> tuple[float, float]:
+    """How far OP is ahead of the stem before and after its slips, medians, percent: read off the
+    loop without noise and without scatter, ten times a second."""
+    quiet = replace(
+        loop,
+        valve=replace(loop.valve, scatter=0.0),
+        transmitters=replace(loop.transmitters, position_noise=0.0),
+        archive=replace(loop.archive, interval_s=FINE_S),
+    )
+    recording = simulate_loop(quiet, seed).recording
+    assert recording.mv is not None
+    op, mv = recording.op.values, recording.mv.values
+    moving = np.abs(np.diff(mv)) > 0.02
+    begins = 1 + np.flatnonzero(moving[1:] & ~moving[:-1])
+    ends = np.minimum(begins + SLIP_SAMPLES, mv.size - 1)
+    slips = np.abs(mv[ends] - mv[begins]) > 0.3 * J
+    begins, ends = begins[slips], ends[slips]
+    way = np.sign(mv[ends] - mv[begins])
+    before, after = way * (op[begins] - mv[begins]), way * (op[ends] - mv[ends])
+    return float(np.median(before)), float(np.median(after))
 
 
 def answer_batch(batch: RobustnessBatch) -> list[Answer]:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.onsets import Onsets, onsets
+from stemwatch.models.stickslip.onsets import Onsets, onsets
 
 SIGMA = 0.05
 rests = st.lists(

@@ -1,0 +1,245 @@
+"""S and J read from the breakaways themselves: how far the command is ahead when the stem lets go.
+
+No two breakaways of a packing are equal. A free run with one level slips now too early and now too
+late, and the S and J whose run is cheapest are then not those of the mean breakaway: with 12 %
+scatter they come out 8 % too small. The breakaways tell it without a run: the distance of command
+and stem when the stem lets go is the breakaway level, and where it has let go it stays behind its
+command by the kinetic level. Choudhury's parameters follow from the two
+(doi:10.1016/j.conengprac.2004.05.005):
+
+    (S + J)/2 = breakaway level,   (S - J)/2 = kinetic level.
+
+A stem answers its command a little late, which a slow command does not show and a quick one does.
+So both levels are found for each of several delays, and the delays are weighted by how well they
+make the breakaways agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.stickslip.onsets import Samples, onsets
+from stemwatch.models.stickslip.problem import FitProblem
+
+FEWEST = 8
+FEWEST_OF_A_SIDE = 4  # else the two directions are not told apart
+LEAST_J = 0.4  # percent; below it a slip cannot be told from a stem that creeps with its command
+LEAST_JUMP = 0.4  # of J, beyond what the command moved: an onset of motion that is a slip
+SLIPPING_SAMPLES = 2  # after its first sample of motion a slip is over
+FARTHEST = 0.35  # share of the fitted level; beyond it the onsets are not this element's slips
+TRIM = 3.5  # robust standard deviations
+# Samples by which a stem is late, mean and standard deviation over valves, and those tried.
+DELAYS = np.arange(0.0, 4.1, 0.25)
+LATE = (0.3, 0.35)
+# Share of a sample's command that lies between a slip and the sample after it, in the same way: 0
+# for a stem that slides on with its command, a half for one that sticks at once.
+SINCE = (0.4, 0.4)
+TILT = 0.15  # share of the level by which the two directions differ, one standard deviation
+LEAST_SCATTER = 0.01  # of the level
+# One standard deviation of what no count of breakaways lessens, of either level, as a share of the
+# breakaway level: a stem is not exactly a two-level element. Calibrated on the 120 valves of
+# draw_sticky, seed 11; `stemwatch trial` and `stemwatch robustness` print on others how many
+# intervals hold.
+MODEL_ERROR = 0.02
+OUTLIER = 3.0  # nats that a breakaway costs which is left out
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """What the breakaways say for one delay, errors are standard errors; ``weight`` is its
+    log-likelihood with the prior."""
+
+    weight: float
+    level: float
+    level_error: float
+    kinetic: float
+    kinetic_error: float
+    scatter: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Breakaways:
+    """``count`` breakaways: the mean distance of command and stem at which the stem lets go
+    (``level``) and at which it stays behind (``kinetic``), percent of OP, and
+    the ``scatter`` from one breakaway to the next, a share of the level. ``tried`` is the same
+    for each delay of the stem, with ``weights`` that sum to one."""
+
+    count: int
+    level: float
+    kinetic: float
+    scatter: float
+    tried: tuple[_Levels, ...]
+    weights: Floats
+
+    @property
+    def S(self) -> float:
+        """Deadband plus stickband, percent of OP."""
+        return max(self.level + self.kinetic, 0.0)
+
+    @property
+    def J(self) -> float:
+        """Slip jump, percent of OP."""
+        return max(self.level - self.kinetic, 0.0)
+
+    def draws(self, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """S and J, (count,) each, as the breakaways allow them to be, percent of OP.
+
+        A delay that is not known moves both levels the same way, so S more than J.
+        """
+        delays = rng.choice(len(self.tried), size=count, p=self.weights)
+        model = MODEL_ERROR * self.level
+        numbers = np.array(
+            [(o.level, o.level_error, o.kinetic, o.kinetic_error) for o in self.tried]
+        )[delays]
+        normal = rng.standard_normal((count, 2))
+        level = numbers[:, 0] + np.hypot(numbers[:, 1], model) * normal[:, 0]
+        kinetic = numbers[:, 2] + np.hypot(numbers[:, 3], model) * normal[:, 1]
+        return np.maximum(level + kinetic, 0.0), np.maximum(level - kinetic, 0.0)
+
+
+def breakaways(
+    problem: FitProblem, gain: float, zero: float, S: float, J: float
+) -> Breakaways | None:
+    """The breakaways of a recorded position, or ``None`` where too few tell of them.
+
+    ``gain`` is MV's percent for one of OP and ``zero`` its offset, percent of MV. ``S`` and ``J``,
+    percent of OP, are those of the fitted element: an onset of motion without a jump is no
+    breakaway, and a level far from the fitted one is not the element's.
+    """
+    if J < LEAST_J:
+        return None
+    seen = onsets(problem.mv, problem.scored, problem.sigma, problem.interval_s)
+    stem, place = (problem.mv - zero) / gain, (seen.place - zero) / gain
+    side, sigma = seen.side * np.sign(gain), problem.sigma / abs(gain)
+    clock = np.arange(problem.op.size, dtype=np.float64)
+    tried = []
+    for delay in DELAYS:
+        command = np.interp(clock - delay, clock, problem.op)
+        near, far, after, rate, jump = _distances(stem, command, seen.at, side, seen.rested, place)
+        slip = (jump >= LEAST_JUMP * J) & (far > 0.0)
+        if np.count_nonzero(slip) >= FEWEST:
+            told = (near[slip], far[slip], after[slip], rate[slip], side[slip])
+            tried.append(_levels(*told, sigma, float(delay)))
+    if not tried:
+        return None
+    found = _weighted(tried)
+    level = 0.5 * (S + J)
+    return found if abs(found.level - level) <= FARTHEST * level else None
+
+
+@njit(cache=True)
+def _distances(
+    stem: Floats, command: Floats, at: Samples, side: Floats, rested: Samples, place: Floats
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """(m,) each, of the onsets: the distance of command and stem that the stem has borne and the
+    one at its first sample of motion, the distance then, the command's way in that sample, and how
+    far the stem jumped beyond the command's way."""
+    m, n = at.size, stem.size
+    near, far, after = np.zeros(m), np.zeros(m), np.zeros(m)
+    rate, jump = np.zeros(m), np.zeros(m)
+    for i in range(m):
+        k, way = at[i], side[i]
+        for j in range(max(k - rested[i] + 1, 0), k):
+            # What the packing bore on the other side it would have borne on this one.
+            near[i] = max(near[i], abs(command[j] - place[i]))
+        far[i] = max(way * (command[k] - place[i]), near[i])
+        after[i] = way * (command[k] - stem[k])
+        rate[i] = way * (command[k] - command[k - 1])
+        end = min(k + SLIPPING_SAMPLES, n - 1)
+        commanded = max(way * (command[end] - command[k - 1]), 0.0)
+        jump[i] = way * (stem[end] - place[i]) - commanded
+    return near, far, after, rate, jump
+
+
+def _levels(
+    near: Floats,
+    far: Floats,
+    after: Floats,
+    rate: Floats,
+    side: Floats,
+    sigma: float,
+    delay: float,
+) -> _Levels:
+    """Both levels for one delay, from slips (m,) with noise ``sigma``, percent of OP."""
+    half = 0.5 * (far - near)
+    level, spread, error, kept = _mean_of_sides(near + half, side)
+    # The slip lies anywhere in its sample, and the resting place is a mean of five.
+    within = float(np.mean(half**2)) / 3.0 + sigma**2 / 5.0
+    variance = max(spread**2, 0.5 * within, (LEAST_SCATTER * level) ** 2)
+    left_out = float(np.count_nonzero(~kept))
+    late = (delay - LATE[0]) / LATE[1]
+    weight = -0.5 * kept.sum() * np.log(variance) - OUTLIER * left_out - 0.5 * late * late
+    kinetic, kinetic_error = _kinetic(after, rate, side, sigma, level)
+    return _Levels(
+        weight=float(weight),
+        level=level,
+        level_error=error,
+        kinetic=kinetic,
+        kinetic_error=kinetic_error,
+        scatter=float(np.sqrt(max(spread**2 - within, 0.0)) / max(level, 1e-9)),
+        count=int(kept.sum()),
+    )
+
+
+def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, Bools]:
+    """Mean, spread and standard error of values (m,), and which of them are kept.
+
+    A wrong zero of the reading moves the two directions apart and the mean of both not at all.
+    """
+    groups = [side < 0.0, side > 0.0]
+    if min(np.count_nonzero(group) for group in groups) < FEWEST_OF_A_SIDE:
+        groups = [np.ones(values.size, dtype=bool)]
+    off = np.zeros(values.size)
+    for group in groups:
+        off[group] = values[group] - np.median(values[group])
+    reach = TRIM * max(1.4826 * float(np.median(np.abs(off))), 1e-3)
+    kept = np.abs(off) <= reach
+    parts = [values[group & kept] for group in groups]
+    squares = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
+    variance = squares / max(int(kept.sum()) - len(parts), 1)
+    error = np.sqrt(variance * sum(1.0 / part.size for part in parts)) / len(parts)
+    mean = float(np.mean([part.mean() for part in parts]))
+    return mean, float(np.sqrt(variance)), float(error), kept
+
+
+def _kinetic(
+    after: Floats, rate: Floats, side: Floats, sigma: float, level: float
+) -> tuple[float, float]:
+    """The distance after a slip for a command at rest, and its standard error.
+
+    ``after = kinetic + tilt side + since rate`` by least squares with the priors ``TILT`` and
+    ``SINCE``: whether a stem sticks or slides on, and the zero of the reading, are not known.
+    """
+    _, spread, _, kept = _mean_of_sides(after - SINCE[0] * rate, side)
+    variance = max(spread**2, sigma**2, 1e-6)
+    columns = np.stack((np.ones(after.size), side, rate), axis=1)[kept]
+    tilt = max(TILT * level, 1e-3)
+    precision = np.diag([0.0, variance / tilt**2, variance / SINCE[1] ** 2])
+    inverse = np.linalg.inv(columns.T @ columns + precision)
+    prior = precision @ np.array([0.0, 0.0, SINCE[0]])
+    best = inverse @ (columns.T @ after[kept] + prior)
+    return float(best[0]), float(np.sqrt(variance * inverse[0, 0]))
+
+
+def _weighted(tried: list[_Levels]) -> Breakaways:
+    """The mean over the delays."""
+    weights = np.array([levels.weight for levels in tried])
+    weights = np.exp(weights - weights.max())
+    weights /= weights.sum()
+
+    def mean(name: str) -> float:
+        return float(weights @ [getattr(levels, name) for levels in tried])
+
+    return Breakaways(
+        count=round(mean("count")),
+        level=mean("level"),
+        kinetic=mean("kinetic"),
+        scatter=mean("scatter"),
+        tried=tuple(tried),
+        weights=weights,
+    )
