@@ -16,7 +16,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stemwatch.models import indicators, residual
-from stemwatch.models.decision import Decision, DecisionEvidence, decide, undetermined
+from stemwatch.models.decision import (
+    Decision,
+    DecisionEvidence,
+    beside_friction,
+    decide,
+    slowness,
+    undetermined,
+)
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.fit_window import (
     FitWindow,
@@ -34,7 +41,6 @@ from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
-from stemwatch.models.response_sentences import beside_friction, slowness
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events

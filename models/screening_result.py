@@ -88,7 +88,7 @@ class RecordingFacts:
             interval_s=recording.interval_s,
             samples=len(recording),
             usable_share=float(np.mean(recording.usable)) if len(recording) else 0.0,
-            tags={role: (one.tag, one.unit) for role, one in recording.signals.items()},
+            tags={role: (signal.tag, signal.unit) for role, signal in recording.signals.items()},
             zone=recording.clock.zone,
         )
 

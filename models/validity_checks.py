@@ -91,7 +91,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
 
 def unit_obstacles(recording: Recording) -> list[Obstacle]:
     """A command or a position that is not in percent, so that they cannot be compared."""
-    found = []
+    obstacles = []
     for signal, slug, what in (
         (recording.op, "op_unit", "of span"),
         (recording.mv, "position_unit", "of travel"),
@@ -102,8 +102,8 @@ def unit_obstacles(recording: Recording) -> list[Obstacle]:
                 f"{signal.tag} {instead}, not in percent {what}, so OP and position cannot be "
                 "compared"
             )
-            found.append(Obstacle(slug, reason, UNIT_REMEDY))
-    return found
+            obstacles.append(Obstacle(slug, reason, UNIT_REMEDY))
+    return obstacles
 
 
 def _still_obstacles(recording: Recording) -> list[Obstacle]:
@@ -140,9 +140,9 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     usable = int(recording.usable.sum())
     if not len(recording):
         return [Obstacle("empty", "the recording holds no sample", "Choose another time window.")]
-    found = []
+    obstacles = []
     if recording.duration_s < limits.min_duration_s or usable < limits.min_samples:
-        found.append(
+        obstacles.append(
             Obstacle(
                 "too_short",
                 f"the recording is too short: {usable} usable samples in "
@@ -153,7 +153,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
         )
     bad = 1.0 - usable / len(recording)
     if bad > limits.max_bad_share:
-        found.append(
+        obstacles.append(
             Obstacle(
                 "bad_samples",
                 f"{share(bad)} of the samples are missing or marked bad",
@@ -161,8 +161,8 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
             )
         )
     fitted = int(np.sum(scored_samples(recording)))
-    if not found and fitted < limits.min_samples:
-        found.append(
+    if not obstacles and fitted < limits.min_samples:
+        obstacles.append(
             Obstacle(
                 "broken_up",
                 f"holes break the recording into pieces too short to fit: {fitted} samples are "
@@ -171,7 +171,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
                 "archive.",
             )
         )
-    return found
+    return obstacles
 
 
 def _manual(recording: Recording) -> bool:
@@ -214,9 +214,9 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
 
 def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstacle]:
     """A position that the transmitter froze or the historian drew for too long."""
-    found = []
+    obstacles = []
     if frozen > 0.5:
-        found.append(
+        obstacles.append(
             Obstacle(
                 "position_frozen",
                 f"the position reading was frozen for {share(frozen)} of the time",
@@ -224,7 +224,7 @@ def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstac
             )
         )
     if drawn > limits.max_interpolated_share:
-        found.append(
+        obstacles.append(
             Obstacle(
                 "compressed",
                 f"the historian compressed the position: {share(drawn)} of its moving samples were "
@@ -232,4 +232,4 @@ def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstac
                 "Export raw values with compression off (or its deviation below 0.1 %).",
             )
         )
-    return found
+    return obstacles
