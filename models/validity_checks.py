@@ -12,8 +12,8 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.percent import not_percent
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.signal_pairing import correlation, delayed_correlation, is_copy
+from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
-from stemwatch.models.stickslip.stroke_curve import AGAINST
 from stemwatch.models.words import share, times
 
 # The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
