@@ -8,6 +8,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
+from stemwatch.models.own_clock import duration
 from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
@@ -63,7 +64,8 @@ class DecisionEvidence:
     slow: str  # what is slow beside friction, a sentence, or nothing
     baseline: Residual | None  # the baseline network's, on this window
     baseline_ratio: float | None
-    cycling_s: float | None  # period of the loop's regular oscillation
+    cycling_s: float | None  # period of the loop's regular oscillation, on the record's own clock
+    unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +149,7 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
     jump = f", then jumps {_percent(J)}" if shape is not Shape.DEADBAND else " and then follows"
     cycle = ""
     if evidence.cycling_s is not None:
-        cycle = f"; the loop cycles every {evidence.cycling_s:.0f} s"
+        cycle = f"; the loop cycles every {duration(evidence.cycling_s, evidence.unit_s)}"
     return Decision(
         verdict=Verdict.STICKY,
         reason=(
@@ -180,7 +182,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
-        text += f" The loop oscillates all the same, every {evidence.cycling_s:.0f} s."
+        every = duration(evidence.cycling_s, evidence.unit_s)
+        text += f" The loop oscillates all the same, every {every}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
     S = float(evidence.S.value or 0.0)
     return Decision(

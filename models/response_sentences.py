@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.fit import StickSlipFit
@@ -48,21 +49,22 @@ def beside_friction(left_out: Mismatch) -> str:
 
 
 def _late(fit: StickSlipFit) -> list[str]:
-    c = fit.candidate
+    c, unit_s = fit.candidate, fit.evaluator.problem.unit_s
     parts = []
     if c[coordinate.DEAD_TIME_S] >= WORTH_SAYING_S:
         parts.append(
-            f"the command arrives {c[coordinate.DEAD_TIME_S]:.1f} s late (or the clocks differ)"
+            f"the command arrives {duration(c[coordinate.DEAD_TIME_S], unit_s, '.1f')} late (or "
+            "the clocks differ)"
         )
     lag = max(c[coordinate.LAG_UP_S], c[coordinate.LAG_DOWN_S])
     if lag >= 2.0 * WORTH_SAYING_S:
-        parts.append(f"the actuator takes about {lag:.1f} s")
+        parts.append(f"the actuator takes about {duration(lag, unit_s, '.1f')}")
     return parts
 
 
 def _limited(fit: StickSlipFit) -> list[str]:
     return [
-        f"the position moves at no more than {speed:.1f} %/s {name}"
+        f"the position moves at no more than {rate(speed, fit.evaluator.problem.unit_s)} {name}"
         for name, speed in shown_speed_limits(fit).items()
         if speed < SLOW_PERCENT_PER_S
     ]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.excitation import Slips, reversals, slips, swing
 from stemwatch.models.mismatch.conditioning import moving_stem, rests
+from stemwatch.models.own_clock import duration, is_of_seconds, long_time, rate
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.words import times
 
@@ -53,6 +54,7 @@ class Exercised:
     passes: int
     at_low: bool
     at_high: bool
+    unit_s: float = 1.0  # seconds in the unit of the times, see ``own_clock``
 
 
 def exercised(
@@ -64,6 +66,7 @@ def exercised(
     sigma: float,
     S: float,
     J: float,
+    unit_s: float = 1.0,
 ) -> Exercised:
     """Look at a recording; all arrays (n,) finite, percent; ``sigma`` is the noise of MV.
 
@@ -91,6 +94,7 @@ def exercised(
         passes=_passes(mv, sigma),
         at_low=_at_end(-op, -mv, sigma, S, J),
         at_high=_at_end(op, mv, sigma, S, J),
+        unit_s=unit_s,
     )
 
 
@@ -212,6 +216,7 @@ LEAST_SLOW_S = 60.0
 LEAST_RESTING_S = 60.0
 LEAST_RESTS, REST_SPREAD = 4, 2.0  # count, and longest to shortest
 LEAST_DURATION_S = 840.0  # a quarter of an hour, less the first minute
+_SLOW_CHANGE = "a quarter of an hour"
 
 NO_POSITION = (
     "the recording holds no valve position, and what the stem does cannot be told from OP and PV"
@@ -228,17 +233,19 @@ def audit(
     S: float,
     J: float,
     spacing_s: float = 0.0,
+    unit_s: float = 1.0,
 ) -> dict[str, str]:
     """Slugs of physics effects that cannot be tested here, each with its reason, a clause.
 
     ``op``, ``mv`` and the base simulation (n,), finite, in percent; ``sigma`` the noise of MV; S
     and J of the base fit; ``spacing_s`` how far apart true samples are, where that is more than the
-    interval (``RecordSettled.spacing_s``). Without a position nothing of the valve can be tested.
+    interval (``RecordSettled.spacing_s``); times in units of ``unit_s`` seconds.
+    Without a position nothing of the valve can be tested.
     """
     if mv is None or simulated is None:
         return dict.fromkeys(PHYSICS, NO_POSITION)
-    seen = exercised(op, mv, simulated, scored, interval_s, sigma, S, J)
-    refused = dict(_sampling(max(interval_s, spacing_s)))
+    seen = exercised(op, mv, simulated, scored, interval_s, sigma, S, J, unit_s)
+    refused = dict(_sampling(max(interval_s, spacing_s), unit_s))
     for rule in _RULES:
         for slug, reason in rule(seen):
             refused.setdefault(slug, reason)
@@ -248,12 +255,13 @@ def audit(
 Refusals = Iterator[tuple[str, str]]
 
 
-def _sampling(spacing_s: float) -> Refusals:
+def _sampling(spacing_s: float, unit_s: float) -> Refusals:
     """Effects of a few seconds between samples that are further apart."""
     if spacing_s > SLOWEST_SAMPLING_S:
         reason = (
-            f"the samples are {spacing_s:g} s apart, and an effect of a few seconds falls "
-            f"between them; record every {SLOWEST_SAMPLING_S:g} s or faster"
+            f"the samples are {duration(spacing_s, unit_s, 'g')} apart, and an effect of a few "
+            f"seconds falls between them; record every {duration(SLOWEST_SAMPLING_S, unit_s)} or "
+            "faster"
         )
         yield from ((slug, reason) for slug in _QUICK_EFFECTS)
 
@@ -274,8 +282,9 @@ def _untested_moves(seen: Exercised) -> Refusals:
 def _speeds(seen: Exercised) -> Refusals:
     """Effects that need quick moves or large openings of the command."""
     up, down = seen.quick
+    quick, over = rate(QUICK_PERCENT_PER_S, seen.unit_s, "g"), duration(QUICK_S, seen.unit_s)
     reason = (
-        f"OP moved faster than {QUICK_PERCENT_PER_S:g} %/s over 5 s only {times(up + down)}; a "
+        f"OP moved faster than {quick} over {over} only {times(up + down)}; a "
         "slower command never meets the valve's top speed"
     )
     if up + down < LEAST_QUICK:
@@ -284,13 +293,14 @@ def _speeds(seen: Exercised) -> Refusals:
     if seen.openings < LEAST_OPENINGS:
         yield (
             "supply_sag",
-            f"OP opened by {OPENING_PERCENT:g} % within {OPENING_S:g} s only "
+            f"OP opened by {OPENING_PERCENT:g} % within {duration(OPENING_S, seen.unit_s)} only "
             f"{times(seen.openings)}; the air supply was never drawn on",
         )
     if seen.slow_s < LEAST_SLOW_S:
         yield (
             "low_speed_restick",
-            f"OP crept slower than 0.25 %/s for only {seen.slow_s:.0f} s; stepping along slow "
+            f"OP crept slower than {rate(SLOW_PERCENT_PER_S[1], seen.unit_s, 'g')} for only "
+            f"{duration(seen.slow_s, seen.unit_s)}; stepping along slow "
             "ramps cannot show without them",
         )
 
@@ -350,9 +360,10 @@ def _travel(seen: Exercised) -> Refusals:
 def _time(seen: Exercised) -> Refusals:
     """Effects that need a long record, or long rests."""
     if seen.duration_s < LEAST_DURATION_S:
+        least = long_time(LEAST_DURATION_S, seen.unit_s)
         reason = (
-            f"the recording has {seen.duration_s / 60:.0f} minutes; a slow change needs a quarter "
-            "of an hour at least"
+            f"the recording has {long_time(seen.duration_s, seen.unit_s)}; a slow change needs "
+            f"{_SLOW_CHANGE if is_of_seconds(seen.unit_s) else least} at least"
         )
         yield "sensor_drift", reason
         yield "growing_stiction", reason
@@ -364,7 +375,8 @@ def _time(seen: Exercised) -> Refusals:
     if seen.resting_s < LEAST_RESTING_S:
         yield (
             "stem_creep",
-            f"the stem rested for only {seen.resting_s:.0f} s, and creep shows at rest",
+            f"the stem rested for only {duration(seen.resting_s, seen.unit_s)}, and creep shows at "
+            "rest",
         )
 
 
