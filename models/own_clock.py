@@ -115,9 +115,10 @@ def is_of_seconds(unit_s: float) -> bool:
 def rate(own: float, unit_s: float, spec: str = ".1f") -> str:
     """``own`` percent a unit in words, as ``duration``: "0.5 %/s", "3 %/min"."""
     speed = own / unit_s
-    if unit_s < SLOW:
-        return f"{speed:{spec if unit_s > FAST else '.3g'}} %/s"
-    return f"{60.0 * speed:.3g} %/min"
+    if is_of_seconds(unit_s):
+        return f"{speed:{spec}} %/s"
+    factor, unit = _speed_said_in(speed, unit_s)
+    return f"{speed / factor:.3g} {unit}"
 
 
 def between(low: str, high: str) -> str:
@@ -146,6 +147,13 @@ def _said_in(seconds: float, unit_s: float) -> tuple[float, str]:
     return next((one for one in _COARSE if seconds >= LEAST_SAID * one[0]), _COARSE[-1])
 
 
+def _speed_said_in(speed: float, unit_s: float) -> tuple[float, str]:
+    """As ``_said_in`` for percent a second."""
+    if unit_s >= SLOW:
+        return 1.0 / 60.0, "%/min"
+    return (1000.0, "%/ms") if abs(speed) >= 1000.0 else (1.0, "%/s")
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpokenEstimate(Estimate):
     """An estimate in units of the own clock, as a term compares it, that is said in true ones."""
@@ -164,8 +172,8 @@ class SpokenEstimate(Estimate):
             return str(said)
         if self.unit == "s":
             factor, unit = _said_in(said.value, self.unit_s)
-        elif self.unit == "%/s" and self.unit_s >= SLOW:
-            factor, unit = 1.0 / 60.0, "%/min"
+        elif self.unit == "%/s":
+            factor, unit = _speed_said_in(said.value, self.unit_s)
         else:
             return str(said)
         value, low, high = (
