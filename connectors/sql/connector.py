@@ -28,7 +28,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.settings import Name, NotEmpty, contradiction
-from stemwatch.connectors.sql.template import fault_of
+from stemwatch.connectors.sql.query_rows import fault_of
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:

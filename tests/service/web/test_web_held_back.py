@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.service.alerts.held_back import hold_back
+from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.store import Store
 from tests.service.made_mismatch import named
 from tests.service.web.made_plant import HEALTHY, NOW, STICKY, WATCH, screening

@@ -15,7 +15,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.collector import Spool
-from stemwatch.service.collector.backlog import backlog
+from stemwatch.service.collector.spool import backlog
 from stemwatch.service.config import load_plant
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.samples.sources import SourceState
