@@ -376,6 +376,7 @@ def _with_verdict(
     return replace(
         screening,
         mismatch=_on_whole_clock(left_out, fitted),
+        stroke_curve=fitted.curve,
         baseline_note=" ".join(filter(None, (fitted.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),

@@ -12,6 +12,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 
 
@@ -125,6 +126,7 @@ class Screening:
     kept: RecordingFacts | None = None  # what the whole was, where samples were let go
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
+    stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     seconds: float = 0.0
 
     def __repr__(self) -> str:

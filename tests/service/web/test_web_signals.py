@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -11,10 +12,14 @@ from hypothesis import strategies as st
 
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Role, Signal
 from stemwatch.models.screening import Case, screen
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.plot_points import with_holes
 from stemwatch.service.store.screenings.records import TrendPoint
+from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.api.loop import fitted_run, loop_of
 from stemwatch.service.web.api.signals import SignalWindow, signals_of
@@ -198,6 +203,28 @@ def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
     again = fitted_run(recording, numbers)
     rmse = np.sqrt(np.nanmean((again - recording.mv.values) ** 2))
     assert rmse < 0.1 + 1.5 * found.residuals["stiction"].rmse  # MV swings over 12 %
+
+
+def test_the_fitted_loop_goes_through_the_curve_from_op_to_stroke(live):
+    """On the upper half of a split range S in percent of OP is half of that of travel."""
+    read = reader_of(live.store)
+    curve = StrokeCurve(op=(50.0, 100.0), travel=(0.0, 100.0))
+
+    def split(valve, window):
+        recording = read(valve, window)
+        op = recording.op
+        half = Signal(50.0 + op.values / 2.0, op.quality, op.tag, op.unit, op.interval_s)
+        return replace(recording, signals={**recording.signals, Role.OP: half})
+
+    site = Site(store=live.store, plant=live.plant, read=split)
+    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    S, J = (Estimate(value=one / 2.0, unit="%") for one in (S_MADE, J_MADE))
+    found = replace(screening_of(live.store.screenings(STICKY, 1)[0]), S=S, J=J, stroke_curve=curve)
+    numbers = {"S_percent": S_MADE / 2.0, "J_percent": J_MADE / 2.0}
+    loop = loop_of(site, asked, numbers, found)
+    assert missed(loop) < 0.1
+    assert [shape.role for shape in loop.shapes] == ["band", "curve"]
+    assert loop.curve_says == curve.sentence()
 
 
 def test_every_indicator_of_a_screening_has_its_words(live):
