@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.units import is_unit
+from stemwatch.connectors.historian.values.units import is_unit
 from stemwatch.models.recording import Floats
 
 _LONGEST = 400  # characters; longer cells are no numbers

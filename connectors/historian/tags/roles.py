@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from stemwatch.connectors.historian.tag_names import (
+from stemwatch.connectors.historian.tags.tag_names import (
     TagName,
     instrument,
     number,

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layout_input import LayoutInput
-from stemwatch.connectors.historian.narrow import pick
-from stemwatch.connectors.historian.rows import Rows, table_rows
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.narrow import pick
+from stemwatch.connectors.historian.tables.rows import Rows, table_rows
 
 
 @dataclass(frozen=True)

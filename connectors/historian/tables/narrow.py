@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layout_input import LayoutInput
-from stemwatch.connectors.historian.quality_codes import Family
-from stemwatch.connectors.historian.raw_table import Index, RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.units import bare_tag, canonical, split_unit
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.raw_table import Index, RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.values.quality_codes import Family
+from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
 TAG_NAMES = (
     "tagname", "tag", "tag_name", "tag name", "point", "pointname", "point name", "name",

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from stemwatch.connectors.historian.options import AmbiguousHour, MissingHour
-from stemwatch.connectors.historian.raw_table import Index
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.time_fields import Ints
+from stemwatch.connectors.historian.tables.raw_table import Index
+from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Bools
 
 _HOUR_NS = 3_600_000_000_000

@@ -9,15 +9,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.connectors.historian import implausible_values
-from stemwatch.connectors.historian.numbers import parse_numbers
-from stemwatch.connectors.historian.quality_codes import quality_of
-from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.time_fields import Ints
-from stemwatch.connectors.historian.timeline import Timeline
-from stemwatch.connectors.historian.times import Instants
-from stemwatch.connectors.historian.value_texts import mode_value, says_truncated, text_quality
+from stemwatch.connectors.historian.tables.raw_table import RawColumn
+from stemwatch.connectors.historian.times.time_column import Instants
+from stemwatch.connectors.historian.times.time_fields import Ints
+from stemwatch.connectors.historian.times.timeline import Timeline
+from stemwatch.connectors.historian.values import implausible_values
+from stemwatch.connectors.historian.values.numbers import parse_numbers
+from stemwatch.connectors.historian.values.quality_codes import quality_of
+from stemwatch.connectors.historian.values.value_texts import (
+    mode_value,
+    says_truncated,
+    text_quality,
+)
 from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes, Role
 
 _SHOWN = 30

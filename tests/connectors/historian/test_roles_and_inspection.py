@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from stemwatch.connectors.historian import HistorianFile, propose_valves
-from stemwatch.connectors.historian.roles import propose_roles
-from stemwatch.connectors.historian.tag_names import parse_tag
+from stemwatch.connectors.historian.tags.roles import propose_roles
+from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.models.recording import Role
 
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layout_input import usual_width
-from stemwatch.connectors.historian.numbers import parse_number, parse_numbers
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.rows import Rows
-from stemwatch.connectors.historian.time_formats import is_clock_only, is_date_only, is_time
-from stemwatch.connectors.historian.units import is_unit
-from stemwatch.connectors.historian.value_texts import text_quality
+from stemwatch.connectors.historian.tables.layout_input import usual_width
+from stemwatch.connectors.historian.tables.rows import Rows
+from stemwatch.connectors.historian.times.time_formats import is_clock_only, is_date_only, is_time
+from stemwatch.connectors.historian.values.numbers import parse_number, parse_numbers
+from stemwatch.connectors.historian.values.units import is_unit
+from stemwatch.connectors.historian.values.value_texts import text_quality
 from stemwatch.models.recording import Quality
 
 _TIME_NAME = re.compile(

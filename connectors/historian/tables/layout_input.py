@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from stemwatch.connectors.historian.document import Document
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.rows import Rows, sniff_separator, split_rows
+from stemwatch.connectors.historian.tables.document import Document
+from stemwatch.connectors.historian.tables.rows import Rows, sniff_separator, split_rows
 
 _HEAD = 60
 _LINE = 4000

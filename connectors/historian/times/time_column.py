@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.day_month_order import local_ns
-from stemwatch.connectors.historian.numbers import parse_numbers
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw_table import RawTable
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.time_fields import NO_OFFSET, Ints, Order, take_apart
-from stemwatch.connectors.historian.zones import to_utc
+from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.times.day_month_order import local_ns
+from stemwatch.connectors.historian.times.time_fields import NO_OFFSET, Ints, Order, take_apart
+from stemwatch.connectors.historian.times.zones import to_utc
+from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.models.recording import Bools, Floats
 
 _SECOND_NS = 1_000_000_000

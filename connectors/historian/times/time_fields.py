@@ -14,7 +14,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.connectors.historian.time_formats import (
+from stemwatch.connectors.historian.times.time_formats import (
     AFTERNOON,
     MONTH_NUMBER,
     MORNING,

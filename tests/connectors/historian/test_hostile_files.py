@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from stemwatch.connectors.connector import ConnectorError, TagMapping, ValveTags
 from stemwatch.connectors.historian import HistorianFile, ReadOptions, propose_valves
-from stemwatch.connectors.historian.numbers import parse_number
 from stemwatch.connectors.historian.opened_file import OpenedFile, open_file
+from stemwatch.connectors.historian.values.numbers import parse_number
 from stemwatch.models.recording import Role
 
 quick = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -10,8 +10,8 @@ from stemwatch.service.access.first_user import first_link, make_user
 from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, Scope, UserRole
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, serving
+from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened, valve_path
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, cookie_of, user_of
-from tests.service.web.test_web_browser import DESK, PHONE, Opened, valve_path
 
 pytestmark = pytest.mark.browser
 

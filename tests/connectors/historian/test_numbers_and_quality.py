@@ -15,7 +15,7 @@ from stemwatch.connectors.connector import (
     ValveTags,
 )
 from stemwatch.connectors.historian import ReadOptions
-from stemwatch.connectors.historian.numbers import parse_number
+from stemwatch.connectors.historian.values.numbers import parse_number
 from stemwatch.models.recording import Quality, Recording, Role
 
 OP = ValveTags(valve="A", tags={Role.OP: TagMapping(tag="OP")})

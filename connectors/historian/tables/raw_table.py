@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.connectors.historian.quality_codes import Family
+from stemwatch.connectors.historian.values.quality_codes import Family
 
 Index = NDArray[np.int64]
 

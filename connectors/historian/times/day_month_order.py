@@ -6,7 +6,7 @@ import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.time_fields import Ints, Order, TimeFields
+from stemwatch.connectors.historian.times.time_fields import Ints, Order, TimeFields
 from stemwatch.models.recording import Bools
 
 _DAY_NS = 86_400_000_000_000

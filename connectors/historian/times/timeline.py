@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from stemwatch.connectors.historian.time_fields import Ints
+from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Floats
 
 _EXCEPTION_SPREAD = 3.0  # steps' 90th percentile over their median: reported by exception

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from stemwatch.connectors.historian.units import split_unit
+from stemwatch.connectors.historian.values.units import split_unit
 from stemwatch.models.recording import Role
 
 OUTPUT_WORDS = frozenset(("op", "out", "co", "lmn", "output"))

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.connectors.historian.layout_input import LayoutInput
-from stemwatch.connectors.historian.numbers import parse_numbers
-from stemwatch.connectors.historian.quality_codes import looks_like_codes
-from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.rows import Rows, table_rows
-from stemwatch.connectors.historian.structure import Names, Structure, column_names
-from stemwatch.connectors.historian.units import bare_tag, canonical, split_unit
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.tables.rows import Rows, table_rows
+from stemwatch.connectors.historian.tables.structure import Names, Structure, column_names
+from stemwatch.connectors.historian.values.numbers import parse_numbers
+from stemwatch.connectors.historian.values.quality_codes import looks_like_codes
+from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
 _ROW_NUMBER = frozenset(("", "index", "row", "no", "no.", "nr", "nr.", "#", "unnamed: 0", "record"))
 _STATUS = ("status", "quality", "qualität", "qualitaet", "qual", "qstatus", "opcquality", "state")

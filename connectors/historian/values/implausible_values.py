@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.connectors.historian.time_fields import Ints
+from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models import forensics
 from stemwatch.models.recording import Bools, Floats
 
