@@ -136,13 +136,13 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     )
 
 
-def with_obstacles(assessment: Assessment, found: Sequence[Obstacle]) -> Assessment:
+def with_obstacles(assessment: Assessment, obstacles: Sequence[Obstacle]) -> Assessment:
     """``assessment`` with obstacles that only a fit could find; grade D where there are any."""
-    if not found:
+    if not obstacles:
         return assessment
-    reasons = (*(one.reason for one in found), *assessment.quality.reasons)
+    reasons = (*(obstacle.reason for obstacle in obstacles), *assessment.quality.reasons)
     return replace(
         assessment,
-        obstacles=(*assessment.obstacles, *found),
+        obstacles=(*assessment.obstacles, *obstacles),
         quality=replace(assessment.quality, grade="D", reasons=reasons),
     )

@@ -82,7 +82,7 @@ class Signal:
 
     def __getstate__(self) -> dict[str, object]:
         # What is worked out from the samples does not travel with them.
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def usable(self) -> Bools:

@@ -16,7 +16,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stemwatch.models import indicators, residual
-from stemwatch.models.decision import Decision, DecisionEvidence, decide, undetermined
+from stemwatch.models.decision import (
+    Decision,
+    DecisionEvidence,
+    beside_friction,
+    decide,
+    slowness,
+    undetermined,
+)
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.fit_window import (
     FitWindow,
@@ -35,7 +42,6 @@ from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
-from stemwatch.models.response_sentences import beside_friction, slowness
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
@@ -375,6 +381,7 @@ def _with_verdict(
     return replace(
         screening,
         mismatch=_on_whole_clock(left_out, fitted),
+        stroke_curve=fitted.curve,
         baseline_note=" ".join(filter(None, (fitted.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),

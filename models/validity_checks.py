@@ -101,7 +101,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
 
 def unit_obstacles(recording: Recording) -> list[Obstacle]:
     """A command or a position that is not in percent, so that they cannot be compared."""
-    found = []
+    obstacles = []
     for signal, slug, what in (
         (recording.op, "op_unit", "of span"),
         (recording.mv, "position_unit", "of travel"),
@@ -112,8 +112,8 @@ def unit_obstacles(recording: Recording) -> list[Obstacle]:
                 f"{signal.tag} {instead}, not in percent {what}, so OP and position cannot be "
                 "compared"
             )
-            found.append(Obstacle(slug, reason, UNIT_REMEDY))
-    return found
+            obstacles.append(Obstacle(slug, reason, UNIT_REMEDY))
+    return obstacles
 
 
 def _still_obstacles(recording: Recording) -> list[Obstacle]:
@@ -150,13 +150,13 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     usable = int(recording.usable.sum())
     if not len(recording):
         return [Obstacle("empty", "the recording holds no sample", "Choose another time window.")]
-    found = []
+    obstacles = []
     least_s = limits.min_duration_s or LEAST_SAMPLES * recording.interval_s * recording.unit_s
     if recording.duration_s * recording.unit_s < least_s or usable < limits.min_samples:
-        found.append(_too_short(recording, usable, least_s, limits))
+        obstacles.append(_too_short(recording, usable, least_s, limits))
     bad = 1.0 - usable / len(recording)
     if bad > limits.max_bad_share:
-        found.append(
+        obstacles.append(
             Obstacle(
                 "bad_samples",
                 f"{share(bad)} of the samples are missing or marked bad",
@@ -164,8 +164,8 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
             )
         )
     fitted = int(np.sum(scored_samples(recording)))
-    if not found and fitted < limits.min_samples:
-        found.append(
+    if not obstacles and fitted < limits.min_samples:
+        obstacles.append(
             Obstacle(
                 "broken_up",
                 f"holes break the recording into pieces too short to fit: {fitted} samples are "
@@ -174,7 +174,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
                 "archive.",
             )
         )
-    return found
+    return obstacles
 
 
 def _too_short(recording: Recording, usable: int, least_s: float, limits: Limits) -> Obstacle:
@@ -234,9 +234,9 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
 
 def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstacle]:
     """A position that the transmitter froze or the historian drew for too long."""
-    found = []
+    obstacles = []
     if frozen > 0.5:
-        found.append(
+        obstacles.append(
             Obstacle(
                 "position_frozen",
                 f"the position reading was frozen for {share(frozen)} of the time",
@@ -244,7 +244,7 @@ def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstac
             )
         )
     if drawn > limits.max_interpolated_share:
-        found.append(
+        obstacles.append(
             Obstacle(
                 "compressed",
                 f"the historian compressed the position: {share(drawn)} of its moving samples were "
@@ -252,4 +252,4 @@ def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstac
                 "Export raw values with compression off (or its deviation below 0.1 %).",
             )
         )
-    return found
+    return obstacles

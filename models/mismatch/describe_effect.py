@@ -56,12 +56,14 @@ def estimates(term: Term, values: Floats, drawn: Floats, interval_s: float) -> d
     somewhere within the sampling interval.
     """
     best = term.parameters(values)
-    spread = [term.parameters(one) for one in drawn]
-    found = {}
+    spread = [term.parameters(candidate) for candidate in drawn]
+    named = {}
     for name, (value, unit) in best.items():
         error = MODEL_ERROR * abs(value) + (WITHIN_SAMPLE * interval_s if unit == "s" else 0.0)
-        found[name] = estimate(np.array([one[name][0] for one in spread]), value, unit, error)
-    return found
+        named[name] = estimate(
+            np.array([parameters[name][0] for parameters in spread]), value, unit, error
+        )
+    return named
 
 
 def effect(
@@ -132,8 +134,8 @@ def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
 def _where(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> str:
     """The hottest place of the residual that is left without the effect."""
     simulated, _ = evaluator.assimilated(layout, candidate)
-    found = residual_map(evaluator, simulated)
-    return found.hot[0].sentence if found.hot else "Spread over the record, no single place."
+    places = residual_map(evaluator, simulated)
+    return places.hot[0].sentence if places.hot else "Spread over the record, no single place."
 
 
 def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
@@ -143,6 +145,6 @@ def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
         f"({advantage.t:.1f} standard errors)"
     )
     if len(members) > 1:
-        others = ", ".join(one.replace("_", " ") for one in members[1:])
+        others = ", ".join(slug.replace("_", " ") for slug in members[1:])
         return f"{note}; this recording cannot tell it from {others}."
     return f"{note}; no other effect of the catalogue does as well."

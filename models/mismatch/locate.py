@@ -96,9 +96,9 @@ def _hot_places(
 
     A constant offset would make every cell hot: it is said once, and taken off before the rest.
     """
-    found = []
+    places = []
     if _biased(overall, sigma):
-        found.append(_place(overall, "All the time"))
+        places.append(_place(overall, "All the time"))
         residual = np.where(scored, residual - overall.mean, residual)
     candidates = [
         (facet, cell)
@@ -116,10 +116,10 @@ def _hot_places(
         if float(energy[inside & ~said].sum()) < NEW_SHARE * own:
             continue
         said |= inside
-        found.append(_place(cell, facet.phrases[number]))
-        if len(found) == MOST_HOT:
+        places.append(_place(cell, facet.phrases[number]))
+        if len(places) == MOST_HOT:
             break
-    return tuple(found)
+    return tuple(places)
 
 
 def _biased(cell: Cell, sigma: float) -> bool:

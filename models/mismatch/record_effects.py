@@ -91,7 +91,7 @@ def settle(recording: Recording) -> RecordSettled:
     period, fresh = _refreshed(recording)
     spacing_s = period * recording.interval_s
     door = of_mv.deviation if of_mv is not None and not of_mv.held else 0.0
-    found = (
+    effects = (
         _quantisation(step, op_step),
         _compression(of_mv, of_op),
         _jitter(recording, spacing_s),
@@ -99,7 +99,7 @@ def settle(recording: Recording) -> RecordSettled:
     )
     deviation = of_mv.deviation if of_mv is not None and of_mv.held else 0.0
     return RecordSettled(
-        effects=tuple(effect for effect in found if effect is not None),
+        effects=tuple(effect for effect in effects if effect is not None),
         real=np.asarray(real & stored & ~frozen & fresh),
         sigma_floor=float(max(step / np.sqrt(12.0), deviation / np.sqrt(3.0))),
         spacing_s=spacing_s,

@@ -283,7 +283,7 @@ def _refined(recording: Recording, bends: Floats, degree: int) -> Iterator[_Read
         gain = 1.0 + look.best.candidate[coordinate.GAIN]
         zero = look.best.candidate[coordinate.ZERO]
         begun.append((look.best.loss, np.asarray(zero + gain * look.command)))
-    begun.sort(key=lambda one: one[0])
+    begun.sort(key=lambda start: start[0])
     for _, command in begun[:KEPT_BENDS]:
         reading: _Reading | None = _Reading.of(recording, command, degree)
         for _ in range(ROUNDS):
@@ -300,12 +300,12 @@ def _best(readings: Iterator[_Reading]) -> _Reading | None:
     every = list(readings)
     if not every:
         return None
-    delta = min(one.evaluator.delta for one in every)
+    delta = min(reading.evaluator.delta for reading in every)
 
-    def trained(one: _Reading) -> float:
-        judge = replace(one.evaluator, delta=delta)
-        losses, counts = judge.block_losses(one.best.candidate[None, :])
-        return float(losses[0, one.train].sum() / max(counts[one.train].sum(), 1.0))
+    def trained(reading: _Reading) -> float:
+        judge = replace(reading.evaluator, delta=delta)
+        losses, counts = judge.block_losses(reading.best.candidate[None, :])
+        return float(losses[0, reading.train].sum() / max(counts[reading.train].sum(), 1.0))
 
     return min(every, key=trained)
 
@@ -313,8 +313,8 @@ def _best(readings: Iterator[_Reading]) -> _Reading | None:
 def _better(rich: _Reading, simple: _Reading, gain: float, t: float) -> bool:
     delta = min(rich.evaluator.delta, simple.evaluator.delta)
     (a, _), (b, counts) = simple.heldout(delta), rich.heldout(delta)
-    found = advantage(a, b, counts, delta)
-    return found.mean >= gain and found.t >= t
+    gained = advantage(a, b, counts, delta)
+    return gained.mean >= gain and gained.t >= t
 
 
 def _bent(op: Floats, bend: float) -> Floats:
@@ -334,25 +334,25 @@ def _shapes(op: Floats, known: Floats, degree: int) -> Floats:
 def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
     """Weights (m,) by iterated least squares; what lies far off counts little (Cauchy)."""
     weight: Floats = np.ones(values.size)
-    found: Floats = np.zeros(columns.shape[1])
+    coefficients: Floats = np.zeros(columns.shape[1])
     for _ in range(rounds):
         root = np.sqrt(weight)
         solved = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)
-        found = np.asarray(solved[0], dtype=np.float64)
-        off = values - columns @ found
+        coefficients = np.asarray(solved[0], dtype=np.float64)
+        off = values - columns @ coefficients
         scale = max(2.0 * 1.4826 * float(np.median(np.abs(off))), 1e-3)
         weight = np.asarray(1.0 / (1.0 + (off / scale) ** 2), dtype=np.float64)
-    return found
+    return coefficients
 
 
 def _at_a_stop(mv: Floats) -> Bools:
     """(n,) True where the position is at its lowest or highest value and often there."""
-    found = np.zeros(mv.size, dtype=bool)
+    stopped = np.zeros(mv.size, dtype=bool)
     for extreme in (mv.min(), mv.max()):
         there = np.abs(mv - extreme) < 1e-6
         if there.mean() > STOP_SHARE:
-            found |= there
-    return found
+            stopped |= there
+    return stopped
 
 
 def _monotone(recording: Recording, command: Floats, slope_known: bool) -> StrokeCurve | None:
