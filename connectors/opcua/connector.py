@@ -30,7 +30,7 @@ from stemwatch.connectors.settings import Name, Positive, Text, contradiction
 from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.columns import Column
+    from stemwatch.connectors.historian.values.columns import Column
     from stemwatch.connectors.opcua.session import History
 
 LAYOUT = "OPC UA, raw history of a node for each tag"
@@ -223,7 +223,7 @@ class OpcUaArchive:
     ) -> Column:
         from stemwatch.connectors.archive.number_column import number_column
         from stemwatch.connectors.archive.valve_columns import empty_column, inside
-        from stemwatch.connectors.historian.epoch import ns_of
+        from stemwatch.connectors.historian.times.epoch import ns_of
 
         if not history.times:
             return empty_column(tag)

@@ -28,16 +28,16 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.settings import Name, NotEmpty, contradiction
-from stemwatch.connectors.sql.template import fault_of
+from stemwatch.connectors.sql.query_rows import fault_of
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from stemwatch.connectors.archive.valve_columns import ValveColumns
-    from stemwatch.connectors.historian.columns import Column
     from stemwatch.connectors.historian.reading_notes import ReadingNotes
-    from stemwatch.connectors.historian.times import Instants
+    from stemwatch.connectors.historian.times.time_column import Instants
+    from stemwatch.connectors.historian.values.columns import Column
     from stemwatch.connectors.sql.database import Database
     from stemwatch.connectors.sql.query_rows import Samples
 

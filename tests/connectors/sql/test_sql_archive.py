@@ -20,7 +20,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.connectors.sql.database import Database
-from stemwatch.connectors.sql.template import fault_of
+from stemwatch.connectors.sql.query_rows import fault_of
 from stemwatch.models.recording import Role
 from tests.connectors import made_archives as made
 from tests.connectors.sql.conftest import QUERY, address
