@@ -117,7 +117,7 @@ def test_the_peaks_of_op_ask_for_their_own_travel():
 
 
 def test_the_slope_is_that_over_the_part_of_op_that_was_used():
-    """A curve that is known over all of OP is steep here and flat there; S is meant where OP was."""
+    """A curve over all of OP is steep here and flat there; S is meant where OP was."""
     curve = StrokeCurve(op=(0.0, 50.0, 100.0), travel=(0.0, 20.0, 100.0), used=(60.0, 80.0))
     assert curve.slope == pytest.approx(1.6)
     assert curve.zero == pytest.approx(-60.0)
