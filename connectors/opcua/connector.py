@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     WHOLE,
@@ -26,6 +25,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.opcua.session import OpcUaServer, Security
+from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.settings import Name, Positive, Text, contradiction
 from stemwatch.models.recording import Bools, Recording, Role
 

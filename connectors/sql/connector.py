@@ -14,7 +14,6 @@ from zoneinfo import ZoneInfo
 
 from pydantic import Field, model_validator
 
-from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     WHOLE,
@@ -27,6 +26,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.settings import Name, NotEmpty, contradiction
 from stemwatch.connectors.sql.query_rows import fault_of
 from stemwatch.models.recording import Recording, Role
