@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipEvaluator, advantage, first_look, sticking_grid
 from stemwatch.models.stickslip.problem import make_problem
@@ -106,7 +106,9 @@ def by_one_clock(recording: Recording, shift: ClockShift | None) -> Recording:
     samples = shift.late_s / recording.interval_s
     op = recording.op
     values = _brought_forward(op.values, samples)
-    ahead = np.minimum(np.arange(values.size) + np.array([[0], [1]]) + int(samples), values.size - 1)
+    ahead = np.minimum(
+        np.arange(values.size) + np.array([[0], [1]]) + int(samples), values.size - 1
+    )
     usable = op.usable[ahead].all(axis=0)
     usable[values.size - int(np.ceil(samples)) :] = False
     signals = {**recording.signals, Role.OP: replace(op, values=np.where(usable, values, np.nan))}

@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from types import TracebackType
 
-from stemwatch.service.store.database_url import MASK, masked
+from stemwatch.connectors.secret import MASK, masked
 
 ABOUT = ("run", "valve", "device", "notifier")  # keys of ``extra`` that a JSON line has
 FORMAT = "STEMWATCH_LOG_FORMAT"  # how a process tells those it starts

@@ -22,7 +22,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import ReadOptions, propose_valves
-from stemwatch.connectors.historian.tag_names import parse_tag
+from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.connectors.settings import nearest
 from stemwatch.dataframe import DataFrameSource
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role

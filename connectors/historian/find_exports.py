@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
-from stemwatch.connectors.historian.document import read_document
-from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts import parse_source
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.document import read_document
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 
 _LINES = 400
 _BYTES = 1 << 18

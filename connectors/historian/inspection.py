@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stemwatch.connectors.historian.clock import clock_facts
-from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.times.source_clock import clock_facts
+from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models import forensics
 from stemwatch.models.recording import PERCENT, ClockFacts, Quality, Role
 
 if TYPE_CHECKING:
     from stemwatch.connectors.historian.opened_file import OpenedFile
-    from stemwatch.connectors.historian.roles import Candidate
+    from stemwatch.connectors.historian.tags.roles import Candidate
 
 # A signal that repeats one value for this share of the record, after having moved, is frozen.
 _FROZEN_SHARE = 0.25

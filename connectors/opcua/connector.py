@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     WHOLE,
@@ -26,11 +25,12 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.opcua.session import OpcUaServer, Security
+from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.settings import Name, Positive, Text, contradiction
 from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.columns import Column
+    from stemwatch.connectors.historian.values.columns import Column
     from stemwatch.connectors.opcua.session import History
 
 LAYOUT = "OPC UA, raw history of a node for each tag"
@@ -223,7 +223,7 @@ class OpcUaArchive:
     ) -> Column:
         from stemwatch.connectors.archive.number_column import number_column
         from stemwatch.connectors.archive.valve_columns import empty_column, inside
-        from stemwatch.connectors.historian.epoch import ns_of
+        from stemwatch.connectors.historian.times.epoch import ns_of
 
         if not history.times:
             return empty_column(tag)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from stemwatch.connectors.archive.secret import Secret, without_password
 from stemwatch.connectors.connector import ConnectorError, UnknownTag
+from stemwatch.connectors.secret import Secret, masked
 
 PAGE = 50_000
 
@@ -49,7 +49,7 @@ class OpcUaServer:
     page: int = PAGE
 
     def __str__(self) -> str:
-        return without_password(self.url)
+        return masked(self.url)
 
 
 @dataclass

@@ -13,7 +13,7 @@ from urllib.parse import unquote
 
 from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.epoch import instant_of
+from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.parquet.archive_file import ArchiveFile
 
 ENDINGS = (".parquet", ".parq", ".pq")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stemwatch.connectors.connector import ConnectorError, TagInfo
-from stemwatch.connectors.historian.epoch import instant_of
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.roles import Candidate, propose_roles
+from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
+from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.parquet.archive_file import ArchiveFile
 from stemwatch.connectors.parquet.column_layout import Layout
 from stemwatch.connectors.parquet.reading import place_of, tags_of

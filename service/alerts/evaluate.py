@@ -3,19 +3,59 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from stemwatch.service.alerts.after_maintenance import note_result_of_work
-from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
-from stemwatch.service.alerts.rules import apply_rules
+from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
+from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules
 from stemwatch.service.config import Plant
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
+
+AT_ONCE = 250  # valves of one round of queries; times the depth, what one statement may name
 
 _NAMED = 12  # valves of a common alert that are listed
 _AT_ONCE = 500  # causes closed by one statement
 CLEARED = "not found in the last runs any more"
+
+
+def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[ValveRecord]:
+    """What is known of each of ``valves``, in their order. Raises ``StoreError``."""
+    depth = max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3
+    for first in range(0, len(valves), AT_ONCE):
+        part = valves[first : first + AT_ONCE]
+        known = store.recent(part, depth, RATIO)
+        for valve in part:
+            recent = known[valve]
+            yield ValveRecord(
+                valve=_facts(plant, valve),
+                screenings=recent.screenings,
+                at_baseline=recent.at_baseline,
+                ratios=recent.indicator,
+                ratio_limit=plant.limits.baseline_ratio_watch,
+                worked_at=recent.worked_at,
+            )
+
+
+def awaiting_aftermath(store: Store, valves: Sequence[str]) -> list[str]:
+    """Those of ``valves`` whose last maintenance no note compares with what followed yet."""
+    found: list[str] = []
+    for first in range(0, len(valves), AT_ONCE):
+        found += store.work_without_note(valves[first : first + AT_ONCE], WRITER)
+    return found
+
+
+def _facts(plant: Plant, valve: str) -> StoredValve:
+    entry = plant.valves.get(valve)
+    if entry is None:
+        return StoredValve(id=valve)
+    return StoredValve(
+        id=valve,
+        description=entry.description,
+        area=entry.area,
+        criticality=entry.criticality,
+    )
 
 
 @dataclass(frozen=True)

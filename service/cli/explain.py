@@ -143,9 +143,9 @@ def _write(found: Sequence[Explained], request: Request, out: Path) -> Path:
     """The page's folder; times in the plant's zone, else in the zone that was given, else UTC."""
     from datetime import UTC, datetime
 
+    from stemwatch.connectors.secret import masked_command
     from stemwatch.service.explain.write_explanation import write_pages
     from stemwatch.service.report import ReportContext
-    from stemwatch.service.store.database_url import masked_command
 
     plant = request.plant
     context = ReportContext(

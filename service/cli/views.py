@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
@@ -25,9 +25,12 @@ from stemwatch.models.verdict import Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from stemwatch.connectors.historian import Inspection
+    from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.screening_result import Screening
+    from stemwatch.service.store.administration.backup_file import TableDigest
+    from stemwatch.service.store.administration.check import DatabaseHealth
+    from stemwatch.service.store.administration.prune import Pruned
 
 out = Console()
 err = Console(stderr=True)
@@ -67,6 +70,11 @@ def say_error(text: str) -> None:
 def say(text: str) -> None:
     """One plain line on standard error: progress, not result."""
     err.print(escape(text), highlight=False)
+
+
+def say_result(text: str) -> None:
+    """One plain line on standard output."""
+    out.print(escape(text), highlight=False)
 
 
 def _number(estimate: Estimate) -> str:
@@ -226,7 +234,7 @@ def _facts(seen: Inspection) -> list[tuple[str, str]]:
     ]
 
 
-def _evidence(tag) -> list[str]:  # type: ignore[no-untyped-def]  # TagInspection is imported late
+def _evidence(tag: TagInspection) -> list[str]:
     found = []
     if tag.compressed:
         found.append(f"compressed ({tag.line_share:.0%} on lines)")
@@ -235,3 +243,50 @@ def _evidence(tag) -> list[str]:  # type: ignore[no-untyped-def]  # TagInspectio
     if tag.frozen and tag.role not in ("sp", "mode"):  # those are meant to rest
         found.append(f"frozen up to {tag.longest_repeat_s:g} s")
     return found
+
+
+def health_table(address: str, health: DatabaseHealth) -> Table:
+    """Rows and sizes of each table, under what the database is."""
+    layout = f"samples in a {health.layout.value}".replace("a partitions", "partitions")
+    title = f"{address}: {health.engine}, schema {health.schema or 'none'}, {layout}"
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("table")
+    for name in ("rows", "size"):
+        table.add_column(name, justify="right")
+    for one in health.tables:
+        size = "" if one.size_bytes is None else _size(one.size_bytes)
+        table.add_row(one.name, f"{one.rows}", size)
+    table.add_row("all", "", _size(health.size_bytes))
+    return table
+
+
+def told_table(title: str, told: Mapping[str, TableDigest]) -> Table:
+    """What was carried: rows of each table and the beginning of their digest."""
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("table")
+    table.add_column("rows", justify="right")
+    table.add_column("digest")
+    for name, one in told.items():
+        table.add_row(name, str(one.rows), one.digest[:16])
+    return table
+
+
+def pruned_table(address: str, pruned: Pruned, *, done: bool) -> Table:
+    """What went, or would go."""
+    verb = "removed from" if done else "would be removed from"
+    table = Table(title=escape(f"{verb} {address}"), title_justify="left")
+    table.add_column("what")
+    table.add_column("rows", justify="right")
+    for name in ("samples", "screenings", "runs", "alerts", "messages"):
+        table.add_row(name, str(getattr(pruned, name)))
+    return table
+
+
+def _size(size_bytes: int) -> str:
+    """Bytes as a person reads them."""
+    size, unit = float(size_bytes), "B"
+    for unit in ("B", "kB", "MB", "GB", "TB"):
+        if size < 1000 or unit == "TB":
+            break
+        size /= 1000
+    return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"

@@ -14,8 +14,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from stemwatch.connectors.secret import masked
 from stemwatch.connectors.settings import CONTRADICTION, either_of, nearest
-from stemwatch.service.store.database_url import masked
 
 KeyPath = tuple[str | int, ...]  # from the top of a file, or of a table, to a key
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
@@ -25,7 +26,6 @@ from stemwatch.service.report import ReportFiles
 from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
 from stemwatch.service.run.finish import NotRead, finish
 from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
-from stemwatch.service.store.database_url import masked_command
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store

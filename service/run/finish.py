@@ -9,23 +9,49 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
+from stemwatch.models.false_discovery import significant
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
+from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
 from stemwatch.service.run.spill import Worst
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
-
 NotRead = Sequence[tuple[str, str]]
+
+
+def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
+    """Mark what ``run_id`` named and what does not stand among its valves; all that was tested.
+
+    Doing it again changes nothing. Raises ``StoreError``.
+    """
+    found = store.tested_of_run(run_id)
+    stood = significant([one.p_value for one in found])
+    named = sum(one.named and stand for one, stand in zip(found, stood, strict=True))
+    held = [
+        one.screening for one, stand in zip(found, stood, strict=True) if one.named and not stand
+    ]
+    remark = Discoveries(standing=(), tested=len(found), named=named, held_back=len(held)).remark
+    marks = {
+        one.screening: remark if one.screening in set(held) else "" for one in found if one.named
+    }
+    store.note_held_back(run_id, marks)
+    return found
+
+
+def p_elsewhere(found: Sequence[TestedScreening], shown: Sequence[str]) -> tuple[float | None, ...]:
+    """The p values of the valves that a report of ``shown`` leaves out."""
+    there = set(shown)
+    return tuple(one.p_value for one in found if one.valve not in there)
 
 
 def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field, fields, replace
@@ -21,7 +22,6 @@ from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, outcomes
-from stemwatch.service.run.header import header_tags
 from stemwatch.service.run.task import (
     InStore,
     Task,
@@ -36,6 +36,15 @@ NO_VALVE = (
     "no controller output was recognised in this file; say which tags are meant with --op and "
     "--mv, or in a plant.toml (`stemwatch inspect` shows the tags)."
 )
+
+Looked = frozenset[str] | str  # the tags in a file, or why it cannot be read
+Look = Callable[[Sequence[TextFile]], Sequence[Looked]]
+HEAD_BYTES = 1_000_000
+LINES = 12
+_SEPARATORS = re.compile(r"[,;\t|]")
+_UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
+# A row of a narrow export names one tag; a header of a wide one names several.
+FEWEST = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +71,6 @@ class Plan:
 
     tasks: tuple[Task, ...]
     not_read: tuple[tuple[str, str], ...] = ()
-
-
-Looked = frozenset[str] | str  # the tags in a file, or why it cannot be read
-Look = Callable[[Sequence[TextFile]], Sequence[Looked]]
 
 
 def look_here(files: Sequence[TextFile]) -> Sequence[Looked]:
@@ -277,3 +282,24 @@ def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> T
 def _hopeless(path: str, valve: str, reason: str) -> Task:
     tags = ValveTags(valve=valve, tags={Role.OP: TagMapping(tag="")})
     return Task(path=path, tags=tags, reason=reason)
+
+
+def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
+    """What the header of the text file ``path`` names, or ``None`` where only reading all of it
+    can tell: where none of its first lines names two of the tags that are ``wanted``.
+
+    Names are given as they stand and without a unit in brackets behind them.
+    """
+    if path.endswith(".gz"):
+        return None
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError:
+        return None  # reading it will say what is wrong
+    for line in head.decode("utf-8-sig", "replace").splitlines()[:LINES]:
+        cells = {cell.strip().strip("\"'").strip() for cell in _SEPARATORS.split(line)}
+        named = cells | {_UNIT.sub("", cell) for cell in cells}
+        if len(named & wanted) >= FEWEST:
+            return named
+    return None

@@ -17,7 +17,7 @@ from prometheus_client.registry import CollectorRegistry
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
-from stemwatch.service.collector.backlog import backlog
+from stemwatch.service.collector.spool import backlog
 from stemwatch.service.store.administration.figures import NOT_SCREENED, StoreFigures, figures_of
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.errors import StoreError

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import SplitResult, urlsplit
 
-from stemwatch.service.alerts.notifiers.notifier import NotifierSecret, NotSent
+from stemwatch.connectors.secret import Secret
+from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
 # IPv6 addresses that lead to an IPv4 one: translators (RFC 6052), 6to4 (RFC 3056) and the old
@@ -95,11 +96,11 @@ class WebhookNotifier:
     """
 
     url: str
-    secret: NotifierSecret
+    secret: Secret
     allow_private: bool = False
 
     @classmethod
-    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
+    def from_table(cls, table: NotifierTable, secret: Secret, folder: Path) -> Self:
         """Address of the table, and whether it may be a private one."""
         return cls(url=table.url or "", secret=secret, allow_private=table.allow_private)
 
@@ -107,7 +108,7 @@ class WebhookNotifier:
         """Post the message; any answer from 200 to 299 means that it was taken."""
         body = json.dumps({"key": key, **message}, ensure_ascii=False).encode()
         headers = {"Content-Type": "application/json", KEY: key, "User-Agent": "stemwatch"}
-        if (secret := self.secret.read()) is not None:
+        if (secret := revealed(self.secret)) is not None:
             digest = hmac.new(secret.encode(), body, hashlib.sha256).hexdigest()
             headers[SIGNATURE] = f"sha256={digest}"
         parts = urlsplit(self.url)

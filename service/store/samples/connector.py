@@ -19,9 +19,14 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.historian.clock import Grid, clock_facts, lay_column, make_grid
-from stemwatch.connectors.historian.columns import Column, sharing_times
-from stemwatch.connectors.historian.timeline import Timeline
+from stemwatch.connectors.historian.times.source_clock import (
+    Grid,
+    clock_facts,
+    lay_column,
+    make_grid,
+)
+from stemwatch.connectors.historian.times.timeline import Timeline
+from stemwatch.connectors.historian.values.columns import Column, sharing_times
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
 from stemwatch.service.store.samples.instants import EPOCH
 from stemwatch.service.store.samples.samples import SampleStore, StoredTag

@@ -54,6 +54,7 @@ def screening_of(
         baseline_note=stored.baseline_note,
         provenance=stored.provenance,
         mismatch=stored.mismatch,
+        stroke_curve=None if stored.mismatch is None else stored.mismatch.stroke_curve,
         seconds=stored.seconds,
         stored_window=stored.window,
     )

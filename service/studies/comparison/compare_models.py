@@ -12,8 +12,7 @@ from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.studies.literature.fit import ModelFit, fit_model
 from stemwatch.models.studies.literature.model import ValveModel
-from stemwatch.models.studies.literature.networks.fit import fit_network
-from stemwatch.models.studies.literature.networks.network import Network
+from stemwatch.models.studies.literature.networks.network import Network, fit_network
 from stemwatch.models.studies.literature.networks.ours import OURS
 from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 from stemwatch.models.studies.literature.scores import FitScore

@@ -14,6 +14,7 @@ from stemwatch.service.access.permissions import Operation
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
 from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
 from stemwatch.service.store.screenings.records import StoredRun
+from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.api import history, signals
 from stemwatch.service.web.api import loop as phase
@@ -82,7 +83,8 @@ def valve_loop(
     latest = deps.store.screenings(valve, 1)
     found = deps.store.indicators(latest[0].id) if latest else {}
     numbers = {name: one.value for name, one in found.items() if one.value is not None}
-    return phase.loop_of(deps.site, asked, numbers)
+    screening = screening_of(latest[0]) if latest else None
+    return phase.loop_of(deps.site, asked, numbers, screening)
 
 
 @router.get("/valve/history")

@@ -14,8 +14,8 @@ from fastapi.responses import HTMLResponse
 
 from stemwatch.connectors.modbus import Device
 from stemwatch.connectors.modbus.device_tables import keys_of
+from stemwatch.connectors.secret import masked
 from stemwatch.service.config import Plant
-from stemwatch.service.store.database_url import masked
 from stemwatch.service.web.dependencies import Deps
 
 SECRET_WORDS = ("password", "secret", "token", "key", "url")
