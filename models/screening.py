@@ -35,6 +35,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
+from stemwatch.models.mismatch.record_effects import late_effect
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -44,6 +45,7 @@ from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
@@ -92,6 +94,7 @@ class _Fitted:
     recording: Recording
     masked: Recording
     stretch: FitWindow | None
+    late_s: float  # by which OP was brought forward in ``masked``
     curve: StrokeCurve | None
     fit: StickSlipFit | None
     sample: StickSlipSample | None
@@ -150,8 +153,11 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     assessment = assess(own, limits)
     recording, masked, stretch = own, assessment.recording, None
     curve = fit = None
+    late_s = 0.0
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
+        late_s = find_op_late(masked)
+        masked = brought_forward(masked, late_s)
         curve = find_stroke_curve(masked)
         assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
     if not assessment.obstacles:
@@ -163,6 +169,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         recording=recording,
         masked=masked,
         stretch=stretch,
+        late_s=late_s,
         curve=curve,
         fit=fit,
         sample=sample,
@@ -258,7 +265,9 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
         ceiling = network.simulated if network is not None else None
         left_out = None
         if options.mismatch:
-            left_out = explain(fitted.recording, ceiling=ceiling, curve=fitted.curve)
+            left_out = explain(
+                fitted.recording, ceiling=ceiling, curve=fitted.curve, late_s=fitted.late_s
+            )
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, left_out, options.limits
         )
@@ -299,6 +308,8 @@ def _screening(
 def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     """The recording with the sentences that say what of it was fitted, and through which curve."""
     said = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
+    if fitted.late_s:
+        said += [late_effect(fitted.late_s, fitted.recording.unit_s).sentence]
     said += [fitted.curve.sentence()] if fitted.curve is not None else []
     if not said:
         return recording

@@ -55,7 +55,7 @@ from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.held_out import show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import Off, findings, values_of
-from stemwatch.models.mismatch.record_effects import RecordSettled, settle
+from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, name
 from stemwatch.models.mismatch.terms import catalogue
@@ -64,6 +64,7 @@ from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import breakaways
+from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.interval import REPLICATES
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
@@ -98,22 +99,32 @@ class _Case:
 
 
 def explain(
-    recording: Recording, *, ceiling: Floats | None = None, curve: StrokeCurve | None = None
+    recording: Recording,
+    *,
+    ceiling: Floats | None = None,
+    curve: StrokeCurve | None = None,
+    late_s: float | None = None,
 ) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
     ``ceiling`` (n,) is a network's free run of MV, NaN where it has none: the share of the
-    residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
-    else it is looked for here.
+    residual that is systematic at all. ``curve`` is the curve from OP to stroke and ``late_s`` how
+    late OP was stored, in units of the own clock, where they are known; else both are looked for.
     """
     began, recording = time.perf_counter(), possible(on_own_clock(recording))
+    settled = settle(recording)  # what the archive did to OP is seen in OP as it was recorded
+    late_s = find_op_late(recording) if late_s is None else late_s
+    if late_s:
+        recording = brought_forward(recording, late_s)
+        effects = (late_effect(late_s, recording.unit_s), *settled.effects)
+        settled = replace(settled, effects=effects)
     curve = curve or find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:
-        mismatch = _through_curve(recording, ceiling, curve)
+        mismatch = _through_curve(recording, settled, ceiling, curve)
     else:
-        mismatch = _explained(recording, settle(recording), ceiling)
+        mismatch = _explained(recording, settled, ceiling)
     return replace(mismatch, seconds=time.perf_counter() - began)
 
 
@@ -133,13 +144,13 @@ def _explained(
     return _told(replace(case, refused={**case.refused, **refused}))
 
 
-def _through_curve(recording: Recording, ceiling: Floats | None, curve: StrokeCurve) -> Mismatch:
-    """A recording whose command is percent of travel only after a curve; S and J in percent of OP.
-
-    What the archive did to OP is seen in OP as it was recorded.
-    """
+def _through_curve(
+    recording: Recording, settled: RecordSettled, ceiling: Floats | None, curve: StrokeCurve
+) -> Mismatch:
+    """A recording whose command is percent of travel only after a curve; S and J in percent of
+    OP."""
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
-    mismatch = _explained(in_travel(recording, curve), settle(recording), ceiling, refused=refused)
+    mismatch = _explained(in_travel(recording, curve), settled, ceiling, refused=refused)
     return replace(
         mismatch,
         sentence=f"{curve.sentence()} {mismatch.sentence}",

@@ -239,3 +239,15 @@ def _freezing(frozen: Bools, interval_s: float, unit_s: float) -> RecordEffect |
             "stretches": float(runs),
         },
     )
+
+
+def late_effect(late_s: float, unit_s: float) -> RecordEffect:
+    """An OP stored ``late_s`` units of ``unit_s`` seconds late, for people."""
+    return RecordEffect(
+        slug="late_command",
+        sentence=(
+            f"OP is stored {duration(late_s, unit_s, '.1f')} late: the position moves before its "
+            "command. OP is brought forward by as much here; have both tags stored by one clock."
+        ),
+        parameters={"late_s": seconds_of(late_s, "s", unit_s)},
+    )
