@@ -45,7 +45,6 @@ LEAST_SCATTER = 0.01  # of the level
 # draw_sticky, seed 11; `stemwatch trial` and `stemwatch robustness` print on others how many
 # intervals hold.
 MODEL_ERROR = 0.02
-OUTLIER = 3.0  # nats that a breakaway costs which is left out
 
 
 @dataclass(frozen=True)
@@ -169,11 +168,11 @@ def _levels(
     half = 0.5 * (far - near)
     level, spread, error, kept = _mean_of_sides(near + half, side)
     # The slip lies anywhere in its sample, and the resting place is a mean of five.
-    within = float(np.mean(half**2)) / 3.0 + sigma**2 / 5.0
+    within = float(np.mean(half[kept] ** 2)) / 3.0 + sigma**2 / 5.0
     variance = max(spread**2, 0.5 * within, (LEAST_SCATTER * level) ** 2)
-    left_out = float(np.count_nonzero(~kept))
     late = (delay - LATE[0]) / LATE[1]
-    weight = -0.5 * kept.sum() * np.log(variance) - OUTLIER * left_out - 0.5 * late * late
+    # Half the log-likelihood of independent slips: those of one oscillation are alike.
+    weight = -0.25 * kept.size * np.log(variance) - 0.5 * late * late
     kinetic, kinetic_error = _kinetic(after, rate, side, sigma, level)
     return _Levels(
         weight=float(weight),
@@ -200,8 +199,10 @@ def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, B
     reach = TRIM * max(1.4826 * float(np.median(np.abs(off))), 1e-3)
     kept = np.abs(off) <= reach
     parts = [values[group & kept] for group in groups]
+    # Those left out count with the reach, or leaving out would look like agreement.
     squares = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
-    variance = squares / max(int(kept.sum()) - len(parts), 1)
+    squares += reach**2 * float(np.count_nonzero(~kept))
+    variance = squares / max(values.size - len(parts), 1)
     error = np.sqrt(variance * sum(1.0 / part.size for part in parts)) / len(parts)
     mean = float(np.mean([part.mean() for part in parts]))
     return mean, float(np.sqrt(variance)), float(error), kept

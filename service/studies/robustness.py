@@ -194,7 +194,7 @@ def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> V
     Bristles let go the earlier the quicker the force grows, so a LuGre packing has the S and J that
     it shows in its own loop, less what a packing with the same levels and no bristles shows there.
     """
-    valve = replace(case.loop.valve, S=S, J=J)
+    valve = replace(case.loop.valve, S=S, J=J, packing=PackingDefects())
     stiff = replace(case.loop, valve=valve)
     if place % 4 < 2:
         return Valve(replace(case, loop=stiff), sticking, S, J)

@@ -53,7 +53,7 @@ def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed)
 
 @pytest.mark.parametrize(
     ("S", "J", "terms"),
-    [(0.3, 0.1, {"supply_sag": [-0.2, 30.0]}), (0.6, 0.3, {"growing_stiction": [1.5]})],
+    [(0.3, 0.1, {"supply_sag": [-0.2, 30.0]}), (0.6, 0.2, {"growing_stiction": [1.5]})],
 )
 def test_the_restated_numbers_drive_the_verdict(S, J, terms):
     """A valve with little friction is not to be watched for what the hidden physics does."""

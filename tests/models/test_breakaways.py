@@ -1,0 +1,133 @@
+"""S and J from the breakaways themselves."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stemwatch.models.recording import Role, Signal
+from stemwatch.models.stickslip.breakaways import FEWEST, LEAST_J, Breakaways, breakaways
+from stemwatch.models.stickslip.fit import S_and_J, fit_stickslip
+from stemwatch.models.stickslip.interval import bootstrap, interval
+from stemwatch.models.stickslip.problem import make_problem
+from stemwatch.models.studies.simulator import draw_healthy, simulate_loop
+from stemwatch.models.studies.simulator.defects import PackingDefects
+from stemwatch.models.studies.simulator.hidden import draw_nulls
+
+SCATTER = 0.12
+
+
+@cache
+def sticking(place: int, scatter: float = SCATTER):
+    """A valve of the force-balance plant and what was recorded of it."""
+    case = draw_nulls(6, 8282, "routine")[place]
+    S = 4.0 + 0.5 * place
+    valve = replace(case.loop.valve, S=S, J=2.0, scatter=scatter, packing=PackingDefects())
+    return valve, simulate_loop(replace(case.loop, valve=valve), case.seed).recording
+
+
+@pytest.mark.parametrize("place", range(6))
+def test_S_and_J_are_those_of_the_mean_breakaway(place):
+    """No two breakaways are alike, and the run with one level is too small by several percent."""
+    valve, recording = sticking(place)
+    fit = fit_stickslip(recording)
+    assert fit.breakaways is not None
+    level, kinetic = 0.5 * (valve.S + valve.J), 0.5 * (valve.S - valve.J)
+    assert fit.breakaways.level == pytest.approx(level, abs=0.08 * level)
+    assert fit.breakaways.kinetic == pytest.approx(kinetic, abs=0.15)
+    assert (fit.S, fit.J) == (fit.breakaways.S, fit.breakaways.J)
+
+
+def test_they_are_nearer_to_the_valve_than_the_cheapest_run():
+    """What the breakaways are for."""
+    errors = []
+    for place in range(6):
+        valve, recording = sticking(place)
+        fit = fit_stickslip(recording)
+        run = S_and_J(fit.candidate)
+        true = (valve.S, valve.J)
+        errors.append([np.abs(np.subtract(pair, true)).sum() for pair in ((fit.S, fit.J), run)])
+    told, cheapest = np.median(errors, axis=0)
+    assert told < 0.6 * cheapest
+
+
+@pytest.mark.parametrize("scatter", [0.04, 0.12])
+def test_the_scatter_of_the_breakaways_is_told(scatter):
+    """As a share of the level."""
+    _, recording = sticking(2, scatter)
+    found = fit_stickslip(recording).breakaways
+    assert found.scatter == pytest.approx(scatter, rel=0.4)
+
+
+def test_the_interval_is_that_of_the_breakaways():
+    """It narrows as their number grows, and holds the estimate."""
+    _, recording = sticking(1)
+    fit = fit_stickslip(recording)
+    half = fit_stickslip(recording.part(0, len(recording) // 4))
+    widths = []
+    for one in (fit, half):
+        low, high = interval(bootstrap(one).S, one.S)
+        assert low <= one.S <= high
+        widths.append(high - low)
+    assert half.breakaways.count < fit.breakaways.count
+    assert widths[0] < widths[1]
+
+
+def test_a_healthy_valve_has_none():
+    """A stem that follows its command does not break away."""
+    loops = [loop for loop in draw_healthy(12, 8283) if "quiet" not in loop.story][:4]
+    for place, loop in enumerate(loops):
+        assert fit_stickslip(simulate_loop(loop, place).recording).breakaways is None
+
+
+def test_too_small_a_jump_is_no_evidence():
+    """Below ``LEAST_J`` a slip cannot be told from a stem that creeps on."""
+    valve, recording = sticking(0)
+    problem = make_problem(recording)
+    assert breakaways(problem, 1.0, 0.0, valve.S, 0.9 * LEAST_J) is None
+    seen = breakaways(problem, 1.0, 0.0, valve.S, valve.J)
+    assert isinstance(seen, Breakaways)
+    assert seen.count >= FEWEST
+
+
+def test_a_level_far_from_the_fitted_one_is_not_the_elements():
+    """The onsets are then of something else."""
+    valve, recording = sticking(0)
+    assert breakaways(make_problem(recording), 1.0, 0.0, 3.0 * valve.S, valve.J) is None
+
+
+@pytest.mark.parametrize(("gain", "zero"), [(-1.0, 100.0), (2.0, -30.0), (1.0, 3.0)])
+def test_the_readings_span_and_zero_change_nothing(gain, zero):
+    """S and J are in percent of OP whatever the reading's span, zero or sense."""
+    valve, recording = sticking(3)
+    plain = breakaways(make_problem(recording), 1.0, 0.0, valve.S, valve.J)
+    mv = Signal.good(gain * recording.mv.values + zero, "MV")
+    read = replace(recording, signals={**recording.signals, Role.MV: mv})
+    other = breakaways(make_problem(read), gain, zero, valve.S, valve.J)
+    assert (other.S, other.J) == pytest.approx((plain.S, plain.J), abs=0.05)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    samples=st.integers(30, 400),
+    S=st.floats(0.0, 20.0),
+    J=st.floats(0.0, 20.0),
+    step=st.sampled_from([0.0, 0.5, 10.0]),
+)
+def test_no_record_breaks_it(seed, samples, S, J, step):
+    """Whatever moves, the answer is finite numbers or none."""
+    rng = np.random.default_rng(seed)
+    op = 50.0 + np.cumsum(rng.normal(0.0, 0.5, samples))
+    mv = op + rng.normal(0.0, 0.2, samples) if step == 0.0 else step * np.round(op / step)
+    recording = replace(
+        sticking(0)[1],
+        signals={Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "MV")},
+    )
+    found = breakaways(make_problem(recording), 1.0, 0.0, S, J)
+    if found is not None:
+        drawn = found.draws(50, rng)
+        assert np.isfinite((found.S, found.J, found.scatter)).all()
+        assert np.isfinite(drawn).all()

@@ -1,0 +1,86 @@
+"""OP that the archive stored late against the position."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.recording import Role, Signal
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
+from stemwatch.models.studies.simulator import simulate_loop
+from stemwatch.models.studies.simulator.hidden import draw_nulls
+from stemwatch.service.studies.robustness import draw_valves
+
+LATE = 5
+
+
+@cache
+def recorded(place: int):
+    """A valve, sticking below 4 and healthy above, and what was recorded of it."""
+    valve = draw_valves(4, 8484)[place]
+    return valve, simulate_loop(valve.case.loop, valve.case.seed).recording
+
+
+def later(recording, role: Role, samples: int):
+    """The recording with one signal stored late."""
+    values = recording.signals[role].values
+    moved = np.concatenate((np.full(samples, values[0]), values[:-samples]))
+    signals = {**recording.signals, role: Signal.good(moved, recording.signals[role].tag)}
+    return replace(recording, signals=signals)
+
+
+@pytest.mark.parametrize("place", range(8))
+def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
+    """Sticking and healthy valves alike; a controller's own scan and the air are the rest."""
+    _, recording = recorded(place)
+    found = find_op_late(later(recording, Role.OP, LATE))
+    assert found == pytest.approx(LATE, abs=0.75)
+
+
+@pytest.mark.parametrize("place", range(8))
+def test_clocks_that_agree_stay_as_they_are(place):
+    """Nor is a position that is stored late, which looks like a dead time, made worse."""
+    _, recording = recorded(place)
+    assert find_op_late(recording) == 0.0
+    assert find_op_late(later(recording, Role.MV, 3)) == 0.0
+
+
+def test_S_and_J_do_not_know_that_the_command_was_stored_late():
+    """The verdict, the numbers and a sentence that says what was done."""
+    valve, recording = recorded(0)
+    options = Options(narx=False)
+    plain, late = (
+        screen([Case(recording=one)], options)[0]
+        for one in (recording, later(recording, Role.OP, LATE))
+    )
+    assert late.verdict is plain.verdict
+    assert late.S.value == pytest.approx(plain.S.value, abs=0.15)
+    assert late.S.low <= valve.S <= late.S.high
+    assert any("stored" in one and "late" in one for one in late.provenance.decisions)
+    assert "late_command" in [one.slug for one in late.mismatch.record_effects]
+    assert late.mismatch.finding is plain.mismatch.finding
+
+
+def test_explain_finds_it_by_itself():
+    """And says it in seconds of the plant, whatever the recording's own clock."""
+    _, recording = recorded(1)
+    slow = replace(later(recording, Role.OP, LATE), interval_s=0.1)
+    (effect,) = (one for one in explain(slow).record_effects if one.slug == "late_command")
+    assert effect.parameters["late_s"] == pytest.approx(0.1 * LATE, abs=0.075)
+
+
+def test_what_op_no_longer_covers_is_left_out():
+    """Bringing forward loses the last samples and moves the others; nothing is made up."""
+    case = draw_nulls(1, 8485, "routine")[0]
+    recording = simulate_loop(replace(case.loop, duration_s=600.0), case.seed).recording
+    moved = brought_forward(recording, 2.0)
+    n = len(recording)
+    assert np.array_equal(moved.op.values[: n - 2], recording.op.values[2:])
+    assert not moved.op.usable[n - 2 :].any()
+    half = brought_forward(recording, 1.5)
+    middle = 0.5 * (recording.op.values[1:-1] + recording.op.values[2:])
+    assert half.op.values[: n - 2] == pytest.approx(middle)
+    assert brought_forward(recording, 0.0) is recording
