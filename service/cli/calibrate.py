@@ -53,8 +53,8 @@ def calibrate_mismatch(
     rows, together = term_nulls(scores, t, share), common(scores, t, share)
     views.out.print(_table(rows))
     views.out.print(
-        f"One limit for all terms: mean {together.mean_limit:.2f} with t {together.t_limit:.1f} lets "
-        f"through {together.passing} of {together.of} nulls (at most {together.share:.1%})",
+        f"One limit for all terms: mean {together.mean_limit:.2f} with t {together.t_limit:.1f} "
+        f"lets through {together.passing} of {together.of} nulls (at most {together.share:.1%})",
         highlight=False,
     )
     if json_file is not None:

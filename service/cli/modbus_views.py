@@ -94,7 +94,7 @@ def doubts(tried: Sequence[Tried]) -> Iterator[str]:
         if others := other_orders(answer):
             shown = ", ".join(f"{each.order.value} {_number(each.value)}" for each in others)
             yield (
-                f"[yellow]{escape(answer.answer.tag)}[/]: {answer.answer.order.value} gives no "
+                f"[yellow]{escape(answer.register.tag)}[/]: {answer.register.order.value} gives no "
                 f"likely value; raw in other orders: {shown}"
             )
 
