@@ -8,9 +8,14 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
+from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.actuator import shown_speed_limits
+from stemwatch.models.stickslip.fit import StickSlipFit
 from stemwatch.models.verdict import Shape, Verdict
 
 # J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).
@@ -23,6 +28,13 @@ MOST_CONFIDENCE = 0.99  # bootstrap draws know nothing of what no model here des
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
 NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
+# A delay below this is how good valves are, and not worth a word.
+WORTH_SAYING_S = 0.5
+SLOW_PERCENT_PER_S = 10.0
+MISREAD = 1.5  # how far S and J alone must be off
+MISREAD_PERCENT = 0.5
+# The gain of the actuator over friction alone on held-out data that makes it certain.
+CERTAIN_MEAN, CERTAIN_T = 0.1, 2.4
 
 NEXT = {
     Shape.DEADBAND: (
@@ -63,7 +75,8 @@ class DecisionEvidence:
     slow: str  # what is slow beside friction, a sentence, or nothing
     baseline: Residual | None  # the baseline network's, on this window
     baseline_ratio: float | None
-    cycling_s: float | None  # period of the loop's regular oscillation
+    cycling_s: float | None  # period of the loop's regular oscillation, on the record's own clock
+    unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +160,7 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
     jump = f", then jumps {_percent(J)}" if shape is not Shape.DEADBAND else " and then follows"
     cycle = ""
     if evidence.cycling_s is not None:
-        cycle = f"; the loop cycles every {evidence.cycling_s:.0f} s"
+        cycle = f"; the loop cycles every {duration(evidence.cycling_s, evidence.unit_s)}"
     return Decision(
         verdict=Verdict.STICKY,
         reason=(
@@ -180,7 +193,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
-        text += f" The loop oscillates all the same, every {evidence.cycling_s:.0f} s."
+        every = duration(evidence.cycling_s, evidence.unit_s)
+        text += f" The loop oscillates all the same, every {every}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
     S = float(evidence.S.value or 0.0)
     return Decision(
@@ -258,3 +272,63 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
             "Record a longer window, or one in which OP reverses more often.",
         )
     return _healthy(evidence, limits)
+
+
+def slowness(fit: StickSlipFit) -> str:
+    """A sentence with a blank before it, or nothing where only friction is certain.
+
+    Rising and falling are those of the position; which of them opens the valve is not known here.
+    """
+    if fit.hypothesis != "both":
+        return ""
+    if fit.of_actuator.mean < CERTAIN_MEAN or fit.of_actuator.t < CERTAIN_T:
+        return ""
+    parts = [*_late(fit), *_limited(fit)]
+    if not parts:
+        return ""
+    return f" Beside friction, {' and '.join(parts)}{_misread(fit)}."
+
+
+def beside_friction(left_out: Mismatch) -> str:
+    """What the mismatch named, a sentence with a blank before it, or nothing."""
+    if not left_out.effects:
+        return ""
+    told = f" Beside friction: {left_out.effects[0].sentence}"
+    more = len(left_out.effects) - 1
+    if more:
+        told += f" And {more} more, see what S and J leave out."
+    naive, restated = left_out.naive.S.value, left_out.restated.S.value
+    if naive is None or restated is None:
+        return told
+    if naive > MISREAD * restated and naive - restated > MISREAD_PERCENT:
+        told += f" S and J alone would have read S as {naive:.1f} %."
+    return told
+
+
+def _late(fit: StickSlipFit) -> list[str]:
+    c, unit_s = fit.candidate, fit.evaluator.problem.unit_s
+    parts = []
+    if c[coordinate.DEAD_TIME_S] >= WORTH_SAYING_S:
+        parts.append(
+            f"the command arrives {duration(c[coordinate.DEAD_TIME_S], unit_s, '.1f')} late (or "
+            "the clocks differ)"
+        )
+    lag = max(c[coordinate.LAG_UP_S], c[coordinate.LAG_DOWN_S])
+    if lag >= 2.0 * WORTH_SAYING_S:
+        parts.append(f"the actuator takes about {duration(lag, unit_s, '.1f')}")
+    return parts
+
+
+def _limited(fit: StickSlipFit) -> list[str]:
+    return [
+        f"the position moves at no more than {rate(speed, fit.evaluator.problem.unit_s)} {name}"
+        for name, speed in shown_speed_limits(fit).items()
+        if speed < SLOW_PERCENT_PER_S
+    ]
+
+
+def _misread(fit: StickSlipFit) -> str:
+    naive = float(fit.naive[coordinate.S_PERCENT])
+    if naive > MISREAD * fit.S and naive - fit.S > MISREAD_PERCENT:
+        return f"; S and J alone would have read S as {naive:.1f} %"
+    return ""

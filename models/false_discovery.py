@@ -15,12 +15,14 @@ def significant(p_values: Sequence[float | None], level: float = LEVEL) -> list[
     adjusted p value is at most ``level``: for the k-th smallest of m, ``min(p_j m / j)`` over all
     j >= k. Benjamini and Hochberg (1995), doi:10.1111/j.2517-6161.1995.tb02031.x.
     """
-    if all(one is None for one in p_values):
+    if all(p_value is None for p_value in p_values):
         return [False] * len(p_values)
     from scipy.stats import false_discovery_control  # a second to import; seldom needed
 
-    adjusted = false_discovery_control([1.0 if one is None else one for one in p_values])
+    adjusted = false_discovery_control(
+        [1.0 if p_value is None else p_value for p_value in p_values]
+    )
     return [
-        one is not None and bool(rate <= level)
-        for one, rate in zip(p_values, adjusted, strict=True)
+        p_value is not None and bool(rate <= level)
+        for p_value, rate in zip(p_values, adjusted, strict=True)
     ]

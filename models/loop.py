@@ -92,10 +92,10 @@ def signal_oscillation(signal: Signal, interval_s: float) -> Oscillation | None:
 
 def loop_oscillation(recording: Recording) -> dict[Role, Oscillation]:
     """The oscillation of each signal of the loop that has one, regular or not."""
-    found: dict[Role, Oscillation] = {}
+    oscillations: dict[Role, Oscillation] = {}
     for role in (Role.OP, Role.PV, Role.MV):
         signal = recording.get(role)
         seen = None if signal is None else signal_oscillation(signal, recording.interval_s)
         if seen is not None:
-            found[role] = seen
-    return found
+            oscillations[role] = seen
+    return oscillations

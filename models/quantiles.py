@@ -27,7 +27,7 @@ def percentiles(values: _Floats, percents: Sequence[float]) -> list[float]:
 
     ``percents`` rise, 0 to 100. Each is interpolated linearly between its two neighbours.
     """
-    parted, begin, found = values.copy(), 0, []
+    parted, begin, quantiles = values.copy(), 0, []
     for percent in percents:
         place = (values.size - 1) * (percent / 100.0)
         below = int(place)
@@ -35,8 +35,8 @@ def percentiles(values: _Floats, percents: Sequence[float]) -> list[float]:
         begin = below
         low = float(parted[below])
         high = float(parted[below + 1 :].min()) if place > below else low
-        found.append(_between(low, high, place - below))
-    return found
+        quantiles.append(_between(low, high, place - below))
+    return quantiles
 
 
 def _between(low: float, high: float, share: float) -> float:

@@ -41,8 +41,8 @@ def _coarse(name: str, signal: Signal) -> list[str]:
     return said
 
 
-def _cycles(found: dict[Role, Oscillation]) -> list[str]:
-    regular = {role: seen for role, seen in found.items() if seen.regular}
+def _cycles(oscillations: dict[Role, Oscillation]) -> list[str]:
+    regular = {role: seen for role, seen in oscillations.items() if seen.regular}
     if not regular:
         return ["No regular oscillation was found."]
     said = []

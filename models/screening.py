@@ -16,7 +16,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stemwatch.models import indicators, residual
-from stemwatch.models.decision import Decision, DecisionEvidence, decide, undetermined
+from stemwatch.models.decision import (
+    Decision,
+    DecisionEvidence,
+    beside_friction,
+    decide,
+    slowness,
+    undetermined,
+)
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.fit_window import (
     FitWindow,
@@ -31,18 +38,19 @@ from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
-from stemwatch.models.response_sentences import beside_friction, slowness
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
+from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Verdict
 
@@ -73,13 +81,14 @@ DEFAULTS = Options()
 class _Fitted:
     """A case on its way: assessed, and fitted where nothing stood in the way.
 
-    ``recording`` is what was fitted: all of the case's, or its ``stretch``; ``masked`` the same
-    without what record effects spoilt. ``fit`` and ``sample`` are in percent of travel where there
-    is a ``curve`` from OP to stroke, else in percent of OP, which is then the same.
+    ``recording`` is what was fitted, on its own clock: all of the case's, or its ``stretch``;
+    ``masked`` the same without what record effects spoilt. ``fit`` and ``sample`` are in percent of
+    travel where there is a ``curve`` from OP to stroke, else in percent of OP, which is then the
+    same.
     """
 
     case: Case
-    assessment: Assessment  # of the whole recording
+    assessment: Assessment  # of the whole recording, on its own clock
     recording: Recording
     masked: Recording
     stretch: FitWindow | None
@@ -137,11 +146,12 @@ def _fit_or_reason(case: Case, limits: Limits) -> _Fitted | Screening:
 
 def _fit(case: Case, limits: Limits) -> _Fitted:
     began = time.perf_counter()
-    assessment = assess(case.recording, limits)
-    recording, masked, stretch = case.recording, assessment.recording, None
+    own = on_own_clock(case.recording)
+    assessment = assess(own, limits)
+    recording, masked, stretch = own, assessment.recording, None
     curve = fit = None
     if not assessment.obstacles:
-        recording, masked, stretch = _to_fit(case.recording, assessment, limits)
+        recording, masked, stretch = _to_fit(own, assessment, limits)
         curve = find_stroke_curve(masked)
         assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
     if not assessment.obstacles:
@@ -189,8 +199,8 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
         NarxExample.of(valve.masked, fit.first_heldout, start_of(fit, valve.curve))
         for _, fit, valve in ready
     ]
-    for (at, _, _), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
-        trained[at] = fit
+    for (at, _, valve), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
+        trained[at] = fit.in_seconds(valve.recording.unit_s)
     return trained
 
 
@@ -278,7 +288,7 @@ def _screening(
         J=J,
         residuals=residuals,
         quality=fitted.assessment.quality,
-        indicators={indicator.name: indicator for indicator in numbers},
+        indicators={one.name: one for one in indicators.in_seconds(numbers, fitted.recording)},
         still_seen=still_seen(recording) if seen else (),
         baseline_note=fitted.case.baseline_note,
         recording=recording,
@@ -331,7 +341,8 @@ def _with_verdict(
     limits: Limits,
 ) -> Screening:
     S, J, S_draws = _stiction(fitted, fit, sample, left_out)
-    compared = residual.of_baseline(fitted.case.baseline, fitted.masked)
+    # A network is stored in seconds.
+    compared = residual.of_baseline(fitted.case.baseline, off_own_clock(fitted.masked))
     residuals = {
         "stiction": residual.of_stiction(fit, resynced=False),
         "narx": residual.of_narx(network),
@@ -354,6 +365,7 @@ def _with_verdict(
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
+        unit_s=fitted.recording.unit_s,
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
@@ -370,6 +382,7 @@ def _with_verdict(
     return replace(
         screening,
         mismatch=_on_whole_clock(left_out, fitted),
+        stroke_curve=fitted.curve,
         baseline_note=" ".join(filter(None, (fitted.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),

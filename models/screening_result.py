@@ -12,6 +12,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 
 
@@ -87,7 +88,7 @@ class RecordingFacts:
             interval_s=recording.interval_s,
             samples=len(recording),
             usable_share=float(np.mean(recording.usable)) if len(recording) else 0.0,
-            tags={role: (one.tag, one.unit) for role, one in recording.signals.items()},
+            tags={role: (signal.tag, signal.unit) for role, signal in recording.signals.items()},
             zone=recording.clock.zone,
         )
 
@@ -125,6 +126,7 @@ class Screening:
     kept: RecordingFacts | None = None  # what the whole was, where samples were let go
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
+    stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     seconds: float = 0.0
 
     def __repr__(self) -> str:

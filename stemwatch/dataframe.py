@@ -25,14 +25,14 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.historian.columns import Column, convert
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw_table import RawColumn
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.recordings import assemble, find_tag
-from stemwatch.connectors.historian.roles import propose_roles
-from stemwatch.connectors.historian.times import Instants, undated
-from stemwatch.connectors.historian.units import split_unit
+from stemwatch.connectors.historian.tables.raw_table import RawColumn
+from stemwatch.connectors.historian.tags.roles import propose_roles
+from stemwatch.connectors.historian.times.time_column import Instants, undated
+from stemwatch.connectors.historian.values.columns import Column, convert
+from stemwatch.connectors.historian.values.units import split_unit
 from stemwatch.models.recording import Recording, Role
 
 NO_TIMES = (
@@ -69,14 +69,14 @@ class DataFrameSource:
         named = [(tag, split_unit(tag)[1], "", None) for tag in self._places]
         return [
             TagInfo(
-                tag=one.tag,
-                unit=one.unit,
-                samples=int(self._frame.iloc[:, self._places[one.tag]].notna().sum()),
-                proposed_role=one.role,
-                proposed_valve=one.valve,
-                remark=one.remark,
+                tag=candidate.tag,
+                unit=candidate.unit,
+                samples=int(self._frame.iloc[:, self._places[candidate.tag]].notna().sum()),
+                proposed_role=candidate.role,
+                proposed_valve=candidate.valve,
+                remark=candidate.remark,
             )
-            for one in propose_roles(named, stem="valve", mv_is_output=False)
+            for candidate in propose_roles(named, stem="valve", mv_is_output=False)
         ]
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:

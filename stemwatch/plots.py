@@ -9,7 +9,8 @@ import numpy as np
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.maintenance.evidence_picture import part_drawn, simulated_run, stick_band
+from stemwatch.service.maintenance.evidence_picture import part_drawn, simulated_run
+from stemwatch.service.report.charts.loop_shapes import BAND, CURVE, LoopShapes, loop_shapes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,7 +20,7 @@ NO_MATPLOTLIB = (
     "pip install 'stemwatch[notebook]'"
 )
 _SIZE = (11.0, 3.6)
-_OP, _MV, _MODEL, _NAIVE = "#5b6675", "#17202c", "#2a6fb0", "#c2500a"
+_OP, _MV, _MODEL, _NAIVE, _CURVE = "#5b6675", "#17202c", "#2a6fb0", "#c2500a", "#0e7f78"
 
 
 def screening_figure(screening: Screening) -> Figure:
@@ -44,15 +45,15 @@ def screening_figure(screening: Screening) -> Figure:
     return figure
 
 
-def mismatch_figure(recording: Recording | None, found: Mismatch) -> Figure:
+def mismatch_figure(recording: Recording | None, mismatch: Mismatch) -> Figure:
     """MV beside the free runs of S and J alone and with what was left out, over time.
 
     Raises ``ModuleNotFoundError`` without matplotlib, ``ValueError`` without samples.
     """
     figure = _figure()
     shown = _drawable(recording, "this valve")
-    naive = found.runs.naive if found.runs is not None else None
-    extended = found.runs.extended if found.runs is not None and found.effects else None
+    naive = mismatch.runs.naive if mismatch.runs is not None else None
+    extended = mismatch.runs.extended if mismatch.runs is not None and mismatch.effects else None
     part, _ = part_drawn(shown, naive)
     axes = figure.add_subplot()
     _over_time(axes, shown, part, extended)
@@ -60,7 +61,7 @@ def mismatch_figure(recording: Recording | None, found: Mismatch) -> Figure:
         at = shown.time_s[part] - shown.time_s[part.start]
         axes.plot(at, naive[part], color=_NAIVE, linewidth=1.0, label="S and J alone")
         axes.legend(loc="best", fontsize="small")
-    axes.set_title(f"{shown.valve}: {found.finding.value.replace('_', ' ')}", loc="left")
+    axes.set_title(f"{shown.valve}: {mismatch.finding.value.replace('_', ' ')}", loc="left")
     return figure
 
 
@@ -93,9 +94,13 @@ def _over_time(axes: Any, recording: Recording, part: slice, simulated: Floats |
 def _against_op(axes: Any, screening: Screening, recording: Recording, part: slice) -> None:
     assert recording.mv is not None
     op, mv = recording.op.values[part], recording.mv.values[part]
-    band = stick_band(screening, op, mv) if recording.mv.unit == recording.op.unit else None
-    if band is not None:
-        axes.fill(band[:, 0], band[:, 1], color=_MODEL, alpha=0.15, label="stick band of S and J")
+    comparable = recording.mv.unit == recording.op.unit
+    shapes = loop_shapes(screening, op, mv) if comparable else LoopShapes()
+    if shapes.band is not None:
+        axes.fill(shapes.band[:, 0], shapes.band[:, 1], color=_MODEL, alpha=0.15, label=BAND)
+    if shapes.curve is not None:
+        axes.plot(*shapes.curve.T, color=_CURVE, linewidth=1.2, linestyle="--", label=CURVE)
+    if shapes.band is not None or shapes.curve is not None:
         axes.legend(loc="best", fontsize="small")
     axes.plot(op, mv, color=_MV, linewidth=0.8)
     axes.set_xlabel("OP, %")

@@ -10,14 +10,14 @@ from functools import cached_property
 import numpy as np
 
 from stemwatch.connectors.connector import ConnectorError, MappingNeeded, ValveTags, Window
-from stemwatch.connectors.historian.columns import Column
-from stemwatch.connectors.historian.epoch import ns_of
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.time_fields import Ints
-from stemwatch.connectors.historian.timeline import Timeline
-from stemwatch.connectors.historian.times import Instants, undated
-from stemwatch.connectors.historian.zones import to_utc
+from stemwatch.connectors.historian.times.epoch import ns_of
+from stemwatch.connectors.historian.times.time_column import Instants, undated
+from stemwatch.connectors.historian.times.time_fields import Ints
+from stemwatch.connectors.historian.times.timeline import Timeline
+from stemwatch.connectors.historian.times.zones import to_utc
+from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import Bools, Role
 
 Bounds = tuple[int | None, int | None]

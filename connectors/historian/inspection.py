@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stemwatch.connectors.historian.clock import clock_facts
-from stemwatch.connectors.historian.columns import Column
+from stemwatch.connectors.historian.times.source_clock import clock_facts
+from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models import forensics
 from stemwatch.models.recording import PERCENT, ClockFacts, Quality, Role
 
 if TYPE_CHECKING:
     from stemwatch.connectors.historian.opened_file import OpenedFile
-    from stemwatch.connectors.historian.roles import Candidate
+    from stemwatch.connectors.historian.tags.roles import Candidate
 
 # A signal that repeats one value for this share of the record, after having moved, is frozen.
 _FROZEN_SHARE = 0.25
@@ -89,10 +89,10 @@ def inspect_file(opened: OpenedFile) -> Inspection:
     """Look at every tag of an opened file."""
     instants, table = opened.instants, opened.table
     ns = np.unique(instants.ns[instants.ok])
-    tags = tuple(_inspect(opened.column(one.tag), one) for one in opened.roles())
+    tags = tuple(_inspect(opened.column(role.tag), role) for role in opened.roles())
     decisions = list(opened.notes.decisions)
-    for one in table.columns:
-        decisions += opened.column(one.tag).decisions
+    for column in table.columns:
+        decisions += opened.column(column.tag).decisions
     busiest = max((opened.column(c.tag) for c in table.columns), key=lambda c: c.file_ns.size)
     return Inspection(
         source=str(opened.path),
@@ -123,7 +123,7 @@ def _interval_s(column: Column) -> float | None:
     return float(np.median(np.diff(distinct))) / 1e9 if distinct.size > 1 else None
 
 
-def _inspect(column: Column, one: Candidate) -> TagInspection:
+def _inspect(column: Column, candidate: Candidate) -> TagInspection:
     values = column.values
     finite = values[np.isfinite(values)]
     steps = np.diff(np.unique(column.ns))
@@ -131,16 +131,16 @@ def _inspect(column: Column, one: Candidate) -> TagInspection:
     lines = float(np.mean(forensics.interpolated(values))) if values.size > 2 else 0.0
     longest = forensics.longest_repeat(values) if values.size > 1 else 1
     return TagInspection(
-        tag=one.tag,
-        unit=one.unit,
-        description=one.description,
-        role="" if one.role is None else one.role.value,
-        valve=one.valve,
-        remark=one.remark,
+        tag=candidate.tag,
+        unit=candidate.unit,
+        description=candidate.description,
+        role="" if candidate.role is None else candidate.role.value,
+        valve=candidate.valve,
+        remark=candidate.remark,
         samples=int(finite.size),
         bad_share=_bad_share(column),
         interval_s=interval_s,
-        own_interval_s=one.own_interval_s,
+        own_interval_s=candidate.own_interval_s,
         low=float(finite.min()) if finite.size else None,
         high=float(finite.max()) if finite.size else None,
         noise_sigma=forensics.noise_sigma(values),

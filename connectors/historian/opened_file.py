@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.columns import Column, convert, own_interval_s
-from stemwatch.connectors.historian.document import open_document
-from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts import parse_source
-from stemwatch.connectors.historian.numbers import decide_decimal
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw_table import RawColumn, RawTable
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.roles import Candidate, propose_roles
-from stemwatch.connectors.historian.tag_names import parse_tag
-from stemwatch.connectors.historian.times import Instants, read_instants
+from stemwatch.connectors.historian.tables.document import open_document
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable
+from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
+from stemwatch.connectors.historian.tags.tag_names import parse_tag
+from stemwatch.connectors.historian.times.time_column import Instants, read_instants
+from stemwatch.connectors.historian.values.columns import Column, convert, own_interval_s
+from stemwatch.connectors.historian.values.numbers import decide_decimal
 from stemwatch.models.recording import Role
 
 

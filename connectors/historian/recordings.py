@@ -17,11 +17,17 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.historian.clock import Grid, Laid, clock_facts, lay_column, make_grid
-from stemwatch.connectors.historian.columns import Column, own_interval_s, sharing_times
-from stemwatch.connectors.historian.epoch import EPOCH, ns_of
-from stemwatch.connectors.historian.timeline import Timeline
-from stemwatch.connectors.historian.units import canonical
+from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
+from stemwatch.connectors.historian.times.source_clock import (
+    Grid,
+    Laid,
+    clock_facts,
+    lay_column,
+    make_grid,
+)
+from stemwatch.connectors.historian.times.timeline import Timeline
+from stemwatch.connectors.historian.values.columns import Column, own_interval_s, sharing_times
+from stemwatch.connectors.historian.values.units import canonical
 from stemwatch.models.recording import (
     PERCENT,
     Floats,

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     WHOLE,
@@ -26,11 +25,12 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.opcua.session import OpcUaServer, Security
+from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.settings import Name, Positive, Text, contradiction
 from stemwatch.models.recording import Bools, Recording, Role
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian.columns import Column
+    from stemwatch.connectors.historian.values.columns import Column
     from stemwatch.connectors.opcua.session import History
 
 LAYOUT = "OPC UA, raw history of a node for each tag"
@@ -206,24 +206,24 @@ class OpcUaArchive:
         if window.start is not None:
             start = window.start - timedelta(seconds=self.address.before_s)
         stop = window.stop or _LAST
-        found: dict[str, History] = {}
+        histories: dict[str, History] = {}
         async with connected(self.address) as client:
             for tag in {mapping.tag for mapping in valve.tags.values()}:
                 try:
-                    found[tag] = await read_history(client, tag, start, stop, self.address)
+                    histories[tag] = await read_history(client, tag, start, stop, self.address)
                 except UnknownTag as error:
                     names = [node.tag for node in await browse(client)]
                     near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
                     shown = ", ".join(map(repr, near)) or "none: nothing has a history"
                     raise UnknownTag(f"{error}; the nearest are {shown}") from None
-        return found
+        return histories
 
     def _column(
         self, tag: str, role: Role, history: History, bounds: tuple[int | None, int | None]
     ) -> Column:
         from stemwatch.connectors.archive.number_column import number_column
         from stemwatch.connectors.archive.valve_columns import empty_column, inside
-        from stemwatch.connectors.historian.epoch import ns_of
+        from stemwatch.connectors.historian.times.epoch import ns_of
 
         if not history.times:
             return empty_column(tag)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.narrow import (
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.tables.narrow import (
     QUALITY_NAMES,
     TAG_NAMES,
     UNIT_NAMES,
     VALUE_NAMES,
 )
-from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.units import bare_tag, canonical, split_unit
+from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
 Kind = Literal["wide", "narrow", "valves"]
 TIME_NAMES = ("time", "timestamp", "ts", "datetime", "date_time", "utc", "zeit", "zeitstempel",

@@ -11,12 +11,12 @@ import numpy as np
 
 from stemwatch.connectors.archive.valve_columns import Bounds, local_instants
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.connectors.historian.epoch import instant_of
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw_table import RawTable, RawTimes
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.time_fields import Ints
-from stemwatch.connectors.historian.times import Instants, read_instants, undated
+from stemwatch.connectors.historian.tables.raw_table import RawTable, RawTimes
+from stemwatch.connectors.historian.times.epoch import instant_of
+from stemwatch.connectors.historian.times.time_column import Instants, read_instants, undated
+from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Bools
 
 _UNIT_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
@@ -67,7 +67,7 @@ def read_stamps(
 def _written(
     array: Any, name: str, options: ReadOptions, where: str, notes: ReadingNotes
 ) -> Stamps:
-    texts = ["" if one is None else str(one) for one in array.to_pylist()]
+    texts = ["" if cell is None else str(cell) for cell in array.to_pylist()]
     table = RawTable(
         layout="",
         times=RawTimes(texts=texts, name=name),
@@ -75,8 +75,8 @@ def _written(
         numbers=range(1, len(texts) + 1),
         separator=",",
     )
-    found = read_instants(table, options, where, notes)
-    return Stamps(ns=found.ns, ok=found.ok, naive=not found.known)
+    instants = read_instants(table, options, where, notes)
+    return Stamps(ns=instants.ns, ok=instants.ok, naive=not instants.known)
 
 
 def placed(stamps: Stamps, written: bool, options: ReadOptions, notes: ReadingNotes) -> Instants:

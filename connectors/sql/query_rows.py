@@ -2,22 +2,83 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from stemwatch.connectors.archive.number_column import Codes, number_column
 from stemwatch.connectors.archive.valve_columns import local_instants
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.connectors.historian.columns import Column, convert
-from stemwatch.connectors.historian.epoch import ns_of
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.times import Instants, read_instants
+from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.times.epoch import ns_of
+from stemwatch.connectors.historian.times.time_column import Instants, read_instants
+from stemwatch.connectors.historian.values.columns import Column, convert
+
+PARAMETERS = ("tag", "start", "end")
+_QUOTED = re.compile(r"'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\"|`[^`]*`|\[[^\]\n]*\]")
+_COMMENT = re.compile(r"--[^\n]*|/\*.*?\*/", re.S)
+_DOLLAR = re.compile(r"\$(\w*)\$")
+_PARAMETER = re.compile(r"(?<![:\w\\]):([A-Za-z_]\w*)(?!:)")
+# Words that change data, its structure, the session or files, in any engine that SQLAlchemy knows.
+_WRITING = frozenset(
+    ("insert", "update", "delete", "merge", "upsert", "drop", "alter", "create", "truncate",
+     "grant", "revoke", "call", "exec", "execute", "into", "copy", "vacuum", "attach", "detach",
+     "pragma", "lock", "reindex", "analyze", "do", "load", "import", "export", "rename", "begin",
+     "commit", "rollback", "savepoint", "declare", "kill", "shutdown", "nextval", "setval")
+)  # fmt: skip
+
+
+class Fault(NamedTuple):
+    """What is wrong with a template, as an error says it."""
+
+    found: str
+    expected: str
+
+
+def fault_of(text: str, *, with_tag: bool = True) -> Fault | None:
+    """Why ``text`` cannot be used as a template, or ``None``.
+
+    It must be one SELECT, which may begin with WITH, without any word that writes; ``with_tag``:
+    it must have the parameters ``:tag``, ``:start`` and ``:end``, else none at all. This is the
+    first of three guards: the transaction is read only where the engine can, and is never
+    committed.
+    """
+    wanted = "one statement that begins with SELECT or WITH and only reads"
+    if _DOLLAR.search(_QUOTED.sub(" ", text)):
+        return Fault("a dollar-quoted text", "texts between single quotes")
+    bare = _bare(text)
+    if ";" in bare:
+        return Fault("several statements", wanted)
+    words = re.findall(r"[a-z_]\w*", bare.lower())
+    if not words or words[0] not in ("select", "with"):
+        return Fault(
+            f"a statement that begins with {repr(words[0]) if words else 'nothing'}", wanted
+        )
+    writing = [word for word in words if word in _WRITING]
+    if writing:
+        hint = "; put a column of that name in double quotes"
+        return Fault(f"the word {writing[0]!r}", wanted + hint)
+    if re.search(r"\bfor\s+(?:no\s+key\s+)?(?:update|share|key)", bare, re.I):
+        return Fault("a lock (FOR UPDATE)", wanted)
+    named = set(_PARAMETER.findall(bare))
+    needed = set(PARAMETERS) if with_tag else set()
+    if named != needed:
+        shown = ", ".join(f":{name}" for name in sorted(named)) or "none"
+        expected = ", ".join(f":{name}" for name in PARAMETERS) if with_tag else "none"
+        return Fault(f"the parameters {shown}", f"the parameters {expected}, not in quotes")
+    return None
+
+
+def _bare(text: str) -> str:
+    """The statement without quoted texts, comments and the semicolon at its end."""
+    return _COMMENT.sub(" ", _QUOTED.sub(" '' ", text)).strip().rstrip(";").strip()
+
 
 _NAMES = ("time", "value", "quality")
 
@@ -41,12 +102,12 @@ class Samples:
         time, value, quality = where
         self.times += [row[time] for row in rows]
         given = [row[value] for row in rows]
-        if self.texts is None and any(isinstance(one, str) for one in given):
-            self.texts = [_text(one) for part in self.values for one in part.tolist()]
+        if self.texts is None and any(isinstance(value, str) for value in given):
+            self.texts = [_text(value) for part in self.values for value in part.tolist()]
         if self.texts is not None:
-            self.texts += [_text(one) for one in given]
+            self.texts += [_text(value) for value in given]
         else:
-            self.values.append(np.array([_number(one) for one in given], dtype=np.float64))
+            self.values.append(np.array([_number(value) for value in given], dtype=np.float64))
         if quality is not None:
             self.has_quality = True
             codes = ("" if row[quality] is None else str(row[quality]).strip() for row in rows)
@@ -58,7 +119,7 @@ def places(names: Sequence[str], name: str) -> tuple[int, int, int | None]:
 
     Raises ``ConnectorError`` for fewer than two.
     """
-    lower = [one.lower() for one in names]
+    lower = [name.lower() for name in names]
     if "time" in lower and "value" in lower:
         quality = lower.index("quality") if "quality" in lower else None
         return lower.index("time"), lower.index("value"), quality
@@ -82,18 +143,18 @@ def instants_of(samples: Samples, options: ReadOptions, name: str, notes: Readin
     """The times of all rows. Datetimes with an offset are what they say; those without are local
     times of the zone that was given; texts and numbers are understood as in a text export."""
     times = samples.times
-    if not all(isinstance(one, datetime) for one in times):
+    if not all(isinstance(time, datetime) for time in times):
         table = RawTable(
             layout="",
-            times=RawTimes(texts=[_written(one) for one in times], name="time"),
+            times=RawTimes(texts=[_written(time) for time in times], name="time"),
             columns=(),
             numbers=range(1, len(times) + 1),
             separator=",",
         )
         return read_instants(table, options, name, notes)
-    ns = np.fromiter((_ns(one) for one in times), dtype=np.int64, count=len(times))
+    ns = np.fromiter((_ns(time) for time in times), dtype=np.int64, count=len(times))
     ok = np.ones(ns.size, dtype=bool)
-    if all(one.tzinfo is not None for one in times):
+    if all(time.tzinfo is not None for time in times):
         return Instants(ns=ns, ok=ok, known=True, zone="The database gives instants.")
     return local_instants(ns, ok, options, notes)
 

@@ -19,8 +19,7 @@ from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.studies.literature.model import ValveModel, values_of
-from stemwatch.models.studies.literature.networks.fit import fit_network
-from stemwatch.models.studies.literature.networks.network import Network
+from stemwatch.models.studies.literature.networks.network import Network, fit_network
 from stemwatch.service.studies.comparison.compare_models import NETWORKS
 
 HERE = Path(__file__).parent

@@ -128,27 +128,27 @@ def fit_base(
     if repeat_share(problem.op) >= COARSE_COMMAND:
         readings.append(replace(evaluator, restick=ONLY_WHEN_TURNING, _layouts={}))
     everything = np.ones(problem.n_blocks, dtype=bool)
-    found = [
-        conclude(one, search(one, one.layout(TermSet()), everything, starts, CAREFUL))
-        for one in readings
+    fits = [
+        conclude(reading, search(reading, reading.layout(TermSet()), everything, starts, CAREFUL))
+        for reading in readings
     ]
-    best = int(np.argmin([one.loss for one in found]))
-    if found[best].loss >= CLEARLY * found[0].loss:
+    best = int(np.argmin([fit.loss for fit in fits]))
+    if fits[best].loss >= CLEARLY * fits[0].loss:
         best = 0
     chosen = readings[best]
     layout = chosen.layout(TermSet())
-    simulated, early_late = chosen.assimilated(layout, found[best].candidate)
+    simulated, early_late = chosen.assimilated(layout, fits[best].candidate)
     delta = min(scale(chosen, simulated), 3.0 * first)
     level = (
         0.5
-        * found[best].candidate[base_coordinate.S_PERCENT]
-        * (1.0 + found[best].candidate[base_coordinate.RATIO])
+        * fits[best].candidate[base_coordinate.S_PERCENT]
+        * (1.0 + fits[best].candidate[base_coordinate.RATIO])
     )
     scatter = breakaway_scatter(early_late, float(level), problem.sigma)
     chosen = replace(chosen, delta=delta, scatter=scatter, _layouts={})
     layout = chosen.layout(TermSet())
     every = 1 if chosen.slack.any() else max(starts.shape[0] // 60, 1)
-    near = np.vstack((starts[::every], found[best].candidate))
+    near = np.vstack((starts[::every], fits[best].candidate))
     fitted = conclude(chosen, crossfit(chosen, layout, near, CAREFUL))
     seen = fitted.candidates.mean(axis=0)
     S = float(seen[base_coordinate.S_PERCENT])
@@ -165,9 +165,9 @@ def fit_naive(evaluator: Evaluator, blocks: Bools) -> Search[Floats]:
     """(6,) S and J alone: gain 1, zero 0, no delay, fitted to ``blocks`` of a naive evaluator."""
     layout = naive_layout(evaluator)
     starts = layout.bounds.clip(grid(evaluator.look, 0.0))
-    found = yield from search(evaluator, layout, blocks, starts, NAIVE)
-    found = yield from search(evaluator, layout, blocks, found.candidate[None, :], NAIVE)
-    return found.candidate
+    fit = yield from search(evaluator, layout, blocks, starts, NAIVE)
+    fit = yield from search(evaluator, layout, blocks, fit.candidate[None, :], NAIVE)
+    return fit.candidate
 
 
 def naive_layout(evaluator: Evaluator) -> CoordinateLayout:

@@ -19,18 +19,18 @@ Search: TypeAlias = Generator[list[RunRequest], None, T]
 def together(searches: Iterable[Search[T]]) -> Search[list[T]]:
     """What some searches find, in their order; each round asks for what all of them ask for."""
     going = dict(enumerate(searches))
-    found: dict[int, T] = {}
+    answers: dict[int, T] = {}
     while going:
         asks: list[RunRequest] = []
         for number, search in list(going.items()):
             try:
                 asks += next(search)
             except StopIteration as end:
-                found[number] = end.value
+                answers[number] = end.value
                 del going[number]
         if asks:
             yield asks
-    return [found[number] for number in sorted(found)]
+    return [answers[number] for number in sorted(answers)]
 
 
 def conclude(evaluator: Evaluator, search: Search[T]) -> T:
@@ -39,6 +39,6 @@ def conclude(evaluator: Evaluator, search: Search[T]) -> T:
         try:
             asks = next(search)
         except StopIteration as end:
-            found: T = end.value
-            return found
+            answer: T = end.value
+            return answer
         evaluator.answer(asks)

@@ -14,6 +14,7 @@ from stemwatch.models.mismatch.findings import Effect, EffectEvidence, ResidualM
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.uncertainty import estimate
+from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.stickslip.fit import Advantage
 
@@ -49,18 +50,20 @@ def directions(recording: Recording) -> Directions:
 
 
 def estimates(term: Term, values: Floats, drawn: Floats, interval_s: float) -> dict[str, Estimate]:
-    """The term's parameters in field units from its best coordinates (k,) and draws (m, k).
+    """The term's parameters from its best coordinates (k,) and draws (m, k), on the own clock.
 
     Widened by what no bootstrap sees: the term is not exactly the valve, and OP and MV are read
     somewhere within the sampling interval.
     """
     best = term.parameters(values)
-    spread = [term.parameters(one) for one in drawn]
-    found = {}
+    spread = [term.parameters(candidate) for candidate in drawn]
+    named = {}
     for name, (value, unit) in best.items():
         error = MODEL_ERROR * abs(value) + (WITHIN_SAMPLE * interval_s if unit == "s" else 0.0)
-        found[name] = estimate(np.array([one[name][0] for one in spread]), value, unit, error)
-    return found
+        named[name] = estimate(
+            np.array([parameters[name][0] for parameters in spread]), value, unit, error
+        )
+    return named
 
 
 def effect(
@@ -75,15 +78,17 @@ def effect(
     way: Directions,
 ) -> Effect:
     """One accepted term, told. ``without`` is the best model that lacks it."""
-    parameters = estimates(term, values, drawn, evaluator.problem.interval_s)
+    unit_s = evaluator.problem.unit_s
+    own = estimates(term, values, drawn, evaluator.problem.interval_s)
+    spoken = {name: SpokenEstimate.of(one, unit_s) for name, one in own.items()}
     return Effect(
         slug=term.slug,
         members=members,
-        sentence=term.sentence(parameters, way.rising, way.falling),
+        sentence=term.sentence(spoken, way.rising, way.falling),
         where=_where(evaluator, *without),
         check=term.words.check,
         decide=term.words.decide,
-        parameters=parameters,
+        parameters={name: estimate_in_seconds(one, unit_s) for name, one in own.items()},
         evidence=EffectEvidence(
             mean=advantage.mean,
             t=advantage.t,
@@ -122,14 +127,15 @@ def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
         problem.block,
         problem.interval_s,
         problem.sigma,
+        problem.unit_s,
     )
 
 
 def _where(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> str:
     """The hottest place of the residual that is left without the effect."""
     simulated, _ = evaluator.assimilated(layout, candidate)
-    found = residual_map(evaluator, simulated)
-    return found.hot[0].sentence if found.hot else "Spread over the record, no single place."
+    places = residual_map(evaluator, simulated)
+    return places.hot[0].sentence if places.hot else "Spread over the record, no single place."
 
 
 def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
@@ -139,6 +145,6 @@ def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
         f"({advantage.t:.1f} standard errors)"
     )
     if len(members) > 1:
-        others = ", ".join(one.replace("_", " ") for one in members[1:])
+        others = ", ".join(slug.replace("_", " ") for slug in members[1:])
         return f"{note}; this recording cannot tell it from {others}."
     return f"{note}; no other effect of the catalogue does as well."

@@ -106,11 +106,11 @@ def _slope(columns: Floats, values: Floats) -> tuple[float, float]:
     for _ in range(ROUNDS):
         weighted = columns * weight[:, None]
         normal = weighted.T @ columns
-        found = np.linalg.lstsq(normal, weighted.T @ values, rcond=None)[0]
-        left = values - columns @ found
+        coefficients = np.linalg.lstsq(normal, weighted.T @ values, rcond=None)[0]
+        left = values - columns @ coefficients
         scale = WIDE * 1.4826 * float(np.median(np.abs(left))) + _SMALLEST
         weight = 1.0 / (1.0 + (left / scale) ** 2)
     freedom = max(values.size - columns.shape[1], 1)
     variance = float(weight @ left**2) / freedom * values.size / float(weight.sum())
     spread = np.linalg.pinv((columns * weight[:, None]).T @ columns) * variance
-    return float(found[-1]), float(np.sqrt(max(spread[-1, -1], 0.0)))
+    return float(coefficients[-1]), float(np.sqrt(max(spread[-1, -1], 0.0)))

@@ -91,13 +91,13 @@ class CoordinateLayout:
     def shaping(self) -> Shaping:
         """The terms that shape the command, by the coordinates ``of_force``."""
         terms = [term for term in self.hypothesis.terms if term.way is Way.COMMAND]
-        found, begin = [], 1
+        parts, begin = [], 1
         for term in terms:
             place = self.places[term.slug]
             end = begin + place.stop - place.start
-            found.append((term, slice(begin, end)))
+            parts.append((term, slice(begin, end)))
             begin = end
-        return Shaping(tuple(found), tuple(term.slug for term in terms))
+        return Shaping(tuple(parts), tuple(term.slug for term in terms))
 
     @cached_property
     def of_force(self) -> list[int]:
@@ -287,7 +287,9 @@ class Evaluator:
     ) -> None:
         """Run up to LANES candidates in all into ``runs``."""
         problem = self.problem
-        rows = self._forces.of((one.shaping, some[:, one.of_force]) for one, some in pieces)
+        rows = self._forces.of(
+            (layout.shaping, some[:, layout.of_force]) for layout, some in pieces
+        )
         self._fill(pieces)
         follow(
             self._forces.rows,

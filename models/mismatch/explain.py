@@ -32,8 +32,7 @@ from stemwatch.models.mismatch.base_fit import (
     naive_layout,
 )
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search
-from stemwatch.models.mismatch.curvature import curvature
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
     by_events,
@@ -61,10 +60,12 @@ from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
+from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
 FEWEST_SAMPLES = 60
 WORSE = 1.15
@@ -103,7 +104,7 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here.
     """
-    began, recording = time.perf_counter(), possible(recording)
+    began, recording = time.perf_counter(), possible(on_own_clock(recording))
     curve = curve or find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
@@ -136,12 +137,12 @@ def _through_curve(recording: Recording, ceiling: Floats | None, curve: StrokeCu
     What the archive did to OP is seen in OP as it was recorded.
     """
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
-    found = _explained(in_travel(recording, curve), settle(recording), ceiling, refused=refused)
+    mismatch = _explained(in_travel(recording, curve), settle(recording), ceiling, refused=refused)
     return replace(
-        found,
-        sentence=f"{curve.sentence()} {found.sentence}",
-        naive=_in_op(found.naive, curve),
-        restated=_in_op(found.restated, curve),
+        mismatch,
+        sentence=f"{curve.sentence()} {mismatch.sentence}",
+        naive=_in_op(mismatch.naive, curve),
+        restated=_in_op(mismatch.restated, curve),
         stroke_curve=curve,
     )
 
@@ -249,6 +250,7 @@ def _fitted(
         min(look.S, MOST_S),
         min(look.J, MOST_S),
         settled.spacing_s,
+        problem.unit_s,
     )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
@@ -268,12 +270,12 @@ def _told(case: _Case) -> Mismatch:
     layout, best = _whole(evaluator, fitted)
     drawn = draws(evaluator, layout, best)
     candidates = _effects(case.recording, named, off, layout, best, drawn)
-    large = tuple(one for one in candidates if _matters(one))
+    large = tuple(candidate for candidate in candidates if _matters(candidate))
     everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
     plain = naive_evaluator(evaluator)
     simple = naive_layout(plain)
     naive = conclude(plain, fit_naive(plain, everything))
-    shown = show(evaluator, layout, [one.term for one in named.needed], case.ceiling)
+    shown = show(evaluator, layout, [score.term for score in named.needed], case.ceiling)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
@@ -289,7 +291,7 @@ def _told(case: _Case) -> Mismatch:
         before=before,
         after=residual_map(evaluator, shown.runs.extended),
         runs=shown.runs,
-        p_value=chance(max(one.evidence.strength for one in effects)) if effects else None,
+        p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
     )
 
 
@@ -360,23 +362,23 @@ def _effects(
 ) -> tuple[Effect, ...]:
     """The accepted terms and the reading's errors, strongest first."""
     evaluator, way = named.evaluator, directions(recording)
-    effects = [_needed_effect(named, one, layout, best, drawn, way) for one in named.needed]
-    for one in off:
-        share = _share(evaluator, one.without, named.fitted)
+    effects = [_needed_effect(named, score, layout, best, drawn, way) for score in named.needed]
+    for reading in off:
+        share = _share(evaluator, reading.without, named.fitted)
         effects.append(
             effect(
                 evaluator,
-                one.term,
-                (one.term.slug,),
-                values_of(one.term.slug, best),
-                np.array([values_of(one.term.slug, row) for row in drawn]),
-                one.advantage,
+                reading.term,
+                (reading.term.slug,),
+                values_of(reading.term.slug, best),
+                np.array([values_of(reading.term.slug, row) for row in drawn]),
+                reading.advantage,
                 share,
-                (one.without.layout, one.without.candidates.mean(axis=0)),
+                (reading.without.layout, reading.without.candidates.mean(axis=0)),
                 way,
             )
         )
-    return tuple(sorted(effects, key=lambda one: -one.evidence.mean))
+    return tuple(sorted(effects, key=lambda item: -item.evidence.mean))
 
 
 def _needed_effect(
@@ -467,6 +469,7 @@ def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
 def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     """Mean and t of the advantage of every admissible term over the base alone: what limits are
     calibrated on, with recordings in which nothing is hidden. Empty where nothing can be fitted."""
+    recording = on_own_clock(recording)
     settled = settle(recording)
     if _cannot(recording, settled) is not None:
         return {}

@@ -51,9 +51,9 @@ def as_position(recording: Recording) -> tuple[Recording, Characteristic] | None
     best, curve = np.inf, None
     for band, delay, lag in product(BANDS, DELAYS, LAGS):
         stem = _follow(op, band, delay, lag, recording.interval_s)
-        left, found = _curve(stem[usable], flow[usable])
+        left, trial = _curve(stem[usable], flow[usable])
         if left < best:
-            best, curve = left, found
+            best, curve = left, trial
     if curve is None or curve.share < GOES_WITH:
         return None
     position, tells = _backwards(curve, flow)

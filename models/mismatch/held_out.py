@@ -58,18 +58,18 @@ def _trained(
     """The extended model fitted to the first part: from a grid of S and J on, term after term, as
     it was found, but from no number that has seen the rest."""
     base = evaluator.layout(TermSet())
-    found = yield from search(evaluator, base, train, base.bounds.clip(_few(evaluator)), CAREFUL)
-    fitted = _on_both(base, found.candidate)
+    fit = yield from search(evaluator, base, train, base.bounds.clip(_few(evaluator)), CAREFUL)
+    fitted = _on_both(base, fit.candidate)
     for term in terms:
         rich = fitted.layout.hypothesis.plus(term)
-        S = float(found.candidate[base_coordinate.S_PERCENT])
-        begun = beginnings(term, S, S * float(found.candidate[base_coordinate.RATIO]))
+        S = float(fit.candidate[base_coordinate.S_PERCENT])
+        begun = beginnings(term, S, S * float(fit.candidate[base_coordinate.RATIO]))
         starts = widened(evaluator, rich, fitted, term, begun)
-        found = yield from search(evaluator, evaluator.layout(rich), train, starts, CAREFUL)
-        fitted = _on_both(evaluator.layout(rich), found.candidate)
-    start = layout.bounds.clip(found.candidate[None, :])  # a gain that is no finding is held at 1
-    found = yield from search(evaluator, layout, train, start, CAREFUL)
-    return found.candidate
+        fit = yield from search(evaluator, evaluator.layout(rich), train, starts, CAREFUL)
+        fitted = _on_both(evaluator.layout(rich), fit.candidate)
+    start = layout.bounds.clip(fit.candidate[None, :])  # a gain that is no finding is held at 1
+    fit = yield from search(evaluator, layout, train, start, CAREFUL)
+    return fit.candidate
 
 
 def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:

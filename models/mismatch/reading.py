@@ -58,22 +58,22 @@ def findings(
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
-    found: list[Off] = []
+    offs: list[Off] = []
     for slug, (coordinate, most) in COORDINATES.items():
-        if slug not in terms or (slug == "zero_shift" and _explained(fitted, found)):
+        if slug not in terms or (slug == "zero_shift" and _explained(fitted, offs)):
             continue
         off = _dropped(evaluator, fitted, terms[slug], coordinate, most)
         if off is not None:
-            found.append(off)
+            offs.append(off)
         elif slug == "span_error":
             fitted = without(evaluator, fitted, coordinate, most)
-    return found, fitted
+    return offs, fitted
 
 
-def _explained(fitted: Fitted, found: list[Off]) -> bool:
+def _explained(fitted: Fitted, offs: list[Off]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
     the stroke, and a drift that began or ended at zero is off in between."""
-    if any(one.term.slug == "span_error" for one in found):
+    if any(off.term.slug == "span_error" for off in offs):
         return True
     if DRIFT not in fitted.layout.places:
         return False

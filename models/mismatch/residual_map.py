@@ -162,13 +162,13 @@ def cells_of(facet: Facet, sums: BlockSums) -> tuple[Cell, ...]:
     z, bias_z = scores(sums)
     energy = max(float(sums.all_energy.sum()), 1e-300)
     everything = float(sums.all_samples.sum())
-    found = []
+    cells = []
     for i, label in enumerate(facet.labels):
         count = float(sums.samples[:, i].sum())
         if count == 0.0:
             continue
         square = float(sums.energy[:, i].sum())
-        found.append(
+        cells.append(
             Cell(
                 facet=facet.name,
                 label=label,
@@ -181,4 +181,4 @@ def cells_of(facet: Facet, sums: BlockSums) -> tuple[Cell, ...]:
                 bias_z=float(bias_z[i]),
             )
         )
-    return tuple(found)
+    return tuple(cells)

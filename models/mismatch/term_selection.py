@@ -96,7 +96,7 @@ class Needed:
     @property
     def members(self) -> tuple[str, ...]:
         """Slugs of the terms that explain it as well, its own first."""
-        return tuple(one.slug for one in self.stage.accepted)
+        return tuple(score.slug for score in self.stage.accepted)
 
 
 @dataclass(frozen=True)
@@ -288,12 +288,12 @@ def name(base: BaseFit, terms: Sequence[Term]) -> Named:
         simple, scores = conclude(evaluator, refined(evaluator, simple, left))
         if stage == 0:
             first = simple
-        found = accepted(evaluator, scores, stage)
-        stages.append(SelectionStage(simple, tuple(scores), tuple(found)))
-        if not found:
+        taken = accepted(evaluator, scores, stage)
+        stages.append(SelectionStage(simple, tuple(scores), tuple(taken)))
+        if not taken:
             break
-        simple = conclude(evaluator, again(evaluator, found[0].fitted, POLISH))
-        left = [term for term in left if term.slug != found[0].slug]
+        simple = conclude(evaluator, again(evaluator, taken[0].fitted, POLISH))
+        left = [term for term in left if term.slug != taken[0].slug]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
     if not needed:
         fitted, needed = told_by_events(evaluator, fitted, terms)

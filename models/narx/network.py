@@ -18,7 +18,7 @@ because a stuck stem does not move *at all*; a linear output leaks while the val
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -133,6 +133,11 @@ class NarxNetwork:
         """The ensemble fed the measured MV at every sample: (n,), as ``free_run``."""
         return self.free_run(op, mv, usable, horizon=1)
 
+    def in_seconds(self, unit_s: float) -> NarxNetwork:
+        """The same network, trained on a clock with units of ``unit_s`` seconds, in seconds."""
+        actuator = {name: unit_s * value for name, value in self.actuator.items()}
+        return replace(self, interval_s=unit_s * self.interval_s, actuator=actuator)
+
     def to_bytes(self) -> bytes:
         """The network as safetensors bytes; ``from_bytes`` gives back the same bits."""
         from stemwatch.models.narx.storage import pack
@@ -159,9 +164,9 @@ class NarxNetwork:
         return cls(weights=weights, **facts)
 
 
-def _expect_names(what: str, found: Mapping[str, object], expected: tuple[str, ...]) -> None:
-    if set(found) != set(expected):
-        raise ValueError(f"{what}: {sorted(expected)} expected, received {sorted(found)}")
+def _expect_names(what: str, received: Mapping[str, object], expected: tuple[str, ...]) -> None:
+    if set(received) != set(expected):
+        raise ValueError(f"{what}: {sorted(expected)} expected, received {sorted(received)}")
 
 
 def _checked_weights(weights: Mapping[str, NDArray[np.float64]]) -> dict[str, Floats]:

@@ -1,4 +1,7 @@
-"""The stages of training a batch: one horizon after another, every network watched on its own."""
+"""Training a batch: where it starts from, then stage by stage, every network watched on its own.
+
+A start knows nothing, or is a fitted stick-slip element; a stage trains over one horizon.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +13,78 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from stemwatch.models.narx.architecture import EDGE
+from stemwatch.models.narx.architecture import EDGE, ELEMENT_UNITS, INPUTS, StickSlipStart
 from stemwatch.models.narx.example import NarxSettings, StageLog
 from stemwatch.models.narx.kernel import free_run
 from stemwatch.models.narx.levenberg_marquardt import descend
 from stemwatch.models.narx.normal_equations import normal_of
 from stemwatch.models.narx.run_plan import CODES, Plan, PlanStep, plan_run
-from stemwatch.models.narx.starts import fitted_starts, random_starts
 from stemwatch.models.narx.training_record import TrainingRecord
 from stemwatch.models.recording import Bools, Floats
+
+_UP, _DOWN, _GOES_ON_UP, _GOES_ON_DOWN, _DIRECTION = range(ELEMENT_UNITS)
+# Edges of the gate, as shares of fs: the wider, the more samples tell where it should lie; the
+# narrower, the less it leaks. The seeds take them in turn.
+_WIDTHS = (0.01, 0.05)
+_LEAST_LEVEL = 0.02  # of se: an element without friction has no edge to start from
+_GATE = 30.0  # a closed gate leaks exp(-30) per sample
+_CONSENSUS = 12.0  # slope of the units that see command and stem go the same way
+
+
+def random_starts(settings: NarxSettings, members: int) -> Floats:
+    """(members, P): a half-open gate and hardly any movement.
+
+    Hidden weights normal / sqrt(inputs) times 1.5, their biases normal, gate normal / sqrt(hidden),
+    value small. Each seed has its own generator, so that more seeds leave the first ones as they
+    are.
+    """
+    hidden = settings.hidden
+    starts = []
+    for member in range(members):
+        draw = np.random.default_rng([settings.seed, member]).standard_normal
+        rows = draw((hidden, INPUTS + 1))
+        rows[:, :INPUTS] *= 1.5 / np.sqrt(INPUTS)
+        gate = draw(hidden + 1) / np.sqrt(hidden)
+        value = 0.1 * draw(hidden + INPUTS + 1)
+        starts.append(np.concatenate([value, gate, rows.ravel()]))
+    return np.stack(starts)
+
+
+def fitted_starts(
+    start: StickSlipStart, unit_percent: float, settings: NarxSettings, members: int
+) -> Floats:
+    """(members, P): the stick-slip element of ``start``, but for the edges of its gate.
+
+    ``unit_percent`` is the network's unit ``se`` in percent of OP.
+    """
+    fs = max(0.5 * (start.S + start.J) / unit_percent, _LEAST_LEVEL)
+    fd = 0.5 * (start.S - start.J) / unit_percent
+    widths = [fs * _WIDTHS[member % len(_WIDTHS)] for member in range(members)]
+    return np.stack([_element(fs, fd, w, start.goes_on, settings.hidden) for w in widths])
+
+
+def _element(fs: float, fd: float, width: float, goes_on: bool, hidden: int) -> Floats:
+    """(P,) weights of the element, levels in units of ``se``.
+
+    One unit opens the gate where ``e > fs``, one where ``e < -fs``, two where command and stem
+    both go on in one direction; the fifth is the direction d, and the value is ``e - d fd``.
+    Between two directions ``e`` decides: whoever goes on upwards has ``e >= fd > -fs``, also where
+    fd is negative (overshoot); whoever has less did not move, but was measured with noise.
+    """
+    rows = np.zeros((hidden, INPUTS + 1))
+    rows[_UP, [0, -1]] = 1.0 / width, -fs / width
+    rows[_DOWN, [0, -1]] = -1.0 / width, -fs / width
+    slope = _CONSENSUS if goes_on else 0.0
+    near = 0.125 * slope / max(fs - fd, 0.1 * fs)
+    rows[_GOES_ON_UP, [0, 3, -1]] = near, slope, -0.75 * _CONSENSUS - near * fd
+    rows[_GOES_ON_DOWN, [0, 3, -1]] = -near, -slope, -0.75 * _CONSENSUS - near * fd
+    rows[_DIRECTION, [0, 3]] = 6.0 / fs, 6.0
+    gate = np.zeros(hidden + 1)
+    gate[: _GOES_ON_DOWN + 1], gate[-1] = _GATE, 3.0 * _GATE
+    value = np.zeros(hidden + INPUTS + 1)
+    value[_DIRECTION], value[hidden] = -fd, 1.0
+    return np.concatenate([value, gate, rows.ravel()])
+
 
 _LEAST_WATCHED = 30
 # The steep edges of a gate that is set from S and J are large weights, which the usual decay would
@@ -38,16 +104,16 @@ def train_members(
     """
     fitted = settings.fitted if valves[0].example.start is not None else 0
     stages = list(zip(settings.horizons, settings.steps, strict=True))
-    found: list[_Trained] = []
+    members: list[_Trained] = []
     if fitted < settings.seeds:
         random = random_starts(settings, settings.seeds - fitted)
         starts = np.repeat(random[None], len(valves), axis=0)
-        found.append(_train_stages(valves, starts, stages, settings, device))
+        members.append(_train_stages(valves, starts, stages, settings, device))
     if fitted:
         starts = np.stack([_fitted(valve, settings, fitted) for valve in valves])
         gently = replace(settings, decay=settings.decay * _FITTED_DECAY)
-        found.append(_train_stages(valves, starts, stages[-1:], gently, device))
-    weights, logs = zip(*found, strict=True)
+        members.append(_train_stages(valves, starts, stages[-1:], gently, device))
+    weights, logs = zip(*members, strict=True)
     joined = [tuple(chain.from_iterable(log)) for log in zip(*logs, strict=True)]
     return np.concatenate(weights, axis=1), joined
 

@@ -39,8 +39,8 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Floats]]:
             f"{FORMAT_VERSION}; train the valve's network again, or use the release that wrote it"
         )
     weights = _weights(data)
-    found = facts.pop("digest", None)
-    if found != _digest(facts, weights):
+    stored = facts.pop("digest", None)
+    if stored != _digest(facts, weights):
         raise ValueError(
             "NARX network is damaged: its numbers do not match the digest stored with them; "
             "restore it from a backup or train the valve's network again"

@@ -50,11 +50,11 @@ def train(batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS) -> li
     fits: dict[int, NarxFit] = {}
     ready: list[_Ready] = []
     for at, example in enumerate(batch):
-        found = prepare(example, settings)
-        if isinstance(found, str):
-            fits[at] = NarxFit(valve=example.valve, reason=found)
+        prepared = prepare(example, settings)
+        if isinstance(prepared, str):
+            fits[at] = NarxFit(valve=example.valve, reason=prepared)
         else:
-            ready.append((at, found))
+            ready.append((at, prepared))
     for part in _parts(ready, settings.valves_per_batch):
         trained = _train_part([valve for _, valve in part], settings)
         fits |= {at: fit for (at, _), fit in zip(part, trained, strict=True)}
@@ -64,7 +64,7 @@ def train(batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS) -> li
 def _parts(ready: list[_Ready], most: int) -> Iterator[list[_Ready]]:
     """At most so many together, valves with a start apart from those without one."""
     for started in (True, False):
-        alike = [one for one in ready if (one[1].example.start is not None) is started]
+        alike = [item for item in ready if (item[1].example.start is not None) is started]
         for first in range(0, len(alike), most):
             yield alike[first : first + most]
 

@@ -91,10 +91,10 @@ def _objection(example: NarxExample, usable: Bools, early: Bools) -> str | None:
         (training, _LEAST_TRAINED, "to train on"),
         (judging, _LEAST_JUDGED, "held out to judge the network on"),
     ):
-        found = int(np.sum(plan_run(part) == PlanStep.RUN))
-        if found < least:
+        enough = int(np.sum(plan_run(part) == PlanStep.RUN))
+        if enough < least:
             return (
-                f"too few usable samples {what}: {found} with two usable ones before them, "
+                f"too few usable samples {what}: {enough} with two usable ones before them, "
                 f"at least {least} needed; take a longer window"
             )
     if _still(example.op[training]):

@@ -20,7 +20,7 @@ def shown_speed_limits(fit: StickSlipFit) -> dict[str, float]:
     """
     problem = fit.evaluator.problem
     speed = np.diff(problem.op) / problem.interval_s
-    found: dict[str, float] = {}
+    speeds: dict[str, float] = {}
     for name, sign, where in (
         ("rising", 1.0, coordinate.SLOW_UP),
         ("falling", -1.0, coordinate.SLOW_DOWN),
@@ -30,5 +30,5 @@ def shown_speed_limits(fit: StickSlipFit) -> dict[str, float]:
             continue
         asked = int(np.sum(sign * speed > FASTER / slow))
         if asked >= max(FEWEST, LEAST_SHARE * speed.size):
-            found[name] = 1.0 / slow
-    return found
+            speeds[name] = 1.0 / slow
+    return speeds

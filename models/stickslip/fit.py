@@ -151,11 +151,11 @@ def search(
     """
     rng = np.random.default_rng(SEED)
     spread = evaluator.spread(free, scale)
-    found = [
+    fits = [
         refine(loss, start.candidate, spread, evaluator.bounds, rng, rounds=rounds)
         for start in starts
     ]
-    return min(found, key=lambda f: f.loss)
+    return min(fits, key=lambda f: f.loss)
 
 
 def _joint_grid(evaluator: StickSlipEvaluator, sticking: Floats) -> Floats:
@@ -312,15 +312,15 @@ def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> S
     readings = [evaluator, replace(evaluator, restick=ALWAYS)]
     if repeat_share(evaluator.problem.op) >= COARSE_COMMAND:
         readings.append(replace(evaluator, restick=ONLY_WHEN_TURNING))
-    found = []
+    fits = []
     for reading in readings:
         loss = reading.loss(blocks)
         starts = best_of(loss, sticking_grid(reading, base), keep=2)
-        found.append(search(reading, loss, starts, coordinate.STICKING, 0.06, 5))
-    best = int(np.argmin([one.loss for one in found]))
-    if found[best].loss >= CLEARLY * found[0].loss:
+        fits.append(search(reading, loss, starts, coordinate.STICKING, 0.06, 5))
+    best = int(np.argmin([fit.loss for fit in fits]))
+    if fits[best].loss >= CLEARLY * fits[0].loss:
         best = 0
-    simulated = readings[best].simulate(found[best].candidate, resynced=True)
+    simulated = readings[best].simulate(fits[best].candidate, resynced=True)
     return replace(readings[best], delta=min(evaluator.delta, _scale(evaluator.problem, simulated)))
 
 

@@ -43,15 +43,17 @@ def _db() -> None:
 @db_app.command()
 def version(plant: PlantFile = None, db: Url = "") -> None:
     """Say which schema the database has, and which this program writes. Changes nothing."""
-    from stemwatch.service.cli import db_views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration.backup import disposing, one_instant
     from stemwatch.service.store.database.engine import existing_engine
     from stemwatch.service.store.migrations.migrate import current_revision, newest_revision
 
     address = _address(plant, db)
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
-        found = current_revision(connection)
-    db_views.say(f"{address}: schema {found or 'none'}; this program writes {newest_revision()}")
+        revision = current_revision(connection)
+    views.say_result(
+        f"{address}: schema {revision or 'none'}; this program writes {newest_revision()}"
+    )
 
 
 @db_app.command()
@@ -60,7 +62,7 @@ def upgrade(plant: PlantFile = None, db: Url = "") -> None:
 
     Takes its time on PostgreSQL where many samples have to be moved. Make a backup first.
     """
-    from stemwatch.service.cli import db_views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration.backup import disposing
     from stemwatch.service.store.database.engine import make_engine
     from stemwatch.service.store.migrations.migrate import newest_revision
@@ -69,7 +71,7 @@ def upgrade(plant: PlantFile = None, db: Url = "") -> None:
     address = _address(plant, db)
     with disposing(make_engine(address)) as engine:
         bring_up(engine, address)
-    db_views.say(f"{address}: schema {newest_revision()}")
+    views.say_result(f"{address}: schema {newest_revision()}")
 
 
 @db_app.command()
@@ -80,7 +82,7 @@ def downgrade(
     yes: Annotated[bool, typer.Option("--yes", help="Do it.")] = False,
 ) -> None:
     """Take the schema back, for an older program. What only newer schemas hold is LOST."""
-    from stemwatch.service.cli import db_views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration.backup import disposing
     from stemwatch.service.store.database.engine import existing_engine
     from stemwatch.service.store.migrations.migrate import take_back
@@ -94,7 +96,7 @@ def downgrade(
         )
     with disposing(existing_engine(address)) as engine:
         take_back(engine, address, schema)
-    db_views.say(f"{address}: schema {schema}")
+    views.say_result(f"{address}: schema {schema}")
 
 
 @db_app.command()
@@ -103,19 +105,19 @@ def check(plant: PlantFile = None, db: Url = "") -> None:
 
     Changes nothing. Exit status 1 where something needs to be done.
     """
-    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration.check import check as look
 
     address = _address(plant, db)
     health = look(address)
-    views.out.print(db_views.health_table(str(address), health))
+    views.out.print(views.health_table(str(address), health))
     for note in health.notes:
-        db_views.say(note)
+        views.say_result(note)
     for problem in health.problems:
         views.say_error(problem)
     if health.problems:
         raise typer.Exit(1)
-    db_views.say("Nothing is wrong.")
+    views.say_result("Nothing is wrong.")
 
 
 @db_app.command()
@@ -129,12 +131,12 @@ def backup(
     The service may go on: the file holds one instant. It holds names, remarks and the hashes of
     passwords: only its owner may read it.
     """
-    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration.backup import backup as carry
 
     address = _address(plant, db)
     told = carry(address, file)
-    views.out.print(db_views.told_table(f"{address} in {file}", told))
+    views.out.print(views.told_table(f"{address} in {file}", told))
 
 
 @db_app.command()
@@ -147,12 +149,12 @@ def restore(
 
     A database that holds anything is left alone: give a new one.
     """
-    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration.backup import restore as carry
 
     address = _address(plant, db)
     told = carry(o.need_file(file, "FILE"), address)
-    views.out.print(db_views.told_table(f"{file} in {address}", told))
+    views.out.print(views.told_table(f"{file} in {address}", told))
 
 
 @db_app.command()
@@ -174,14 +176,14 @@ def copy(
     Rows are counted and compared by a digest, and all of them come or none. Stop the service
     first: what it writes meanwhile is not copied. The first database stays as it is.
     """
-    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration.backup import copy as carry
     from stemwatch.service.store.database_url import DatabaseUrl
 
     origin, target = _address(plant, db), DatabaseUrl(to)
     told = carry(origin, target)
-    views.out.print(db_views.told_table(f"{origin} in {target}", told))
-    db_views.say(f"Now give {target} as storage.url, or in STEMWATCH_STORAGE_URL.")
+    views.out.print(views.told_table(f"{origin} in {target}", told))
+    views.say_result(f"Now give {target} as storage.url, or in STEMWATCH_STORAGE_URL.")
 
 
 @db_app.command()
@@ -206,7 +208,7 @@ def prune(
 
     The running service removes old samples by itself. Baselines, notes and maintenance stay.
     """
-    from stemwatch.service.cli import db_views, views
+    from stemwatch.service.cli import views
     from stemwatch.service.store.administration import prune as pruning
     from stemwatch.service.store.store import open_store
 
@@ -220,9 +222,9 @@ def prune(
         raise typer.BadParameter("give --samples-days, --results-days or --alerts-days")
     with open_store(_existing(address)) as store:
         went = pruning.prune(store, ages) if yes else pruning.would_prune(store, ages)
-    views.out.print(db_views.pruned_table(str(address), went, done=yes))
+    views.out.print(views.pruned_table(str(address), went, done=yes))
     if not yes and went.total:
-        db_views.say("Nothing was removed; --yes does it. Make a backup first.")
+        views.say_result("Nothing was removed; --yes does it. Make a backup first.")
 
 
 def _address(plant: Path | None, db: str) -> DatabaseUrl:

@@ -36,7 +36,7 @@ def maintenance_report(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant
-    from stemwatch.service.maintenance.from_store import report_of_store
+    from stemwatch.service.maintenance.stored import report_of_store
     from stemwatch.service.store.store import open_store
 
     if not db and plant is None:

@@ -93,7 +93,7 @@ def _trial(
     from stemwatch.service.cli import views
     from stemwatch.service.studies.proof.answers import judge
     from stemwatch.service.studies.proof.draw import write_cases
-    from stemwatch.service.studies.proof.score import score
+    from stemwatch.service.studies.proof.rates import score
 
     with _progress("simulating", len(drawn)) as tell:
         sealed = write_cases(drawn, seed, folder, executor, tell)
@@ -122,7 +122,7 @@ def _progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
 def _report(marks: Sequence[CaseMark], sealed: Seal, seed: int, json_file: Path | None) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.prove_tables import figures_lines, tables
-    from stemwatch.service.studies.proof.score import as_json
+    from stemwatch.service.studies.proof.rates import as_json
 
     for table in tables(marks):
         views.out.print(table, "")
@@ -133,6 +133,6 @@ def _report(marks: Sequence[CaseMark], sealed: Seal, seed: int, json_file: Path 
         highlight=False,
     )
     if json_file is not None:
-        found: dict[str, Any] = as_json(marks, sealed, seed)
-        text = json.dumps(found, allow_nan=False, ensure_ascii=False, indent=1)
+        report: dict[str, Any] = as_json(marks, sealed, seed)
+        text = json.dumps(report, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")

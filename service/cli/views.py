@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
@@ -25,9 +25,12 @@ from stemwatch.models.verdict import Verdict
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from stemwatch.connectors.historian import Inspection
+    from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.screening_result import Screening
+    from stemwatch.service.store.administration.backup_file import TableDigest
+    from stemwatch.service.store.administration.check import DatabaseHealth
+    from stemwatch.service.store.administration.prune import Pruned
 
 out = Console()
 err = Console(stderr=True)
@@ -56,7 +59,7 @@ def escape(text: str) -> str:
 
 def as_toml_escapes(text: str) -> str:
     """TOML whose control characters and invisible letters are written as its own escapes."""
-    return _UNPRINTABLE.sub(lambda found: f"\\U{ord(found[0]):08x}", text)
+    return _UNPRINTABLE.sub(lambda match: f"\\U{ord(match[0]):08x}", text)
 
 
 def say_error(text: str) -> None:
@@ -67,6 +70,11 @@ def say_error(text: str) -> None:
 def say(text: str) -> None:
     """One plain line on standard error: progress, not result."""
     err.print(escape(text), highlight=False)
+
+
+def say_result(text: str) -> None:
+    """One plain line on standard output."""
+    out.print(escape(text), highlight=False)
 
 
 def _number(estimate: Estimate) -> str:
@@ -135,15 +143,15 @@ def summary(screenings: Sequence[Screening]) -> Table:
     if wide:  # in a narrow terminal the sentence would stand in a column of single words
         table.add_column("why")
     for valve in ranking[:SHOWN]:
-        one = valve.screening
-        shape = one.shape.value if one.shape else ""
-        beside = () if narrow else (valve.decision.state.value, shape, one.quality.grade)
+        screening = valve.screening
+        shape = screening.shape.value if screening.shape else ""
+        beside = () if narrow else (valve.decision.state.value, shape, screening.quality.grade)
         table.add_row(
             str(valve.rank),
-            escape(one.valve),
-            f"[{STYLE[one.verdict]}]{one.verdict.value}[/]",
-            _number(one.S),
-            _number(one.J),
+            escape(screening.valve),
+            f"[{STYLE[screening.verdict]}]{screening.verdict.value}[/]",
+            _number(screening.S),
+            _number(screening.J),
             *beside,
             *([escape(valve.said.reason)] if wide else []),
         )
@@ -152,16 +160,18 @@ def summary(screenings: Sequence[Screening]) -> Table:
 
 def _verdicts(screenings: Sequence[Screening]) -> str:
     """How many recordings there are of each verdict."""
-    count = {verdict: sum(one.verdict is verdict for one in screenings) for verdict in STYLE}
+    count = {
+        verdict: sum(screening.verdict is verdict for screening in screenings) for verdict in STYLE
+    }
     return ", ".join(f"{many} {verdict.value}" for verdict, many in count.items() if many)
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
     """One line for each reason why there is no verdict, with the valves it stopped."""
     by_reason: dict[str, list[str]] = {}
-    for one in screenings:
-        if one.verdict is Verdict.UNDETERMINED:
-            by_reason.setdefault(one.reason, []).append(one.valve)
+    for screening in screenings:
+        if screening.verdict is Verdict.UNDETERMINED:
+            by_reason.setdefault(screening.reason, []).append(screening.valve)
     for reason, valves in by_reason.items():
         names = ", ".join(dict.fromkeys(valves[:NAMED]))
         more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
@@ -226,12 +236,59 @@ def _facts(seen: Inspection) -> list[tuple[str, str]]:
     ]
 
 
-def _evidence(tag) -> list[str]:  # type: ignore[no-untyped-def]  # TagInspection is imported late
-    found = []
+def _evidence(tag: TagInspection) -> list[str]:
+    said = []
     if tag.compressed:
-        found.append(f"compressed ({tag.line_share:.0%} on lines)")
+        said.append(f"compressed ({tag.line_share:.0%} on lines)")
     if tag.quantum:
-        found.append(f"steps of {tag.quantum:.3g}")
+        said.append(f"steps of {tag.quantum:.3g}")
     if tag.frozen and tag.role not in ("sp", "mode"):  # those are meant to rest
-        found.append(f"frozen up to {tag.longest_repeat_s:g} s")
-    return found
+        said.append(f"frozen up to {tag.longest_repeat_s:g} s")
+    return said
+
+
+def health_table(address: str, health: DatabaseHealth) -> Table:
+    """Rows and sizes of each table, under what the database is."""
+    layout = f"samples in a {health.layout.value}".replace("a partitions", "partitions")
+    title = f"{address}: {health.engine}, schema {health.schema or 'none'}, {layout}"
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("table")
+    for name in ("rows", "size"):
+        table.add_column(name, justify="right")
+    for table_size in health.tables:
+        size = "" if table_size.size_bytes is None else _size(table_size.size_bytes)
+        table.add_row(table_size.name, f"{table_size.rows}", size)
+    table.add_row("all", "", _size(health.size_bytes))
+    return table
+
+
+def told_table(title: str, told: Mapping[str, TableDigest]) -> Table:
+    """What was carried: rows of each table and the beginning of their digest."""
+    table = Table(title=escape(title), title_justify="left")
+    table.add_column("table")
+    table.add_column("rows", justify="right")
+    table.add_column("digest")
+    for name, digest in told.items():
+        table.add_row(name, str(digest.rows), digest.digest[:16])
+    return table
+
+
+def pruned_table(address: str, pruned: Pruned, *, done: bool) -> Table:
+    """What went, or would go."""
+    verb = "removed from" if done else "would be removed from"
+    table = Table(title=escape(f"{verb} {address}"), title_justify="left")
+    table.add_column("what")
+    table.add_column("rows", justify="right")
+    for name in ("samples", "screenings", "runs", "alerts", "messages"):
+        table.add_row(name, str(getattr(pruned, name)))
+    return table
+
+
+def _size(size_bytes: int) -> str:
+    """Bytes as a person reads them."""
+    size, unit = float(size_bytes), "B"
+    for unit in ("B", "kB", "MB", "GB", "TB"):
+        if size < 1000 or unit == "TB":
+            break
+        size /= 1000
+    return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"

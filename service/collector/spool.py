@@ -14,10 +14,11 @@ import os
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
-from stemwatch.service.collector.batch_format import pack, records
+from stemwatch.service.collector.batch_format import HEAD_BYTES, pack, records
 from stemwatch.service.collector.lock import FolderLock
 
 log = logging.getLogger(__name__)
@@ -26,6 +27,9 @@ SEGMENT_BYTES = 8 * 1024 * 1024
 DEFAULT_LIMIT_BYTES = 2 * 1024 * 1024 * 1024
 _SUFFIX = ".spool"
 _CURSOR = "cursor"
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_FIRST_BYTES = 256 * 1024  # enough for the record of a poll of some thousand tags
 
 
 class SpoolError(Exception):
@@ -140,11 +144,11 @@ class Spool:
         except FileNotFoundError:
             return  # dropped meanwhile, and counted
         stop = 0
-        for found in records(data):
-            if found.skipped:
-                self._report_damage(number, start + stop, found.skipped)
-            stop = found.stop
-            yield Waiting(found.batch, Position(number, start + stop))
+        for record in records(data):
+            if record.skipped:
+                self._report_damage(number, start + stop, record.skipped)
+            stop = record.stop
+            yield Waiting(record.batch, Position(number, start + stop))
         if stop < len(data) and finished:
             self._report_damage(number, start + stop, len(data) - stop)
 
@@ -190,7 +194,7 @@ class Spool:
         start = self._acknowledged.offset if oldest == self._acknowledged.segment else 0
         done = oldest < self._acknowledged.segment
         data = b"" if done else self._path(oldest).read_bytes()
-        lost = sum(found.samples for found in records(data, start))
+        lost = sum(record.samples for record in records(data, start))
         self._remove(oldest)
         self._acknowledged = max(self._acknowledged, Position(oldest + 1))
         self.lost_samples += lost
@@ -221,8 +225,8 @@ class Spool:
     def _read_cursor(self) -> tuple[Position, int]:
         path = self.folder / _CURSOR
         try:
-            found = json.loads(path.read_bytes())
-            return Position(int(found["segment"]), int(found["offset"])), int(found["lost"])
+            cursor = json.loads(path.read_bytes())
+            return Position(int(cursor["segment"]), int(cursor["offset"])), int(cursor["lost"])
         except FileNotFoundError:
             return Position(), 0
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -246,3 +250,64 @@ class Spool:
             if self.sync:
                 os.fsync(file.fileno())
         fresh.replace(path)  # whole or not at all
+
+
+@dataclass(frozen=True, kw_only=True)
+class Backlog:
+    """What the store does not have yet: ``size_bytes`` in the spool, ``oldest`` the instant of its
+    first sample (``None`` where nothing waits), ``lost_samples`` dropped since the spool began."""
+
+    size_bytes: int = 0
+    oldest: datetime | None = None
+    lost_samples: int = 0
+
+    def age_s(self, now: datetime) -> float:
+        """Seconds that the oldest sample has waited; 0 where none waits."""
+        return 0.0 if self.oldest is None else max(0.0, (now - self.oldest).total_seconds())
+
+
+def backlog(folder: Path) -> Backlog:
+    """The backlog of the spool in ``folder``; an empty one where there is no spool.
+
+    Nothing is locked: a file that the collector removes meanwhile counts as taken.
+    """
+    segment, offset, lost = _cursor(folder)
+    size_bytes, oldest = 0, None
+    for number, path in _segments(folder):
+        if number < segment:
+            continue
+        start = offset if number == segment else 0
+        try:
+            waiting = path.stat().st_size - start
+            if waiting < HEAD_BYTES:
+                continue
+            oldest = oldest or _first_instant(path, start)
+        except OSError:
+            continue
+        size_bytes += waiting
+    return Backlog(size_bytes=size_bytes, oldest=oldest, lost_samples=lost)
+
+
+def _cursor(folder: Path) -> tuple[int, int, int]:
+    """Up to where the store has it (file, byte), and how many samples were dropped."""
+    try:
+        cursor = json.loads((folder / _CURSOR).read_bytes())
+        return int(cursor["segment"]), int(cursor["offset"]), int(cursor["lost"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0, 0, 0
+
+
+def _segments(folder: Path) -> list[tuple[int, Path]]:
+    paths = [path for path in folder.glob(f"*{_SUFFIX}") if path.stem.isdigit()]
+    return sorted((int(path.stem), path) for path in paths)
+
+
+def _first_instant(path: Path, start: int) -> datetime | None:
+    """The instant of the first whole record's first sample from byte ``start`` on."""
+    with path.open("rb") as file:
+        file.seek(start)
+        data = file.read(_FIRST_BYTES)
+    for record in records(data):
+        if record.samples:
+            return _EPOCH + timedelta(microseconds=int(record.batch.at_us.min()))
+    return None

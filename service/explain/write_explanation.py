@@ -2,18 +2,82 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
-from stemwatch.service.explain.explain_html import ExplainedEntry, entries, html_bytes
+from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.explain.explain_json import to_json
 from stemwatch.service.explain.explained import Explained
+from stemwatch.service.presenter.wording import span_percent
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.heatmap import heat_map
+from stemwatch.service.report.html_page import PLOT_SCRIPTS, environment, inlined, template
+from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
+from stemwatch.service.report.ranking import anchor_of
 from stemwatch.service.report.write_report import put_all
 
+HERE = "stemwatch.service.explain"
+# An overlay is 60 to 90 KB, and the page must open on a phone.
+MOST_PLOTTED = 150
+
 PAGE, OBJECTS, MAPS = "explain.html", "explain.json", "maps"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplainedEntry:
+    """One explanation with what the page shows of it."""
+
+    explained: Explained
+    view: MismatchView
+
+
+def entries(valves: Sequence[Explained]) -> list[ExplainedEntry]:
+    """The explanations in their order, each with an anchor that no other has."""
+    taken: Counter[str] = Counter()
+    return [_entry(explained, place, taken) for place, explained in enumerate(valves)]
+
+
+def html_bytes(shown: Sequence[ExplainedEntry], context: ReportContext) -> bytes:
+    """The page as UTF-8."""
+    counted = Counter(entry.explained.mismatch.finding for entry in shown)
+    templates = environment(context, _load)
+    templates.filters["change"] = change
+    page = templates.get_template("explain.html")
+    text = page.render(
+        context=context,
+        entries=shown,
+        counts={finding: counted[finding] for finding in Finding if counted[finding]},
+        most_plotted=MOST_PLOTTED,
+        compact=False,
+        **inlined(PLOT_SCRIPTS),
+    )
+    return text.encode()
+
+
+def change(before: float | None, after: float | None) -> str:
+    """``11.8 → 1.00``; one number where both are written alike."""
+    first, second = span_percent(before), span_percent(after)
+    return first if first == second else f"{first} → {second}"
+
+
+def _entry(explained: Explained, place: int, taken: Counter[str]) -> ExplainedEntry:
+    recording = explained.recording if place < MOST_PLOTTED else None
+    anchor = anchor_of(explained.valve, taken)
+    return ExplainedEntry(
+        explained=explained,
+        view=mismatch_view(explained.mismatch, recording, anchor, explained.valve),
+    )
+
+
+@cache
+def _load(name: str) -> str:
+    """A template of this page, or one of the report's."""
+    own = files(HERE).joinpath(name)
+    return own.read_text("utf-8") if own.is_file() else template(name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,20 +90,20 @@ class ExplanationFiles:
 
 
 def write_pages(
-    found: Sequence[Explained], context: ReportContext, folder: Path
+    valves: Sequence[Explained], context: ReportContext, folder: Path
 ) -> ExplanationFiles:
     """Write ``explain.html``, ``explain.json`` and ``maps/VALVE-before.svg``, ``-after.svg``.
 
     Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
     """
-    shown = entries(found)
+    shown = entries(valves)
     maps = {path: text for entry in shown for path, text in _maps(entry, folder / MAPS)}
     for parent in {folder, *(path.parent for path in maps)}:
         parent.mkdir(parents=True, exist_ok=True)
     pages = ExplanationFiles(html=folder / PAGE, json=folder / OBJECTS, maps=tuple(maps))
     put_all(
         {
-            pages.json: to_json(found).encode(),
+            pages.json: to_json(valves).encode(),
             **maps,
             pages.html: html_bytes(shown, context),
         }
@@ -48,10 +112,13 @@ def write_pages(
 
 
 def _maps(entry: ExplainedEntry, folder: Path) -> list[tuple[Path, bytes]]:
-    found, view = entry.explained.mismatch, entry.view
-    named = (("before", found.before), ("after", found.after))
+    mismatch, view = entry.explained.mismatch, entry.view
+    named = (("before", mismatch.before), ("after", mismatch.after))
     pictures = [
-        (f"{view.anchor}-{name}.svg", heat_map(one, view.top, f"{view.tag}, {name}", alone=True))
-        for name, one in named
+        (
+            f"{view.anchor}-{name}.svg",
+            heat_map(residuals, view.top, f"{view.tag}, {name}", alone=True),
+        )
+        for name, residuals in named
     ]
     return [(folder / name, str(svg).encode()) for name, svg in pictures if svg is not None]

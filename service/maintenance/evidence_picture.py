@@ -19,7 +19,8 @@ from stemwatch.service.maintenance.drawing import (
     Panel,
     span,
 )
-from stemwatch.service.presenter.wording import finite, instant, printable
+from stemwatch.service.presenter.wording import instant, printable
+from stemwatch.service.report.charts.loop_shapes import BAND, CURVE, LoopShapes, loop_shapes
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 
@@ -61,15 +62,17 @@ def picture_of(
     if beside:
         marks += _against_op(screening, recording, part)
         says += " Beside it MV against OP, with the stick band of S and J."
+        if screening.stroke_curve is not None:
+            says += " The curve from OP to stroke goes through it."
     return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says), why
 
 
 def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
     """The model's free run where it was kept, with what was left out where that was named."""
-    found = screening.mismatch
+    mismatch = screening.mismatch
     run = screening.traces.stiction
-    if found is not None and found.runs is not None and found.effects:
-        run = found.runs.extended
+    if mismatch is not None and mismatch.runs is not None and mismatch.effects:
+        run = mismatch.runs.extended
     return run if run is not None and run.shape == recording.op.values.shape else None
 
 
@@ -134,8 +137,8 @@ def _panel_over_time(
     )
     marks = panel.frame(what, printable(unit))
     picked = telling_samples([trace.values for trace in traces], POINTS * len(traces))
-    for one in traces:
-        marks += panel.lines(seconds[picked] / scale, one.values[picked], one.width, one.dash)
+    for drawn in traces:
+        marks += panel.lines(seconds[picked] / scale, drawn.values[picked], drawn.width, drawn.dash)
     return marks + _legend(traces, top)
 
 
@@ -149,20 +152,22 @@ def _from(recording: Recording, part: slice, zone: tzinfo) -> str:
 def _legend(traces: Sequence[DrawnTrace], top: float) -> list[Mark]:
     marks: list[Mark] = []
     x = LEFT + 20.0
-    for one in traces:
-        marks.append(DrawnLine(((x, top - 7.0), (x + 22.0, top - 7.0)), one.width, one.dash))
-        marks.append(DrawnText((x + 25.0, top - 4.7), one.name, 7.0))
-        x += 34.0 + 5.0 * len(one.name)
+    for trace in traces:
+        marks.append(DrawnLine(((x, top - 7.0), (x + 22.0, top - 7.0)), trace.width, trace.dash))
+        marks.append(DrawnText((x + 25.0, top - 4.7), trace.name, 7.0))
+        x += 34.0 + 5.0 * len(trace.name)
     return marks
 
 
 def _against_op(screening: Screening, recording: Recording, part: slice) -> list[Mark]:
     assert recording.mv is not None
     op, mv = recording.op.values[part], recording.mv.values[part]
-    band = stick_band(screening, op, mv) if recording.mv.unit == recording.op.unit else None
-    xs = [op] if band is None else [op, band[:, 0]]
-    ys = [mv] if band is None else [mv, band[:, 1]]
-    (x0, x1), (y0, y1) = span(*xs), span(*ys)
+    comparable = recording.mv.unit == recording.op.unit
+    shapes = loop_shapes(screening, op, mv) if comparable else LoopShapes()
+    band, curve = shapes.band, shapes.curve
+    drawn = [shape for shape in (band, curve) if shape is not None]
+    (x0, x1) = span(op, *(shape[:, 0] for shape in drawn))
+    (y0, y1) = span(mv, *(shape[:, 1] for shape in drawn))
     panel = Panel(
         left=WIDTH - LOOP_WIDTH - 4.0,
         top=TOP,
@@ -179,6 +184,10 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
         marks.append(DrawnArea(corners, hatch=5.0))
         marks.append(DrawnLine((*corners, corners[0]), width=1.0, dash=LOOP_DASH))
         marks += _band_legend(panel)
+    if curve is not None:
+        line = tuple(panel.at(float(x), float(y)) for x, y in curve)
+        marks.append(DrawnLine(line, width=1.3, dash=OP_DASH))
+        marks += _curve_legend(panel)
     picked = telling_samples([op, mv], 2 * POINTS)
     return marks + panel.lines(op[picked], mv[picked], 0.8)
 
@@ -189,34 +198,13 @@ def _band_legend(panel: Panel) -> list[Mark]:
     return [
         DrawnArea(box, hatch=3.0),
         DrawnLine((*box, box[0]), width=0.8, dash=LOOP_DASH),
-        DrawnText((x + 18.0, y + 2.3), "stick band of S and J", 7.0),
+        DrawnText((x + 18.0, y + 2.3), BAND, 7.0),
     ]
 
 
-def stick_band(screening: Screening, op: Floats, mv: Floats) -> Floats | None:
-    """(6, 2) corners of the loop that S and J alone describe between the turns of OP, percent.
-
-    The stem slides at ``op - (S - J) / 2`` upwards and ``op + (S - J) / 2`` downwards; after a turn
-    it rests until OP has moved S, and then jumps J to the other side. ``None`` where S or J is not
-    known or OP's swing is too small to leave the band.
-    """
-    S, J = finite(screening.S.value), finite(screening.J.value)
-    known = np.isfinite(op) & np.isfinite(mv)
-    if S is None or J is None or not known.any():
-        return None
-    low, high = np.percentile(op[known], [1.0, 99.0])
-    if not 0.0 < S < high - low:
-        return None
-    # Half-way between the two slides, whichever of them the stem spent longer on.
-    zero = 0.5 * float(np.sum(np.percentile(mv[known] - op[known], [2.0, 98.0])))
-    slide = 0.5 * (S - J)
-    top, bottom = high + zero - slide, low + zero + slide
-    corners = (
-        (high, top),
-        (high - S, top),
-        (high - S, top - J),
-        (low, bottom),
-        (low + S, bottom),
-        (low + S, bottom + J),
-    )
-    return np.asarray(corners)
+def _curve_legend(panel: Panel) -> list[Mark]:
+    x, y = panel.left + 24.0, panel.top - 15.0
+    return [
+        DrawnLine(((x, y), (x + 14.0, y)), width=1.3, dash=OP_DASH),
+        DrawnText((x + 18.0, y + 2.3), CURVE, 7.0),
+    ]

@@ -7,9 +7,12 @@ smallest flows onto a second one: nothing is cut.
 from __future__ import annotations
 
 import io
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cache, lru_cache
+from importlib.resources import files
 from typing import Any
 from xml.sax.saxutils import escape
 
@@ -30,7 +33,6 @@ from reportlab.platypus import (
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.drawing import Drawing, DrawnLine, DrawnText, Mark, hatching
-from stemwatch.service.maintenance.pdf_fonts import BOLD, REGULAR, fonts, is_whole, runs, width_of
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
@@ -44,6 +46,12 @@ from stemwatch.service.presenter.wording import (
     window,
 )
 from stemwatch.service.report.report_context import ReportContext
+
+REGULAR, BOLD = "DejaVuSansCondensed", "DejaVuSansCondensed-Bold"
+# Adobe's names for fonts that readers of PDF supply; embedding them would take megabytes.
+HAN, HANGUL = "STSong-Light", "HYSMyeongJo-Medium"
+BOX = "□"
+_INVISIBLE = frozenset({"Cc", "Cf", "Mn", "Me"})
 
 MARGIN, TOP, FOOT = 40.0, 30.0, 34.0
 WIDTH = A4[0] - 2 * MARGIN
@@ -63,6 +71,68 @@ LEGEND = (
 )
 # Letters of a paragraph, which flows over pages, and of a cell, which has to fit one.
 LONGEST, LONGEST_CELL, LONGEST_NAME = 6000, 1200, 200
+
+
+@cache
+def fonts() -> dict[str, Any]:
+    """The embedded fonts by name, registered with reportlab."""
+    from reportlab import rl_config
+    from reportlab.pdfbase import pdfmetrics
+    from reportlab.pdfbase.cidfonts import UnicodeCIDFont
+    from reportlab.pdfbase.ttfonts import TTFont
+
+    rl_config.useA85 = 0  # no channel is of seven bits any more, and the text form takes long
+    folder = files("stemwatch.service.maintenance").joinpath("fonts")
+    faces = {name: TTFont(name, str(folder.joinpath(f"{name}.ttf"))) for name in (REGULAR, BOLD)}
+    for font in (*faces.values(), UnicodeCIDFont(HAN), UnicodeCIDFont(HANGUL)):
+        pdfmetrics.registerFont(font)
+    return faces
+
+
+@lru_cache(maxsize=20_000)
+def font_of(letter: str, bold: bool = False) -> str:
+    """The name of the font that has ``letter``; empty where none has it."""
+    name = BOLD if bold else REGULAR
+    if ord(letter) in fonts()[name].face.charToGlyph:
+        return name
+    if "HANGUL" in unicodedata.name(letter, ""):
+        return HANGUL
+    kinds = ("CJK", "HIRAGANA", "KATAKANA", "FULLWIDTH", "IDEOGRAPHIC")
+    return HAN if unicodedata.name(letter, "").startswith(kinds) else ""
+
+
+@lru_cache(maxsize=50_000)
+def runs(text: str, bold: bool = False) -> tuple[tuple[str, str], ...]:
+    """``text`` as pieces of (font, letters). What no font has is a box; what has no width, such as
+    a mark that turns the direction of writing, is left out."""
+    pieces: list[tuple[str, str]] = []
+    for letter in text:
+        font = font_of(letter, bold)
+        if not font:
+            if unicodedata.category(letter) in _INVISIBLE:
+                continue
+            font, letter = font_of(BOX, bold), BOX
+        if pieces and pieces[-1][0] == font:
+            pieces[-1] = (font, pieces[-1][1] + letter)
+        else:
+            pieces.append((font, letter))
+    return tuple(pieces)
+
+
+@lru_cache(maxsize=50_000)
+def width_of(text: str, bold: bool = False) -> float:
+    """The width of ``text`` in a size of 1 point."""
+    from reportlab.pdfbase.pdfmetrics import stringWidth
+
+    fonts()
+    return float(sum(stringWidth(letters, font, 1.0) for font, letters in runs(text, bold)))
+
+
+def is_whole(text: str) -> bool:
+    """Whether every visible letter of ``text`` can be drawn."""
+    return all(
+        font_of(letter) or unicodedata.category(letter) in _INVISIBLE for letter in set(text)
+    )
 
 
 def book_pdf(book: WorkList, *, compress: bool = True) -> bytes:
@@ -291,7 +361,9 @@ def _front(book: WorkList) -> list[Any]:
     story.append(Spacer(1, 6.0))
     if book.sheets:
         rows = [[t.text(name, bold=True) for name in HEADINGS]]
-        rows += [_row(t, number, one, context) for number, one in enumerate(book.sheets, start=1)]
+        rows += [
+            _row(t, number, sheet, context) for number, sheet in enumerate(book.sheets, start=1)
+        ]
         widths = [share * WIDTH for share in SHARES]
         story.append(LongTable(rows, colWidths=widths, repeatRows=1, style=_LIST))
     else:
@@ -299,11 +371,13 @@ def _front(book: WorkList) -> list[Any]:
     if book.others:
         many = "valve" if len(book.others) == 1 else "valves"
         story.append(t.heading(f"{len(book.others)} {many} without a page"))
-        rest = [_brief(t, one) for one in book.others]
+        rest = [_brief(t, other) for other in book.others]
         story.append(LongTable(rest, colWidths=[78.0, 118.0, WIDTH - 196.0], style=_BARE))
     if context.sources_not_read:
         story.append(t.heading("Remarks"))
-        story += [t.text(f"{one.source}: {one.reason}", 0.9) for one in context.sources_not_read]
+        story += [
+            t.text(f"{unread.source}: {unread.reason}", 0.9) for unread in context.sources_not_read
+        ]
     return [*story, t.text(f"{LEGEND} {HINT}", 0.86, spaceBefore=6.0)]
 
 
@@ -324,12 +398,12 @@ def _row(t: _Type, number: int, sheet: WorkSheet, context: ReportContext) -> lis
     ]
 
 
-def _brief(t: _Type, one: ValveWithoutPage) -> list[Any]:
-    verdict = f"{VERDICT_SYMBOL[one.verdict]} {one.verdict.value}"
+def _brief(t: _Type, valve: ValveWithoutPage) -> list[Any]:
+    verdict = f"{VERDICT_SYMBOL[valve.verdict]} {valve.verdict.value}"
     return [
         t.text(verdict, 0.9),
-        t.text(_cut(one.valve, LONGEST_NAME), 0.9, bold=True),
-        t.text(_cut(one.said, LONGEST_CELL), 0.9),
+        t.text(_cut(valve.valve, LONGEST_NAME), 0.9, bold=True),
+        t.text(_cut(valve.said, LONGEST_CELL), 0.9),
     ]
 
 
@@ -345,10 +419,10 @@ def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:
 def _height(story: Sequence[Any]) -> float:
     """How much room ``story`` takes."""
     tall, after = 0.0, 0.0
-    for at, one in enumerate(story):
-        before = one.getSpaceBefore() if at else 0.0
-        tall += max(before, after) + one.wrap(WIDTH, 10_000.0)[1]
-        after = one.getSpaceAfter()
+    for at, part in enumerate(story):
+        before = part.getSpaceBefore() if at else 0.0
+        tall += max(before, after) + part.wrap(WIDTH, 10_000.0)[1]
+        after = part.getSpaceAfter()
     return tall
 
 
@@ -393,7 +467,7 @@ def _head(t: _Type, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     title = f"{VERDICT_SYMBOL[screening.verdict]} {sheet.title} ({screening.verdict.value})"
     left = [
         t.text(_cut(screening.valve, LONGEST_NAME), 1.75, bold=True),
-        t.text(_cut(" · ".join(one for one in about if one), LONGEST_CELL), 0.92),
+        t.text(_cut(" · ".join(text for text in about if text), LONGEST_CELL), 0.92),
         t.text(title, 1.25, bold=True, spaceBefore=1.0),
     ]
     if not is_whole(screening.valve + facts.description):
@@ -436,9 +510,9 @@ def _sizes(t: _Type, sheet: WorkSheet, width: float) -> list[Any]:
 
 
 def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> list[Any]:
-    found = [t.heading("Since when"), t.text(" ".join(sheet.since_said))]
+    parts = [t.heading("Since when"), t.text(" ".join(sheet.since_said))]
     if not sheet.past:
-        return found
+        return parts
     rows = [
         ["Before", *[_day(past.at, context) for past in sheet.past]],
         ["", *[_verdict(past.verdict) for past in sheet.past]],
@@ -448,7 +522,7 @@ def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> 
     small = _Type(0.76 * t.size)
     cells = [[small.text(cell, bold=at == 0) for at, cell in enumerate(row)] for row in rows]
     widths = [28.0, *[step] * len(sheet.past)]
-    return [*found, Table(cells, colWidths=widths, style=_BARE, hAlign="LEFT")]
+    return [*parts, Table(cells, colWidths=widths, style=_BARE, hAlign="LEFT")]
 
 
 def _verdict(verdict: Verdict) -> str:

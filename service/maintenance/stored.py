@@ -3,18 +3,22 @@ came before them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from datetime import timedelta
+from collections.abc import Collection, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
-from stemwatch.service.report.report_context import ValveFacts
+from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
+from stemwatch.service.presenter.false_discoveries import tested
+from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.store import Store
 
 # Enough for a typical stretch of the picture; a day of three tags at 1 s is a quarter of a million.
@@ -41,8 +45,10 @@ def facts_of(
     """What plant file and store say of the valves, and what was found of them before."""
     known = {valve.id: valve for valve in store.valves()}
     return {
-        one.valve: _facts(known.get(one.valve), plant, one.valve, store.previous_finding(one))
-        for one in screenings
+        screening.valve: _facts(
+            known.get(screening.valve), plant, screening.valve, store.previous_finding(screening)
+        )
+        for screening in screenings
     }
 
 
@@ -75,3 +81,45 @@ def read_samples(store: Store, plant: Plant | None, screening: Screening) -> Rec
         return source.read(plant.valve_tags(screening.valve), window)
     except (ConnectorError, StoreError):
         return None  # removed by now: the page says that there is no picture
+
+
+def report_of_store(
+    store: Store,
+    out_dir: Path,
+    *,
+    plant: Plant | None = None,
+    run: int | None = None,
+    valves: Collection[str] = (),
+    zone: str = "",
+    everything: bool = False,
+) -> MaintenanceFiles:
+    """Write the report of ``run``, or without one of each valve's latest screening, into
+    ``out_dir``; of ``valves`` only, where some are named.
+
+    What stands beside friction is decided over all valves either way. Raises ``StoreError`` where
+    there is no such run, or none of a valve that was named.
+    """
+    every = store.latest_screenings() if run is None else store.screenings_of_run(run)
+    known = {screening.valve for screening in every}
+    if unknown := sorted(set(valves) - known):
+        where = "the store" if run is None else f"run {run}"
+        raise StoreError(
+            f"{store.address}: {where} has no screening of {', '.join(map(repr, unknown))}; "
+            f"it has {len(known)} valves, such as {', '.join(sorted(known)[:5]) or 'none'}"
+        )
+    chosen = [screening for screening in every if not valves or screening.valve in valves]
+    context = ReportContext(
+        started=datetime.now(UTC) if run is None else store.run(run).started,
+        plant=plant.name if plant is not None else "",
+        zone=zone or (plant.zone if plant is not None else None) or "UTC",
+        valves=facts_of(store, plant, chosen),
+        p_elsewhere=_p_elsewhere(every, valves),
+    )
+    background = background_of(store, plant, run)
+    return write_maintenance(chosen, context, out_dir, background, everything=everything)
+
+
+def _p_elsewhere(every: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
+    """The p values of the valves that were tested and are not in the report."""
+    others = [screening.mismatch for screening in every if valves and screening.valve not in valves]
+    return tuple(other.p_value for other in others if tested(other))

@@ -7,7 +7,7 @@ wrong, and whether it stands among all valves of the run.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import tzinfo
+from datetime import date, datetime, timedelta, tzinfo
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel
@@ -18,7 +18,6 @@ from stemwatch.service.maintenance import first_seen as s
 from stemwatch.service.maintenance.drawing import Drawing
 from stemwatch.service.maintenance.evidence_picture import picture_of
 from stemwatch.service.maintenance.first_seen import FirstSeen
-from stemwatch.service.maintenance.priority import Priority, priority
 from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discoveries
@@ -30,13 +29,53 @@ from stemwatch.service.presenter.wording import (
     share,
     span_percent,
 )
+from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.report.ranking import RankedValve
+
+WEIGHT_OF_CRITICALITY = {"1": 0.6, "2": 0.8, "3": 1.0}
+USUAL_CRITICALITY = "2"  # as the plant file has it where a valve says nothing
+WEIGHT_OF_TREND = {"worse": 1.2, "better": 0.85}
+CLASSES = ((0.80, 1), (0.55, 2), (0.30, 3), (0.0, 4))
+WORDS = {1: "within a week", 2: "within a month", 3: "within three months", 4: "at the next stop"}
+DAYS = {1: 7, 2: 30, 3: 90, 4: 180}
 
 MOST_PAST = 5  # earlier screenings in the table
 MEANING = {
     "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
     "J": "slip jump: how far the stem then jumps at once",
 }
+# Counted on simulated valves that took no part in choosing the limits: the tables "How often is it
+# right?" and "Does it name the right physics?" of the README, which a test compares.
+FALSE_STICKY = (1, 240, "0.1 to 2.3 %")
+FALSE_EFFECT = (0, 52, "0 to 6.9 %")
+FALSE_EFFECT_SCATTERED = (3, 64, "1.6 to 13 %")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Priority:
+    """``code`` 1 (most urgent) to 4, its ``words``, the ``score`` 0 to 1.2 and the ``reason``."""
+
+    code: int
+    words: str
+    score: float
+    reason: str
+
+    def due(self, reported: datetime, zone: tzinfo) -> date:
+        """The end date to propose, a day in ``zone``."""
+        return (reported.astimezone(zone) + timedelta(days=DAYS[self.code])).date()
+
+
+def priority(severity: float, criticality: str, trend: Change) -> Priority:
+    """The class of a finding, with the three factors as its reason."""
+    known = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
+    weight = WEIGHT_OF_TREND.get(trend.direction, 1.0)
+    score = severity / 100.0 * WEIGHT_OF_CRITICALITY[known] * weight
+    code = next(code for least, code in CLASSES if score >= least)
+    stated = f"criticality {known} of 3"
+    if known != criticality:
+        stated += f" (plant says {criticality!r})" if criticality else " (none is given)"
+    reason = f"{stated}, severity {severity:.0f} of 100, trend: {trend.words}"
+    return Priority(code=code, words=WORDS[code], score=score, reason=reason)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +136,9 @@ class WorkSheet:
 
 
 def work_sheet_of(
-    valve: RankedValve, found: Discoveries, background: ValveHistory, zone: tzinfo
+    valve: RankedValve, discoveries: Discoveries, background: ValveHistory, zone: tzinfo
 ) -> WorkSheet:
-    """The page of ``valve``; ``found`` is what stands in the whole run, times are in ``zone``."""
+    """The page of ``valve``; ``discoveries`` says what stands in the run."""
     screening, said = valve.screening, valve.said
     kinds = said.decision.kinds
     earlier = background.earlier(screening)
@@ -119,7 +158,7 @@ def work_sheet_of(
         since=seen,
         since_said=_since(seen, screening, background, zone),
         past=tuple(earlier[:MOST_PAST]),
-        sure=how_sure(screening, valve.stands, found, seen),
+        sure=how_sure(screening, valve.stands, discoveries, seen),
         priority=priority(
             finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
         ),
@@ -163,7 +202,7 @@ def _since(
     began = seen.first.at if seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
     said = (s.sentence(seen, zone), s.work_sentence(work, began, zone))
-    return tuple(one for one in said if one)
+    return tuple(sentence for sentence in said if sentence)
 
 
 def brief_of(valve: RankedValve) -> str:
@@ -176,24 +215,17 @@ def brief_of(valve: RankedValve) -> str:
     return f"{VERDICT_MEANING[screening.verdict]}{said}; trend: {valve.trend.words}"
 
 
-# Counted on simulated valves that took no part in choosing the limits: the tables "How often is it
-# right?" and "Does it name the right physics?" of the README, which a test compares.
-FALSE_STICKY = (1, 240, "0.1 to 2.3 %")
-FALSE_EFFECT = (0, 52, "0 to 6.9 %")
-FALSE_EFFECT_SCATTERED = (3, 64, "1.6 to 13 %")
-
-
 def how_sure(
-    screening: Screening, stands: bool | None, found: Discoveries, seen: FirstSeen
+    screening: Screening, stands: bool | None, discoveries: Discoveries, seen: FirstSeen
 ) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
     said = [_confidence(screening), _seen_often(seen), _wrong_of_sticky(screening)]
     if stands is not None:
-        said.append(_standing(stands, found))
+        said.append(_standing(stands, discoveries))
         said.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
         said.append(_rate("the same with a stickband that scatters", *FALSE_EFFECT_SCATTERED))
     said.append(_data(screening))
-    return tuple(one for one in said if one)
+    return tuple(sentence for sentence in said if sentence)
 
 
 def _confidence(screening: Screening) -> str:
@@ -220,9 +252,9 @@ def _rate(what: str, count: int, of: int, interval: str) -> str:
     )
 
 
-def _standing(stands: bool, found: Discoveries) -> str:
+def _standing(stands: bool, discoveries: Discoveries) -> str:
     if not stands:
-        return found.remark
+        return discoveries.remark
     return (
         f"What is named beside friction stands among all valves of the run: of such findings at "
         f"most {LEVEL_PERCENT} are expected to be due to chance."

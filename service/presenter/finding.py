@@ -12,14 +12,31 @@ from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, term_words
-from stemwatch.service.presenter.beside_friction import beside_friction, without_them
 from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, others
-from stemwatch.service.presenter.wording import VERDICT_MEANING, beyond, figure, finite, share
+from stemwatch.service.presenter.wording import (
+    VERDICT_MEANING,
+    beyond,
+    figure,
+    finite,
+    share,
+    span_percent,
+)
 from stemwatch.service.presenter.work_decision import WorkDecision, decide
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
+
+# Below a tenth of the sampling interval a time is not seen in samples but guessed between them,
+# and below a tenth of a second nobody at a control valve asks.
+LEAST_SHARE_OF_INTERVAL = 0.1
+SMALLEST_TIME_S = 0.1
+# A stem that crosses its travel in five seconds is no slow one.
+FASTEST_PERCENT_PER_S = 20.0
+ALIKE_SHARE = 0.2  # two directions closer than this are said once
+NAIVE_SHARE = 1 / 3
+SMALLEST_NAIVE_STEP_PERCENT = 0.2
+_NAIVE_SAID = "S and J alone"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +100,7 @@ def present(
     all of it.
     """
     decision = decide(screening, stands=stands)
-    found = screening.mismatch
+    mismatch = screening.mismatch
     return PresentedFinding(
         decision=decision,
         title=advice_for(decision.kinds[0]).title,
@@ -92,17 +109,19 @@ def present(
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
         beside_friction=" ".join(
-            one for one in (beside_friction(screening), without_them(screening)) if one
+            sentence
+            for sentence in (beside_friction(screening), without_them(screening))
+            if sentence
         ),
-        effects=() if found is None else present_effects(found),
-        otherwise=_otherwise(found, decision.kinds, stands),
+        effects=() if mismatch is None else present_effects(mismatch),
+        otherwise=_otherwise(mismatch, decision.kinds, stands),
         held_back=run.remark if run is not None and stands is False else "",
     )
 
 
 def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
     """The effects of a mismatch in words, strongest first."""
-    return tuple(present_effect(one) for one in mismatch.effects)
+    return tuple(present_effect(effect) for effect in mismatch.effects)
 
 
 def present_effect(effect: Effect) -> PresentedEffect:
@@ -125,19 +144,21 @@ def present_effect(effect: Effect) -> PresentedEffect:
 
 def _evidence(effect: Effect) -> str:
     """What speaks for the effect: how much it removes where nothing was fitted."""
-    found = effect.evidence
-    t = "" if finite(found.t) is None else f" (t {figure(found.t, 2)})"
-    removed = f"It removes {share(found.share)} of the squared residual on blocks it was not fitted"
-    return f"{removed} to{t}. {found.note}".rstrip()
+    evidence = effect.evidence
+    t = "" if finite(evidence.t) is None else f" (t {figure(evidence.t, 2)})"
+    removed = (
+        f"It removes {share(evidence.share)} of the squared residual on blocks it was not fitted"
+    )
+    return f"{removed} to{t}. {evidence.note}".rstrip()
 
 
 def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
     """The screening's reason, and each effect that stands."""
     said = [screening.reason]
-    said += beyond((one.sentence for one in decision.effects), screening.reason)
-    found = screening.mismatch
-    if found is not None and found.finding is Finding.UNKNOWN:
-        said += beyond([found.sentence], screening.reason)
+    said += beyond((effect.sentence for effect in decision.effects), screening.reason)
+    mismatch = screening.mismatch
+    if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
+        said += beyond([mismatch.sentence], screening.reason)
     return tuple(said)
 
 
@@ -150,21 +171,23 @@ def _next_step(screening: Screening, decision: WorkDecision) -> str:
 
 
 def _otherwise(
-    found: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
+    mismatch: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
 ) -> tuple[str, ...]:
     """What else it could be: what looks alike, what this recording cannot tell apart, what was
     held back, what it could not have shown."""
     said = list(advice_for(kinds[0]).otherwise)
-    if found is None:
+    if mismatch is None:
         return tuple(said)
-    for effect in present_effects(found):
+    for effect in present_effects(mismatch):
         said += _alternatives(effect, held_back=stands is False)
-    if found.not_testable:
-        named = effect_names(one.slug for one in found.not_testable[:MOST_UNTESTABLE])
-        more = len(found.not_testable) - MOST_UNTESTABLE
+    if mismatch.not_testable:
+        named = effect_names(
+            untestable.slug for untestable in mismatch.not_testable[:MOST_UNTESTABLE]
+        )
+        more = len(mismatch.not_testable) - MOST_UNTESTABLE
         said.append(
             f"Not testable in this recording: {named}{f' and {more} more' if more > 0 else ''}; "
-            f"the first because {found.not_testable[0].reason.rstrip('.')}."
+            f"the first because {mismatch.not_testable[0].reason.rstrip('.')}."
         )
     return tuple(said)
 
@@ -176,3 +199,65 @@ def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
         return []
     text = f"Instead of {effect.name}: {effect.instead}; this recording cannot tell them."
     return [f"{text} {effect.decide}".rstrip()]
+
+
+def beside_friction(screening: Screening) -> str:
+    """One sentence on what delays or slows the stem; empty where nothing but friction was seen."""
+    said = [clause for clause in (_late(screening), _lag(screening), _speed(screening)) if clause]
+    return f"Beside friction: {'; '.join(said)}." if said else ""
+
+
+def without_them(screening: Screening) -> str:
+    """What S and J alone would have read for S, where that differs by more than a third of S."""
+    S, naive = finite(screening.S.value), _value(screening, "naive_S_percent")
+    if S is None or naive is None or _NAIVE_SAID in screening.reason:
+        return ""
+    if abs(naive - S) <= max(NAIVE_SHARE * S, SMALLEST_NAIVE_STEP_PERCENT):
+        return ""
+    return f"{_NAIVE_SAID} would have read S {span_percent(naive)} %."
+
+
+def _value(screening: Screening, name: str) -> float | None:
+    indicator = screening.indicators.get(name)
+    return None if indicator is None else finite(indicator.value)
+
+
+def _time(screening: Screening, name: str) -> float | None:
+    """The time where the recording is fine enough to have shown it."""
+    seen = screening.seen
+    interval_s = 0.0 if seen is None else seen.interval_s
+    value = _value(screening, name)
+    if value is None or value < max(LEAST_SHARE_OF_INTERVAL * interval_s, SMALLEST_TIME_S):
+        return None
+    return value
+
+
+def _late(screening: Screening) -> str:
+    dead = _time(screening, "dead_time_s")
+    return "" if dead is None else f"command arrives {dead:.1f} s late"
+
+
+def _lag(screening: Screening) -> str:
+    times = _time(screening, "lag_rising_s"), _time(screening, "lag_falling_s")
+    return _two_ways(*times, "s", "follows with a lag of")
+
+
+def _speed(screening: Screening) -> str:
+    names = ("speed_rising_percent_per_s", "speed_falling_percent_per_s")
+    speeds = [_value(screening, name) for name in names]
+    slow = [
+        speed if speed is not None and speed <= FASTEST_PERCENT_PER_S else None for speed in speeds
+    ]
+    return _two_ways(slow[0], slow[1], "%/s", "moves at most")
+
+
+def _two_ways(rising: float | None, falling: float | None, unit: str, what: str) -> str:
+    if rising is None and falling is None:
+        return ""
+    if rising is None:
+        return f"{what} {falling:.1f} {unit} when position falls"
+    if falling is None:
+        return f"{what} {rising:.1f} {unit} when position rises"
+    if abs(rising - falling) <= ALIKE_SHARE * max(rising, falling):
+        return f"{what} {(rising + falling) / 2:.1f} {unit}"
+    return f"{what} {rising:.1f} {unit} rising and {falling:.1f} {unit} falling"

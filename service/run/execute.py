@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import PreviousFinding, Screening
@@ -16,11 +17,14 @@ from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.html_page import MOST_PLOTTED
-from stemwatch.service.run.chunking import make_chunks
 from stemwatch.service.run.saving import Found, Saving, with_baselines
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import Task, given_up, screen_packed
 from stemwatch.service.store.store import Store
+
+PER_WORKER = 3  # shares of what is left for each worker
+
+T = TypeVar("T")
 
 # Valves that one worker takes at a time. Their networks train together, which is quicker; but every
 # worker should have some, and progress should be seen.
@@ -30,6 +34,44 @@ WORTH_PARTING, PARTED_UP_TO = 8, 32 * 2**20
 
 Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
 Over = Callable[[str, str], None]  # all of a valve is saved: it, and why it was given up if it was
+
+
+def make_chunks(
+    items: Sequence[T],
+    workers: int,
+    most: int,
+    parsed: Callable[[T], str | None] = lambda _: None,
+) -> list[tuple[T, ...]]:
+    """``items`` in order, dealt so that ``workers`` end at nearly the same time.
+
+    Each share is a part of what is left, one in ``PER_WORKER`` times ``workers``, and ``most`` at
+    most: guided self-scheduling (Polychronopoulos and Kuck, 1987). Equal shares would leave all but
+    one worker idle while the last one is done. ``parsed`` names what has to be parsed as a whole
+    for an item, if anything: neighbours of one name go to one worker where ``most`` allows it.
+    """
+    names = [parsed(item) for item in items]
+    dealt: list[tuple[T, ...]] = []
+    begin = 0
+    while begin < len(items):
+        end = begin + min(most, -(-(len(items) - begin) // (PER_WORKER * workers)))
+        end = _where_parting_is_cheap(names, begin, end, most)
+        dealt.append(tuple(items[begin:end]))
+        begin = end
+    return dealt
+
+
+def _where_parting_is_cheap(names: Sequence[str | None], begin: int, end: int, most: int) -> int:
+    """``end``, or the nearest end of what is parsed as a whole: after it within ``most``, else
+    before it; ``end`` itself where all of it is one."""
+
+    def parts(place: int) -> bool:
+        inside = 0 < place < len(names) and names[place] is not None
+        return inside and names[place - 1] == names[place]
+
+    after = next((p for p in range(end, begin + most + 1) if not parts(p)), None)
+    if after is not None:
+        return min(after, len(names))
+    return next((p for p in range(end - 1, begin, -1) if not parts(p)), end)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +132,10 @@ def execute(
         over=over,
     )
     for done in _screened(run, tasks, stop):
-        found = [_put(results, outcome) for outcome in done]
-        saving.take(found, results)
-        for nth, one in enumerate(found, start=len(results) - len(found) + 1):
-            tell(one.screening, nth, len(tasks))
+        arrived = [_put(results, outcome) for outcome in done]
+        saving.take(arrived, results)
+        for nth, result in enumerate(arrived, start=len(results) - len(arrived) + 1):
+            tell(result.screening, nth, len(tasks))
     return Executed(results=results, previous=saving.previous, not_saved=tuple(saving.not_saved))
 
 
@@ -102,9 +144,9 @@ def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threa
     first = len(executed.results)
     for done in _screened(run, with_baselines(tasks, run.store), stop):
         for outcome in done:
-            one = _put(executed.results, outcome, first)
-            found = run.store.previous_finding(one.screening, run.started)
-            executed.previous[one.screening.valve] = found
+            result = _put(executed.results, outcome, first)
+            before = run.store.previous_finding(result.screening, run.started)
+            executed.previous[result.screening.valve] = before
 
 
 def _screened(

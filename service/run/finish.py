@@ -9,23 +9,55 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
+from stemwatch.models.false_discovery import significant
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.alerts.digest import tell
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
+from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
 from stemwatch.service.run.spill import Worst
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
-
 NotRead = Sequence[tuple[str, str]]
+
+
+def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
+    """Mark what ``run_id`` named and what does not stand among its valves; all that was tested.
+
+    Doing it again changes nothing. Raises ``StoreError``.
+    """
+    tested = store.tested_of_run(run_id)
+    stood = significant([tested.p_value for tested in tested])
+    named = sum(tested.named and stand for tested, stand in zip(tested, stood, strict=True))
+    held = [
+        tested.screening
+        for tested, stand in zip(tested, stood, strict=True)
+        if tested.named and not stand
+    ]
+    remark = Discoveries(standing=(), tested=len(tested), named=named, held_back=len(held)).remark
+    marks = {
+        tested.screening: remark if tested.screening in set(held) else ""
+        for tested in tested
+        if tested.named
+    }
+    store.note_held_back(run_id, marks)
+    return tested
+
+
+def p_elsewhere(
+    tested: Sequence[TestedScreening], shown: Sequence[str]
+) -> tuple[float | None, ...]:
+    """The p values of the valves that a report of ``shown`` leaves out."""
+    there = set(shown)
+    return tuple(tested.p_value for tested in tested if tested.valve not in there)
 
 
 def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles | None:
@@ -75,7 +107,7 @@ def _write_worst(
     run: Run, worst: Worst, context: ReportContext, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
     """The report of the worst valves only, which says what it leaves out."""
-    shown = [one.valve for one in worst]
+    shown = [screening.valve for screening in worst]
     notes = context.sources_not_read
     more = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(shown))
     if more:
@@ -93,7 +125,11 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
     every: Sequence[Screening] = executed.results
     if run.queued:
         here = executed.previous
-        rest = [one for one in run.store.screenings_of_run(run.number) if one.valve not in here]
+        rest = [
+            screening
+            for screening in run.store.screenings_of_run(run.number)
+            if screening.valve not in here
+        ]
         if rest:
             every = [*executed.results, *rest]
             facts = stored_maintenance.facts_of(run.store, run.plant, rest)
@@ -108,7 +144,10 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         aside = run.store.queue.set_aside(run.number)
         notes += [SourceNotRead(source=valve, reason=why) for valve, why in aside]
     if plant is not None:
-        notes += [SourceNotRead(source=str(one.file), reason=str(one)) for one in plant.problems]
+        notes += [
+            SourceNotRead(source=str(problem.file), reason=str(problem))
+            for problem in plant.problems
+        ]
     return ReportContext(
         started=run.started,
         plant=plant.name if plant else "",

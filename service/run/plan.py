@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, field, fields, replace
@@ -21,7 +22,6 @@ from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, outcomes
-from stemwatch.service.run.header import header_tags
 from stemwatch.service.run.task import (
     InStore,
     Task,
@@ -36,6 +36,15 @@ NO_VALVE = (
     "no controller output was recognised in this file; say which tags are meant with --op and "
     "--mv, or in a plant.toml (`stemwatch inspect` shows the tags)."
 )
+
+Looked = frozenset[str] | str  # the tags in a file, or why it cannot be read
+Look = Callable[[Sequence[TextFile]], Sequence[Looked]]
+HEAD_BYTES = 1_000_000
+LINES = 12
+_SEPARATORS = re.compile(r"[,;\t|]")
+_UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
+# A row of a narrow export names one tag; a header of a wide one names several.
+FEWEST = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +73,6 @@ class Plan:
     not_read: tuple[tuple[str, str], ...] = ()
 
 
-Looked = frozenset[str] | str  # the tags in a file, or why it cannot be read
-Look = Callable[[Sequence[TextFile]], Sequence[Looked]]
-
-
 def look_here(files: Sequence[TextFile]) -> Sequence[Looked]:
     """Parse the files in this process, which keeps them for whoever reads them next."""
     return tags_of_files(os.getcwd(), files)
@@ -78,11 +83,11 @@ def look_with(executor: Executor, stop: threading.Event) -> Look:
 
     def look(files: Sequence[TextFile]) -> Sequence[Looked]:
         work = partial(tags_of_files, os.getcwd())
-        found: dict[int, Looked] = {}
+        looked: dict[int, Looked] = {}
         for (outcome,) in outcomes(executor, work, [[file] for file in files], stop):
             why = f"{outcome.item.path}: {outcome.reason}"
-            found[outcome.place] = why if outcome.result is None else outcome.result
-        return [found.get(place, "it was not looked at") for place in range(len(files))]
+            looked[outcome.place] = why if outcome.result is None else outcome.result
+        return [looked.get(place, "it was not looked at") for place in range(len(files))]
 
     return look
 
@@ -92,11 +97,11 @@ def make_plan(request: Request, look: Look = look_here) -> Plan:
     if request.plant is not None and not request.sources:
         return _of_plant(request, request.plant, look)
     archives, others = split_archives(request.sources)
-    found = find_sources(others)
+    sources = find_sources(others)
     tasks = [task for path in archives for task in _of_archive(request, path)]
-    for path in found.paths:
+    for path in sources.paths:
         tasks += _of_file(request, str(path), look)
-    skipped = tuple((str(path), reason) for path, reason in found.skipped)
+    skipped = tuple((str(path), reason) for path, reason in sources.skipped)
     return Plan(tasks=tuple(tasks), not_read=skipped)
 
 
@@ -169,14 +174,14 @@ def _tags_in(
     wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
     if not valves:
         return [frozenset() for _ in files]
-    found: dict[str, Looked] = {}
+    tags: dict[str, Looked] = {}
     for path in files:
         if named := header_tags(path, wanted):
-            found[path] = frozenset(named)
-    unknown = [path for path in files if path not in found]
+            tags[path] = frozenset(named)
+    unknown = [path for path in files if path not in tags]
     parsed = look([TextFile(path=path, options=options) for path in unknown])
-    found |= dict(zip(unknown, parsed, strict=True))
-    return [found[path] for path in files]
+    tags |= dict(zip(unknown, parsed, strict=True))
+    return [tags[path] for path in files]
 
 
 def _present(valve: ValveTags, there: Set[str]) -> ValveTags:
@@ -277,3 +282,24 @@ def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> T
 def _hopeless(path: str, valve: str, reason: str) -> Task:
     tags = ValveTags(valve=valve, tags={Role.OP: TagMapping(tag="")})
     return Task(path=path, tags=tags, reason=reason)
+
+
+def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
+    """What the header of the text file ``path`` names, or ``None`` where only reading all of it
+    can tell: where none of its first lines names two of the tags that are ``wanted``.
+
+    Names are given as they stand and without a unit in brackets behind them.
+    """
+    if path.endswith(".gz"):
+        return None
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError:
+        return None  # reading it will say what is wrong
+    for line in head.decode("utf-8-sig", "replace").splitlines()[:LINES]:
+        cells = {cell.strip().strip("\"'").strip() for cell in _SEPARATORS.split(line)}
+        named = cells | {_UNIT.sub("", cell) for cell in cells}
+        if len(named & wanted) >= FEWEST:
+            return named
+    return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import os
 from collections.abc import Iterator
@@ -13,12 +14,12 @@ from pathlib import Path
 from stemwatch.service.config import Plant
 from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.store.store import Store
-from stemwatch.service.watch.attempts import Attempts
 from stemwatch.service.watch.intake import take_in
 from stemwatch.service.watch.limited_reader import ReaderDied, Rejected
 
-log = logging.getLogger(__name__)
+NAME = ".stemwatch-attempts.json"
 
+log = logging.getLogger(__name__)
 DONE, REJECTED = "done", "rejected"
 QUIET = timedelta(seconds=5)  # how long a file is left alone after it last changed
 MOST_ATTEMPTS = 2  # that came to no end, before a file is rejected unread
@@ -28,6 +29,44 @@ _BEGUN_IN_VAIN = (
     "take more memory than there is, or the service was stopped meanwhile. Look at its size, split "
     "it, and drop it again"
 )
+
+
+class Attempts:
+    """The attempts at files of one folder, by the files' digests."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / NAME
+
+    def unfinished(self, digest: str) -> int:
+        """How often the file was begun and not ended."""
+        return self._read().get(digest, 0)
+
+    def begin(self, digest: str) -> None:
+        """Note one more attempt, on disk, before it is made."""
+        noted = self._read()
+        noted[digest] = noted.get(digest, 0) + 1
+        self._write(noted)
+
+    def end(self, digest: str) -> None:
+        """Whatever came of it, it came to an end."""
+        noted = self._read()
+        if noted.pop(digest, None) is not None:
+            self._write(noted)
+
+    def _read(self) -> dict[str, int]:
+        try:
+            noted = json.loads(self._path.read_text(encoding="utf-8"))
+            return {str(digest): int(count) for digest, count in noted.items()}
+        except (OSError, ValueError, TypeError, AttributeError):
+            return {}  # not there, or damaged: nothing is known of any file
+
+    def _write(self, noted: dict[str, int]) -> None:
+        new = self._path.with_suffix(".new")
+        with new.open("w", encoding="utf-8") as file:
+            json.dump(noted, file)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(new, self._path)
 
 
 @dataclass(frozen=True)

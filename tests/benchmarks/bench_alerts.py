@@ -20,9 +20,9 @@ from sqlalchemy import event, insert
 
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.held_back import hold_back
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.runs.tables import RunValveRow
 from stemwatch.service.store.samples.instants import microseconds

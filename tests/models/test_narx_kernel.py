@@ -15,7 +15,7 @@ from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.normal_equations import normal_of
 from stemwatch.models.narx.run_plan import CODES, Indices, Plan, PlanStep, plan_run, segments
-from stemwatch.models.narx.starts import random_starts
+from stemwatch.models.narx.stages import random_starts
 from stemwatch.models.narx.torch_batch import clamps, segment_blocks
 from stemwatch.models.narx.training_record import TrainingRecord, prepare
 from stemwatch.models.recording import Floats

@@ -15,9 +15,8 @@ from rich.console import Console
 
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.service.cli.explanation import explanation
-from stemwatch.service.explain.explain_html import MOST_PLOTTED, entries
 from stemwatch.service.explain.explained import Explained, not_testable
-from stemwatch.service.explain.write_explanation import write_pages
+from stemwatch.service.explain.write_explanation import MOST_PLOTTED, entries, write_pages
 from stemwatch.service.report import ReportContext
 from tests.service.made_mismatch import named, of_every_kind
 

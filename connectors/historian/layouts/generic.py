@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layout_input import LayoutInput
-from stemwatch.connectors.historian.narrow import (
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.narrow import (
     DESCRIPTION_NAMES,
     QUALITY_NAMES,
     TAG_NAMES,
@@ -17,17 +17,17 @@ from stemwatch.connectors.historian.narrow import (
     narrow_table,
     pick,
 )
-from stemwatch.connectors.historian.raw_table import RawTable
-from stemwatch.connectors.historian.rows import Rows
-from stemwatch.connectors.historian.structure import (
+from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.tables.rows import Rows
+from stemwatch.connectors.historian.tables.structure import (
     Structure,
     column_names,
     find_structure,
     is_number,
 )
-from stemwatch.connectors.historian.time_formats import is_time
-from stemwatch.connectors.historian.value_texts import text_quality
-from stemwatch.connectors.historian.wide import table_body, wide_table
+from stemwatch.connectors.historian.tables.wide import table_body, wide_table
+from stemwatch.connectors.historian.times.time_formats import is_time
+from stemwatch.connectors.historian.values.value_texts import text_quality
 from stemwatch.models.recording import Quality
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layout_input import LayoutInput
 from stemwatch.connectors.historian.layouts.generic import parse_table
-from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.rows import Rows, split_rows, table_rows
-from stemwatch.connectors.historian.wide import unique_tags
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.tables.rows import Rows, split_rows, table_rows
+from stemwatch.connectors.historian.tables.wide import unique_tags
 
 
 class Ignition:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layout_input import LayoutInput
-from stemwatch.connectors.historian.narrow import NarrowColumns, narrow_table
-from stemwatch.connectors.historian.raw_table import RawTable
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.narrow import NarrowColumns, narrow_table
+from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 _OWN = frozenset(
     ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")

@@ -8,9 +8,9 @@ Line 5: settings of the plant's own method, of no use here and with a broken tab
 from __future__ import annotations
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.layout_input import LayoutInput
-from stemwatch.connectors.historian.raw_table import RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.rows import Rows, table_rows
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.tables.rows import Rows, table_rows
 
 _FIRST = 5
 # Flag column of each role's suffix: the archive repeated the value before.

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.header_table import read_header_table, required_column
-from stemwatch.connectors.historian.layout_input import LayoutInput
-from stemwatch.connectors.historian.narrow import (
+from stemwatch.connectors.historian.tables.header_table import read_header_table, required_column
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.narrow import (
     QUALITY_NAMES,
     TAG_NAMES,
     VALUE_NAMES,
@@ -19,8 +19,8 @@ from stemwatch.connectors.historian.narrow import (
     narrow_table,
     pick,
 )
-from stemwatch.connectors.historian.raw_table import RawTable
-from stemwatch.connectors.historian.rows import Rows, split_rows, table_rows
+from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.tables.rows import Rows, split_rows, table_rows
 
 _SECTION = re.compile(r"^\[(Tags|Data|Messages|Alarms)\]\s*$", re.I)
 _EXTRACT = re.compile(r"^\d{9,10}:\d{1,9},[^,]+,[^,]*,\w+,(?:GOOD|BAD)\s*$", re.I)

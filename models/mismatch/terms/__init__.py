@@ -16,9 +16,9 @@ from stemwatch.models.mismatch.term import Term
 def catalogue() -> dict[str, Term]:
     """All terms by slug, in alphabetical order."""
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
-    found = {}
+    terms = {}
     for name in names:
         term = getattr(importlib.import_module(f"{__name__}.{name}"), "TERM", None)
         if term is not None:
-            found[name] = term
-    return found
+            terms[name] = term
+    return terms

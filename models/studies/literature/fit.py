@@ -1,19 +1,20 @@
-"""``fit_model``: the same fit, and the same marks, for every model."""
+"""``fit_model``: the same fit, the same intervals and the same marks for every model."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from stemwatch.models.block_bootstrap import COVERAGE, block_weights, cheapest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
-from stemwatch.models.studies.literature.interval import intervals
 from stemwatch.models.studies.literature.model import ValveModel
 from stemwatch.models.studies.literature.scores import FitScore, score
 from stemwatch.models.studies.literature.search import (
@@ -25,6 +26,8 @@ from stemwatch.models.studies.literature.search import (
     search,
 )
 
+REPLICATES = 300  # of the block bootstrap
+WIDTHS = (0.002, 0.008, 0.03)  # of the cloud about the optimum, shares of a parameter's range
 LEAST_SAMPLES = 100  # scored samples of the training part
 AT_BOUND = 0.002  # share of a parameter's range within which it counts as being at its end
 
@@ -251,11 +254,70 @@ def _doubts(cube: Cube, best: Floats, training: FitScore | None) -> str:
 
 def _at_end(cube: Cube, best: Floats, end: str) -> list[str]:
     """Parameters at an end of their range that is no natural one, such as no friction at all."""
-    found = []
+    names = []
     for parameter, share in zip(cube.model.parameters, best[:-1].tolist(), strict=True):
         natural = parameter.per_percent is not None or parameter.lower == 0.0
         if end == "upper" and share > 1.0 - AT_BOUND:
-            found.append(parameter.name)
+            names.append(parameter.name)
         if end == "lower" and share < AT_BOUND and not natural:
-            found.append(parameter.name)
-    return found
+            names.append(parameter.name)
+    return names
+
+
+IntervalEnds = tuple[float | None, float | None]
+Squares = Callable[[Floats, float], Floats]
+
+
+def intervals(
+    cube: Cube,
+    best: Floats,
+    squares: Squares,
+    block: NDArray[np.int64],
+    cloud: int,
+    step: float,
+) -> list[IntervalEnds]:
+    """A 95 % interval of each parameter (k,), or (None, None) where ``cloud`` is 0.
+
+    ``squares`` gives the squared residuals (m,) of parameters and zero, ``block`` (m,) the block of
+    time of each, ``step`` the usual step of OP in percent. The interval is that of this record and
+    this model: it does not cover the choice of the model.
+    """
+    size = len(cube.model.parameters)
+    if not cloud:
+        return [(None, None)] * size
+    rng = np.random.default_rng(7)
+    points = [best]
+    for width in WIDTHS:
+        drawn = best + width * rng.standard_normal((cloud // len(WIDTHS), size + 1))
+        points += list(cube.bounds.clip(drawn))
+    values, sums = _sums(cube, points, squares, block)
+    counts = np.bincount(np.unique(block, return_inverse=True)[1])
+    chosen = cheapest(values, sums, block_weights(counts, REPLICATES, rng), rng)
+    chosen += _unseen(cube, step / np.sqrt(1.0 + counts.size), chosen.shape, rng)
+    low, high = np.percentile(np.vstack((chosen, values[:1])), COVERAGE, axis=0)
+    low = np.maximum(np.minimum(low, values[0]), [p.lower for p in cube.model.parameters])
+    high = np.minimum(np.maximum(high, values[0]), [p.upper for p in cube.model.parameters])
+    return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+
+
+def _unseen(cube: Cube, step: float, shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
+    """What no reweighting shows: a slip is seen at the next sample, after a ``step`` of OP."""
+    worth = np.array([p.per_percent or 0.0 for p in cube.model.parameters])
+    return np.asarray(step * worth * rng.uniform(-1.0, 1.0, shape))
+
+
+def _sums(
+    cube: Cube,
+    points: list[Floats],
+    squares: Squares,
+    block: NDArray[np.int64],
+) -> tuple[Floats, Floats]:
+    """Parameters (m, k) of the points that the model takes, and their sums by block (m, b)."""
+    numbers = np.unique(block, return_inverse=True)[1]
+    values, sums = [], []
+    for point in points:
+        parameters, zero = cube.values(point)
+        if cube.model.objection(parameters) is None:
+            values.append(parameters)
+            sums.append(np.bincount(numbers, weights=squares(parameters, zero)))
+    return np.array(values), np.array(sums)

@@ -125,8 +125,8 @@ def search(cube: Cube, coarse: Loss, fine: Loss, effort: SearchEffort) -> Search
     def descend(loss: Loss, starts: list[SearchResult], spread: float) -> list[SearchResult]:
         width = np.full(first.shape[1], spread)
         how = {"rounds": effort.rounds, "population": effort.population}
-        found = [refine(loss, s.candidate, width, cube.bounds, rng, **how) for s in starts]
-        return sorted(found, key=lambda one: one.loss)
+        fits = [refine(loss, s.candidate, width, cube.bounds, rng, **how) for s in starts]
+        return sorted(fits, key=lambda fit: fit.loss)
 
     looked = descend(coarse, best_of(coarse, first, keep=effort.starts), 0.08)
     # Where a long run tells more than short ones, its own best start is not lost.

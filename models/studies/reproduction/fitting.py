@@ -86,7 +86,7 @@ def fit_stage(
 def normal_matrix(step: NetworkStep, weights: Tensor, cut: Segments) -> Tensor:
     """(B, P + 1, P + 1): ``J'J`` with ``J'r`` as its last column and ``r'r`` in its corner."""
     if isinstance(step, Compiled):
-        return torch.stack([_squared(step, one, cut) for one in weights.numpy()])
+        return torch.stack([_squared(step, weight, cut) for weight in weights.numpy()])
     with torch.no_grad():
         y = _runs(step, weights, cut)
     lags = _lags(cut.u, y)

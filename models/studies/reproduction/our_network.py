@@ -181,8 +181,8 @@ def _trained(u: Floats, y: Floats, starts: Floats, stages: Sequence[GatedStage])
     se = error_scale(u, y)
     final = GatedStep(se=se, eps=EPS)
     weights = best = starts
-    for one in stages:
-        step = GatedStep(se=se, eps=one.eps)
-        weights = fit_stage(step, sharpened(weights, one.sharper), u, y, one.stage)
+    for stage in stages:
+        step = GatedStep(se=se, eps=stage.eps)
+        weights = fit_stage(step, sharpened(weights, stage.sharper), u, y, stage.stage)
         best = keep_best(final, best, weights, u, y)
     return Trained(step=final, starts=starts, weights=best)

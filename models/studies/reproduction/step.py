@@ -53,7 +53,9 @@ def run_free(step: NetworkStep, weights: Tensor, u: Tensor, y: Tensor) -> Tensor
     """
     if isinstance(step, Compiled):
         pair = (u.numpy(), y.numpy())
-        return torch.from_numpy(np.stack([step.runs(one, *pair, LIMIT) for one in weights.numpy()]))
+        return torch.from_numpy(
+            np.stack([step.runs(weight, *pair, LIMIT) for weight in weights.numpy()])
+        )
     runs = [sample.expand(weights.shape[0], -1) for sample in y[:SEEDS]]
     for t in range(SEEDS, u.shape[0]):
         commands = torch.stack([u[t], u[t - 1], u[t - 2]], dim=-1).expand(

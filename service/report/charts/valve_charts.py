@@ -8,7 +8,8 @@ heldout    seconds from sample 0 to the part that no model was fitted to, or nul
 stretch    {name, from, to, why}, seconds from sample 0: what the plots open on, or null for all
 detail     the samples of the stretch that are drawn one by one, or null where all samples are
 panels     [{id, title, unit, summary, series: [{role, label, values, detail}]}], one even clock
-loop       {title, x, y, seconds, op, traces: [{role, of, label, values}]} or null
+loop       {title, x, y, seconds, op, traces: [{role, of, label, values}], says,
+           shapes: [{role, label, op, values}]} or null; shapes lie behind the traces
 thinned    samples a point stands for, 1 where every sample is drawn
 """
 
@@ -20,6 +21,7 @@ from stemwatch.models.mismatch.findings import FreeRuns
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.presenter.wording import printable
+from stemwatch.service.report.charts.loop_shapes import LoopShapes, loop_shapes
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.traces import (
     Chart,
@@ -102,6 +104,8 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
     if simulated is not None and name == "MV":
         drawn.append(simulated)
     picked = telling_samples(drawn, LOOP_POINTS)
+    comparable = name == "MV" and vertical.unit == recording.op.unit
+    shapes = loop_shapes(screening, op, vertical.values) if comparable else LoopShapes()
     labels = (
         ("recorded", name.lower(), "recorded"),
         ("stiction", "stiction", "stick-slip model"),
@@ -116,6 +120,8 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
             {"role": role, "of": of, "label": label, "values": packed(trace[picked])}
             for (role, of, label), trace in zip(labels, drawn[1:], strict=False)
         ],
+        "shapes": shapes.drawn(),
+        "says": printable(shapes.says),
     }
 
 

@@ -53,6 +53,28 @@ var stemwatchLoop = (function () {
     };
   }
 
+  // Behind the loop: the stick band as an area, the curve from OP to stroke as a line through it.
+  var CURVE_DASH = [2, 3];
+  function behind(shape) {
+    return function (u, index) {
+      var ctx = u.ctx, ratio = uPlot.pxRatio, stroke = u.series[index].stroke;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+      ctx.clip();
+      ctx.strokeStyle = ctx.fillStyle = typeof stroke === "function" ? stroke(u, index) : stroke;
+      if (shape.role === "band") {
+        ctx.globalAlpha = 0.35;
+        ctx.beginPath();
+        outline(u, index, ratio, function (x, y, open) { if (open) ctx.lineTo(x, y); else ctx.moveTo(x, y); });
+        ctx.closePath();
+        ctx.fill();
+      } else line(u, index, ratio, 1.75, CURVE_DASH);
+      ctx.restore();
+      return null;
+    };
+  }
+
   function ends(lists) {
     var low = Infinity, high = -Infinity;
     lists.forEach(function (values) {
@@ -66,8 +88,9 @@ var stemwatchLoop = (function () {
     return low <= high ? [low - room, high + room] : [0, 100];
   }
 
-  function facet(which) {
-    return function (u) { return ends(u.data.slice(1).map(function (pair) { return pair[which]; })); };
+  // What lies behind the loop reaches over the whole record and must not squeeze what is looked at.
+  function facet(which, count) {
+    return function (u) { return ends(u.data.slice(-count).map(function (pair) { return pair[which]; })); };
   }
 
   function isRecorded(trace) { return trace.role === "recorded"; }
@@ -81,7 +104,7 @@ var stemwatchLoop = (function () {
 
   function draw(chart, place, width, printing) {
     var close = false;
-    var traces = chart.loop.traces;
+    var traces = chart.loop.traces, shapes = chart.loop.shapes || [];
 
     function shown(from, to) {
       var loop = chart.loop;
@@ -89,18 +112,28 @@ var stemwatchLoop = (function () {
       var keep = function (values) { return values.filter(function (_, k) { return inside[k]; }); };
       var op = keep(loop.op);
       close = isClose(chart, from, to, op.length);
-      return [null].concat(traces.map(function (trace) { return [op, keep(trace.values)]; }));
+      return [null].concat(shapes.map(function (shape) { return [shape.op, shape.values]; }), traces.map(function (trace) { return [op, keep(trace.values)]; }));
+    }
+
+    function mark(u, k) {
+      if (k <= shapes.length) return shapes[k - 1].role === "band" ? "solid" : "dotted";
+      return isRecorded(traces[k - 1 - shapes.length]) ? "solid" : "dashed";
     }
 
     var plot = new uPlot({
       mode: 2, width: width, height: printing ? PRINT_HEIGHT : Math.min(HEIGHT, width), padding: [8, 8, 0, 0],
       cursor: { show: false },
-      scales: { x: { time: false, range: facet(0) }, y: { range: facet(1) } },
+      scales: { x: { time: false, range: facet(0, traces.length) }, y: { range: facet(1, traces.length) } },
       axes: [
         stemwatchAxes.axis({ label: chart.loop.x, labelSize: 18, size: 28, space: 50 }),
         stemwatchAxes.axis({ label: chart.loop.y, labelSize: 18, size: 44, space: 34 })
       ],
-      series: [{}].concat(traces.map(function (trace) {
+      series: [{}].concat(shapes.map(function (shape) {
+        return {
+          label: shape.label, stroke: stemwatchAxes.colour("trace-" + shape.role), width: 2, dash: CURVE_DASH,
+          paths: behind(shape), facets: [{ scale: "x", auto: false }, { scale: "y", auto: false }]
+        };
+      }), traces.map(function (trace) {
         return {
           label: trace.label, stroke: stemwatchAxes.colour("trace-" + trace.of), width: 2,
           dash: isRecorded(trace) ? undefined : DASH,
@@ -108,7 +141,7 @@ var stemwatchLoop = (function () {
           facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }]
         };
       })),
-      legend: { show: true, live: false, markers: { dash: function (u, k) { return isRecorded(traces[k - 1]) ? "solid" : "dashed"; } } }
+      legend: { show: true, live: false, markers: { dash: mark } }
     }, shown(chart.ends[0], chart.ends[1]), place);
 
     return {

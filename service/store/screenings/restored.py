@@ -54,6 +54,7 @@ def screening_of(
         baseline_note=stored.baseline_note,
         provenance=stored.provenance,
         mismatch=stored.mismatch,
+        stroke_curve=None if stored.mismatch is None else stored.mismatch.stroke_curve,
         seconds=stored.seconds,
         stored_window=stored.window,
     )
@@ -85,7 +86,7 @@ def _of_row(row: ScreeningRow) -> Restored:
     if row.mismatch_finding is None:
         return light
     numbers = Stiction(S=light.S, J=light.J)
-    found = Mismatch(
+    mismatch = Mismatch(
         finding=Finding(row.mismatch_finding), sentence="", naive=numbers, restated=numbers
     )
-    return replace(light, mismatch=found)
+    return replace(light, mismatch=mismatch)

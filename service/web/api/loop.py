@@ -8,9 +8,12 @@ from datetime import timedelta
 import numpy as np
 
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
+from stemwatch.service.report.charts.loop_shapes import LoopShapes, loop_shapes
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
-from stemwatch.service.web.api.schemas import LoopAnswer, LoopTrace
+from stemwatch.service.web.api.schemas import LoopAnswer, LoopShape, LoopTrace
 from stemwatch.service.web.api.signals import SignalWindow, json_numbers, read_recording
 from stemwatch.service.web.site import Site
 
@@ -24,12 +27,16 @@ _NEUTRAL = {
 }
 
 
-def fitted_run(recording: Recording, indicators: Mapping[str, float]) -> Floats | None:
+def fitted_run(
+    recording: Recording, indicators: Mapping[str, float], curve: StrokeCurve | None = None
+) -> Floats | None:
     """(n,) free run of MV in percent, NaN where OP or MV is not known; ``None`` where S, J or MV is
     missing, or MV is not in percent.
 
     The element is that of ``models.stickslip.kernel`` in its canonical form, with the stored S, J,
     dead time, lags, speed limits and zero; it starts from the measurement and after each hole.
+    Where there is a ``curve`` from OP to stroke the element gets percent of travel, as when it was
+    fitted.
     """
     mv = recording.mv
     S, J = indicators.get("S_percent"), indicators.get("J_percent")
@@ -41,8 +48,9 @@ def fitted_run(recording: Recording, indicators: Mapping[str, float]) -> Floats 
     from stemwatch.models.stickslip.problem import make_problem  # compiled: loaded when asked for
 
     known = {name: indicators.get(name, default) for name, default in _NEUTRAL.items()}
-    q = np.array([S, J, *known.values(), 1.0, 0.0])
-    return np.where(usable, make_problem(recording).simulate(q), np.nan)
+    scale = 1.0 if curve is None else abs(curve.slope)
+    q = np.array([scale * S, scale * J, *known.values(), 1.0, 0.0])
+    return np.where(usable, make_problem(in_travel(recording, curve)).simulate(q), np.nan)
 
 
 LONGEST_LOOP = timedelta(hours=12)
@@ -50,8 +58,15 @@ LOOP_POINTS = 1500
 LABELS = (("recorded", "recorded"), ("stiction", "stick-slip model"))
 
 
-def loop_of(site: Site, asked: SignalWindow, indicators: Mapping[str, float]) -> LoopAnswer:
+def loop_of(
+    site: Site,
+    asked: SignalWindow,
+    indicators: Mapping[str, float],
+    screening: Screening | None = None,
+) -> LoopAnswer:
     """MV against OP with the fitted loop; of a long window a typical stretch, sample by sample.
+
+    Behind it the curve and the stick band of ``screening``, the valve's latest.
 
     Without MV, PV stands in, and includes the process.
     """
@@ -62,7 +77,11 @@ def loop_of(site: Site, asked: SignalWindow, indicators: Mapping[str, float]) ->
     vertical = recording.mv or recording.get(Role.PV)
     if vertical is None:
         return _empty(asked, "Neither MV nor PV is recorded for this valve.")
-    fitted = fitted_run(recording, indicators)
+    curve = None if screening is None else screening.stroke_curve
+    fitted = fitted_run(recording, indicators, curve)
+    shapes = LoopShapes()
+    if screening is not None and recording.mv is not None and vertical.unit == recording.op.unit:
+        shapes = loop_shapes(screening, recording.op.values, vertical.values)
     part, why = _typical(recording, fitted)
     drawn = [
         trace[part] for trace in (recording.op.values, vertical.values, fitted) if trace is not None
@@ -83,6 +102,8 @@ def loop_of(site: Site, asked: SignalWindow, indicators: Mapping[str, float]) ->
             LoopTrace(role=role, label=label, values=json_numbers(values[picked]))
             for (role, label), values in zip(LABELS, drawn[1:], strict=False)
         ],
+        shapes=[LoopShape(**shape) for shape in shapes.drawn()],
+        curve_says=shapes.says,
         says=why,
     )
 

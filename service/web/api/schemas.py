@@ -96,6 +96,15 @@ class LoopTrace(BaseModel):
     values: list[float | None]
 
 
+class LoopShape(BaseModel):
+    """The curve from OP to stroke as a line, or the stick band of S and J by its corners."""
+
+    role: str
+    label: str
+    op: list[float]
+    values: list[float]
+
+
 class LoopAnswer(BaseModel):
     """MV (PV where there is no MV) against OP, instant by instant."""
 
@@ -108,6 +117,8 @@ class LoopAnswer(BaseModel):
     y_unit: str
     thinned: int = Field(description="samples a point stands for")
     traces: list[LoopTrace]
+    shapes: list[LoopShape] = []
+    curve_says: str = Field(default="", description="the curve from OP to stroke in a sentence")
     says: str = Field(description="which stretch is drawn and why, or why there is nothing")
 
 

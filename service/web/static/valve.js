@@ -84,12 +84,12 @@
       place("loop").closest("figure").hidden = !answer.traces.length;
       box.querySelector(".loop-says").textContent =
         (answer.y === "PV" ? "No stem position (MV) is recorded; PV stands in for it here and includes the process. " : "") +
-        (answer.traces.length ? "Drawn: " + between(answer.start_s, answer.stop_s) + ". " : "") + answer.says;
+        (answer.traces.length ? "Drawn: " + between(answer.start_s, answer.stop_s) + ". " : "") + (answer.curve_says ? answer.curve_says + " " : "") + answer.says;
       if (!answer.traces.length) return;
       var chart = {
         ends: [answer.start_s, answer.stop_s], stretch: null, thinned: answer.thinned,
         loop: {
-          x: "OP, %", y: answer.y + ", " + answer.y_unit, seconds: answer.at_s, op: answer.op,
+          shapes: answer.shapes, x: "OP, %", y: answer.y + ", " + answer.y_unit, seconds: answer.at_s, op: answer.op,
           traces: answer.traces.map(function (trace) {
             return { role: trace.role, of: trace.role === "recorded" ? answer.y.toLowerCase() : trace.role, label: trace.label, values: trace.values };
           })

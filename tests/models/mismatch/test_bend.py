@@ -8,8 +8,7 @@ import pytest
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import scored
-from stemwatch.models.mismatch.curvature import curvature
+from stemwatch.models.mismatch.crossfit import curvature, scored
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played, rescaled
 
 

@@ -14,11 +14,10 @@ from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, 
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.alerts.gathered import awaiting_aftermath, gathered
-from stemwatch.service.alerts.held_back import hold_back, p_elsewhere
+from stemwatch.service.alerts.evaluate import awaiting_aftermath, evaluate, gathered
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.presenter.finding import present_effect
+from stemwatch.service.run.finish import hold_back, p_elsewhere
 from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import RunRequest
 from stemwatch.service.store.screenings.records import ValveState

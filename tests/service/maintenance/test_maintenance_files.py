@@ -15,6 +15,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.maintenance_html import book_html
 from stemwatch.service.maintenance.pdf import (
+    BOX,
     ROOM,
     SIZES,
     _fitting,
@@ -22,8 +23,9 @@ from stemwatch.service.maintenance.pdf import (
     _sheet,
     _Type,
     book_pdf,
+    is_whole,
+    runs,
 )
-from stemwatch.service.maintenance.pdf_fonts import BOX, is_whole, runs
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.maintenance.work_orders import (
     FIELDS,

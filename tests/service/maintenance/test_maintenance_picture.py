@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role, Signal
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.maintenance.drawing import (
     DrawnArea,
     DrawnLine,
@@ -44,6 +45,17 @@ def test_both_views_are_there_and_told_apart_by_their_lines():
     assert len({style for style in styles if style[0] >= 0.7}) >= 4
     assert any(isinstance(mark, DrawnArea) and mark.hatch for mark in picture.marks)
     assert note.startswith("A typical stretch of the record, from 2026-03-02 ")
+
+
+def test_the_curve_from_op_to_stroke_is_drawn_where_there_is_one():
+    """As a line of its own, named in the legend, and said to who cannot see it."""
+    plain = screening("FV-1")
+    half = StrokeCurve(op=(0.0, 50.0), travel=(0.0, 50.0))
+    picture, _ = drawn(replace(plain, stroke_curve=half))
+    assert "curve from OP to stroke" in words(picture)
+    assert "curve from OP to stroke" in picture.says
+    before, _ = drawn(plain)
+    assert "curve from OP to stroke" not in words(before)
 
 
 def test_nothing_is_coloured():

@@ -15,18 +15,16 @@ from hypothesis import strategies as st
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
-from stemwatch.service.maintenance.priority import (
-    CLASSES,
-    DAYS,
-    WEIGHT_OF_CRITICALITY,
-    WEIGHT_OF_TREND,
-    priority,
-)
 from stemwatch.service.maintenance.valve_history import LOOK_BACK
 from stemwatch.service.maintenance.work_sheet import (
+    CLASSES,
+    DAYS,
     FALSE_EFFECT,
     FALSE_EFFECT_SCATTERED,
     FALSE_STICKY,
+    WEIGHT_OF_CRITICALITY,
+    WEIGHT_OF_TREND,
+    priority,
 )
 from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.presenter.work_decision import OTHER_SEVERITY, SEVERITY_OF, decide

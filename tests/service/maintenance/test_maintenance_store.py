@@ -10,9 +10,9 @@ import pytest
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.from_store import report_of_store
 from stemwatch.service.maintenance.stored import (
     background_of,
+    report_of_store,
 )
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import StoredValve

@@ -9,7 +9,7 @@ import pytest
 
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.beside_friction import beside_friction, without_them
+from stemwatch.service.presenter.finding import beside_friction, without_them
 from stemwatch.service.presenter.wording import beyond
 from stemwatch.service.report.bars import fit_bars, spread_percent
 from stemwatch.service.report.html_page import html_bytes

@@ -240,7 +240,7 @@ def test_colours_reach_wcag_aa(theme):
     weak = {p: contrast(found[p[0]], found[p[1]]) for p in pairs}
     assert {p: c for p, c in weak.items() if c < 4.5} == {}
     lines = {name: contrast(found[name], found["surface"]) for name in found if "trace" in name}
-    assert len(lines) == 8
+    assert len(lines) == 10
     assert {name: c for name, c in lines.items() if c < 3} == {}
 
 

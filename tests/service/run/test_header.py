@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.connectors.historian import HistorianFile
-from stemwatch.service.run.header import header_tags
+from stemwatch.service.run.plan import header_tags
 
 WANTED = {"FIC-1.OP", "FIC-1.ZT", "FIC-2.OP", "FIC-2.ZT"}
 

@@ -17,7 +17,7 @@ from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.executors.dask_cluster import DaskCluster
 from stemwatch.service.executors.executor import Answer
 from stemwatch.service.report import to_contract
-from stemwatch.service.run import chunking, execute
+from stemwatch.service.run import execute
 from stemwatch.service.run.engine import RunNow, screen_now
 from stemwatch.service.run.plan import Request
 from stemwatch.service.run.spill import ResultSpill
@@ -41,7 +41,7 @@ class LastFirst:
 @pytest.fixture
 def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
-    monkeypatch.setattr(chunking, "PER_WORKER", 1)
+    monkeypatch.setattr(execute, "PER_WORKER", 1)
     export = short_plant.parent / "export" / "historian.csv"
 
     def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:

@@ -11,13 +11,13 @@ from stemwatch.service.studies.proof.answers import Answer, NamedEffect, Stictio
 from stemwatch.service.studies.proof.figures import heldout, seconds, stiction_errors
 from stemwatch.service.studies.proof.marks import CaseMark, mark
 from stemwatch.service.studies.proof.rates import (
+    as_json,
     by_concealment,
     by_effect,
     confusions,
     headline,
     record_rates,
 )
-from stemwatch.service.studies.proof.score import as_json
 from stemwatch.service.studies.proof.truth import CaseTruth, seal
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.service.studies.proof.answers import Answer
-from stemwatch.service.studies.proof.score import score
+from stemwatch.service.studies.proof.rates import score
 from stemwatch.service.studies.proof.truth import BrokenSeal, CaseTruth, Seal, seal
 
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Bools, Floats, Recording
-from stemwatch.models.stickslip.problem import FitProblem
-from stemwatch.models.studies.literature.fit import ModelFit
+from stemwatch.models.stickslip.problem import FitProblem, make_problem
+from stemwatch.models.studies.literature.canonical import CANONICAL
+from stemwatch.models.studies.literature.fit import ModelFit, cut, fit_model, score_run
+from stemwatch.models.studies.literature.scores import FitScore
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,3 +72,57 @@ class Network(Protocol):
     def learn(self, lesson: Lesson) -> Learned:
         """Weights from the samples that may be learned from and a free run, or why not."""
         ...
+
+
+def fit_network(
+    network: Network, recording: Recording, train_until: int, element: ModelFit | None = None
+) -> ModelFit:
+    """Train ``network`` on the samples before ``train_until``; marks as those of ``fit_model``.
+
+    ``element`` is the canonical element as ``fit_model`` fitted it to the same samples, for a
+    caller who has it; otherwise it is fitted here. What refuses it refuses a network too. The one
+    parameter named is the number of weights; the weights are ``values``. Raises ``ValueError``
+    where ``train_until`` is not within the recording.
+    """
+    began = time.perf_counter()
+    element = element or fit_model(CANONICAL, recording, train_until)
+    if not element.concluded:
+        return _refused(network, element.outcome, began)
+    problem = make_problem(recording)
+    runs = cut(problem, train_until)
+    learned = network.learn(
+        Lesson(
+            recording=recording,
+            train_until=train_until,
+            problem=problem,
+            stretches=runs.stretches,
+            learned=runs.counted & (np.arange(len(recording)) < train_until),
+            element=element,
+        )
+    )
+    if learned.weights is None or learned.simulated is None:
+        return _refused(network, learned.outcome, began)
+    training, heldout = score_run(recording, learned.simulated, train_until)
+    return ModelFit(
+        model=network.name,
+        parameters={"weights": Estimate(value=float(learned.weights.size))},
+        values=learned.weights,
+        simulated=learned.simulated,
+        training=training,
+        heldout=heldout,
+        seconds=time.perf_counter() - began,
+        outcome=_told(learned, training),
+    )
+
+
+def _refused(network: Network, reason: str, began: float) -> ModelFit:
+    unknown = {"weights": Estimate.unknown(reason)}
+    seconds = time.perf_counter() - began
+    return ModelFit(model=network.name, parameters=unknown, seconds=seconds, outcome=reason)
+
+
+def _told(learned: Learned, training: FitScore | None) -> str:
+    if training is None or training.fit_percent > 0.0:
+        return learned.outcome
+    poor = "Even on the samples it was trained on, the free run is no better than a constant."
+    return f"{learned.outcome} {poor}".strip()

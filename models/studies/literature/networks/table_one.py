@@ -73,10 +73,10 @@ class TableOne:
         scale = Range.of(problem.op[learned], problem.mv[learned])
         u = (problem.op - scale.op_middle) / scale.half
         y = (problem.mv - scale.mv_middle) / scale.half
-        found = training.train(shape, u, y, _runs(lesson), recurrent=self.recurrent)
-        if isinstance(found, str):
-            return Learned(outcome=found)
-        step, weights = found
+        trained = training.train(shape, u, y, _runs(lesson), recurrent=self.recurrent)
+        if isinstance(trained, str):
+            return Learned(outcome=trained)
+        step, weights = trained
         run, diverged = training.run(step, weights, u, y, lesson.stretches)
         return Learned(
             weights=weights,

@@ -66,9 +66,9 @@ def train(
 def _watched(u: Floats, y: Floats, late: list[Bools]) -> Segments:
     """Free runs over the watched block, as long as its stretches allow."""
     for horizon in (WATCHED_HORIZON, 50, 15):
-        found = segments(u, y, late, horizon)
-        if found.samples:
-            return found
+        watched = segments(u, y, late, horizon)
+        if watched.samples:
+            return watched
     return segments(u, y, late, 1)
 
 
@@ -120,8 +120,8 @@ def run(
     """(n,) free run, from the first two positions of each stretch, and whether it diverged."""
     out = np.full(u.size, np.nan)
     with one_thread(), torch.inference_mode():
-        one = torch.from_numpy(weights[None])
+        batch = torch.from_numpy(weights[None])
         for first, last in stretches:
             pair = (torch.from_numpy(signal[first:last, None]) for signal in (u, y))
-            out[first:last] = run_free(step, one, *pair)[0, : last - first, 0].numpy()
+            out[first:last] = run_free(step, batch, *pair)[0, : last - first, 0].numpy()
     return out, bool(np.any(np.abs(out[np.isfinite(out)]) >= LIMIT))

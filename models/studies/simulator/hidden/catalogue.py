@@ -30,11 +30,11 @@ def effect_named(name: str) -> HiddenEffect:
 
     Raises ``KeyError`` with the names there are.
     """
-    found = EFFECTS.get(name) or UNKNOWN.get(name)
-    if found is None:
+    effect = EFFECTS.get(name) or UNKNOWN.get(name)
+    if effect is None:
         known = ", ".join([*EFFECTS, *UNKNOWN])
         raise KeyError(f"no effect {name!r} can be hidden; there are {known}")
-    return found
+    return effect
 
 
 def go_together(first: str, second: str) -> bool:

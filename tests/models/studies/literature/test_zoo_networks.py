@@ -12,7 +12,7 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.fit import fit_model
 from stemwatch.models.studies.literature.networks import training
-from stemwatch.models.studies.literature.networks.fit import fit_network
+from stemwatch.models.studies.literature.networks.network import fit_network
 from stemwatch.models.studies.literature.networks.ours import OURS
 from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 from stemwatch.models.studies.reproduction.layers import NARX, NARX_INPUTS, ThreeLayers

@@ -17,7 +17,6 @@ from stemwatch.models.studies.reproduction.our_network import (
     train_from_fitted,
     train_from_random,
 )
-from stemwatch.models.studies.reproduction.published_networks import train_feedforward, train_narx
 from stemwatch.models.studies.reproduction.signals import (
     FAMILIES,
     paper_sine,
@@ -25,7 +24,7 @@ from stemwatch.models.studies.reproduction.signals import (
     unseen,
 )
 from stemwatch.models.studies.reproduction.step import simulate
-from stemwatch.models.studies.reproduction.study import rmse
+from stemwatch.models.studies.reproduction.study import rmse, train_feedforward, train_narx
 from stemwatch.models.verdict import Shape
 
 SEEDS = 2

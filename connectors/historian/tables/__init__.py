@@ -1,0 +1,1 @@
+"""From the bytes of an export to a table of text cells: encoding, rows, header, shape."""

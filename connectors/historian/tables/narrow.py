@@ -1,0 +1,154 @@
+"""A narrow table: one row per sample, with columns for tag, time, value and quality."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.raw_table import Index, RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.values.quality_codes import Family
+from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
+
+TAG_NAMES = (
+    "tagname", "tag", "tag_name", "tag name", "point", "pointname", "point name", "name",
+    "variable", "signal", "item", "itemname", "messstelle", "kks", "bezeichnung", "signalname",
+    "point_name", "tagid", "tag id", "path", "pointid", "sensor",
+)  # fmt: skip
+VALUE_NAMES = (
+    "value", "wert", "vvalue", "valeur", "valor", "valore", "val", "ip_trend_value", "messwert",
+    "_value", "reading", "y",
+)  # fmt: skip
+QUALITY_NAMES = (
+    "qualitydetail", "opcquality", "opc_quality", "dataquality", "quality", "status",
+    "ip_trend_qstatus", "ip_trend_qlevel", "qualität", "qualitaet", "statuscode", "good", "qualite",
+    "qualité", "confidence", "state", "qualitycode",
+)  # fmt: skip
+UNIT_NAMES = ("unit", "units", "einheit", "unité", "unidad", "uom", "engunits", "eu")
+DESCRIPTION_NAMES = ("description", "descriptor", "desc", "beschreibung", "descripción")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NarrowColumns:
+    """Column numbers, counted from 0."""
+
+    tag: int | None  # None: the file holds one tag only
+    time: tuple[int, ...]
+    value: int
+    quality: int | None = None
+    unit: int | None = None
+    description: int | None = None
+    second_value: int | None = None  # where ``value`` is empty, such as vValue
+
+
+def pick(header: Sequence[str], names: Sequence[str], option: str | None = None) -> int | None:
+    """The column with the user's name, else with the first of ``names`` that is there."""
+    lower = [cell.strip().lower() for cell in header]
+    for name in (option,) if option is not None else names:
+        if name.strip().lower() in lower:
+            return lower.index(name.strip().lower())
+    return None
+
+
+def demand(header: Sequence[str], name: str | None, source: LayoutInput) -> None:
+    """Raise ``UnreadableSource`` where the user named a column that is not there."""
+    if name is not None and pick(header, (), name) is None:
+        raise UnreadableSource(
+            f"{source.name}: there is no column {name!r}; the headers are {', '.join(header)}"
+        )
+
+
+def narrow_table(
+    source: LayoutInput,
+    columns: Sequence[Sequence[str]],
+    numbers: Sequence[int],
+    header: Sequence[str],
+    where: NarrowColumns,
+    *,
+    separator: str,
+    layout: str,
+    family: Family = "unknown",
+    day_first: bool | None = None,
+    utc: bool = False,
+    decimal: str | None = None,
+) -> RawTable:
+    """The table of a file with one sample per row."""
+    times = RawTimes(
+        texts=_joined(columns, where.time),
+        name=header[where.time[0]] if header else "",
+        day_first=day_first,
+        utc=utc,
+    )
+    series = _series(columns, where, source)
+    cells = _values(columns, where)
+    quality_name = header[where.quality] if where.quality is not None and header else "Quality"
+    raw = [
+        _column(tag, rows, cells, columns, where, quality_name, family)
+        for tag, rows in series.items()
+    ]
+    return RawTable(
+        layout=layout,
+        times=times,
+        columns=raw,
+        numbers=numbers,
+        separator=separator,
+        narrow=True,
+        decimal=decimal,
+    )
+
+
+def _joined(columns: Sequence[Sequence[str]], time: tuple[int, ...]) -> Sequence[str]:
+    if len(time) == 1:
+        return columns[time[0]]
+    pairs = zip(columns[time[0]], columns[time[1]], strict=True)
+    return [f"{date.strip()} {clock.strip()}" for date, clock in pairs]
+
+
+def _values(columns: Sequence[Sequence[str]], where: NarrowColumns) -> Sequence[str]:
+    if where.second_value is None:
+        return columns[where.value]
+    pairs = zip(columns[where.value], columns[where.second_value], strict=True)
+    return [first if first.strip() else second for first, second in pairs]
+
+
+def _series(
+    columns: Sequence[Sequence[str]], where: NarrowColumns, source: LayoutInput
+) -> dict[str, Index]:
+    """Rows of each tag, in file order."""
+    n = len(columns[where.value])
+    if where.tag is None:
+        return {source.document.path.stem.split(".")[0]: np.arange(n, dtype=np.int64)}
+    by_tag: dict[str, list[int]] = {}
+    for row, tag in enumerate(columns[where.tag]):
+        by_tag.setdefault(tag, []).append(row)
+    merged: dict[str, list[int]] = {}
+    for tag, rows in by_tag.items():
+        merged.setdefault(tag.strip(), []).extend(rows)
+    return {tag: np.sort(np.array(rows, dtype=np.int64)) for tag, rows in merged.items() if tag}
+
+
+def _column(
+    tag: str,
+    rows: Index,
+    cells: Sequence[str],
+    columns: Sequence[Sequence[str]],
+    where: NarrowColumns,
+    quality_name: str,
+    family: Family,
+) -> RawColumn:
+    at = rows.tolist()
+    first = at[0]
+    unit = columns[where.unit][first] if where.unit is not None else ""
+    return RawColumn(
+        tag=bare_tag(tag),
+        cells=[cells[i] for i in at],
+        unit=canonical(unit) or split_unit(tag)[1],
+        description=columns[where.description][first] if where.description is not None else "",
+        rows=rows,
+        quality_codes=None if where.quality is None else [columns[where.quality][i] for i in at],
+        quality_name=quality_name,
+        quality_family=family,
+    )

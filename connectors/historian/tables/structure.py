@@ -1,0 +1,220 @@
+"""Where in a table of unknown make the header ends, and which columns hold times and numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.tables.layout_input import usual_width
+from stemwatch.connectors.historian.tables.rows import Rows
+from stemwatch.connectors.historian.times.time_formats import is_clock_only, is_date_only, is_time
+from stemwatch.connectors.historian.values.numbers import parse_number, parse_numbers
+from stemwatch.connectors.historian.values.units import is_unit
+from stemwatch.connectors.historian.values.value_texts import text_quality
+from stemwatch.models.recording import Quality
+
+_TIME_NAME = re.compile(
+    r"^(?:t|ts|time|date|datum|zeit|temps|tiempo|tempo|fecha|uhrzeit|epoch|elapsed|seconds|sekunden"
+    r"|날짜|시간|时间|日期|日期时间|zeitstempel|timestamp|t_?stamp|date[_ /]*time"
+    r"|ip_trend_time|unix\w*|time_?\w*|t_(?:s|ms|us|ns|min|h)|.*time ?stamp.*|zeit\w*)"
+    r"(?:\s*[\[(].*[\])])?$",
+    re.I,
+)
+_HEADER_ROWS = 60  # no export has more lines than this before its data
+_SAMPLE = 200
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number with either decimal mark."""
+    return parse_number(text, ".") is not None or parse_number(text, ",") is not None
+
+
+def is_time_name(header: str) -> bool:
+    """Whether a header says by itself that its column holds the time."""
+    return _TIME_NAME.match(header.strip()) is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Structure:
+    """How a table is laid out. Column numbers count from 0."""
+
+    width: int
+    first_row: int  # index of the first row of data
+    headers: tuple[list[str], ...]  # the header rows, each ``width`` cells
+    time: tuple[int, ...]  # one column, two (date and clock), or none
+    numeric: tuple[int, ...]  # columns whose cells are mostly numbers
+
+
+def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
+    """The structure of ``rows``. Raises ``UnreadableSource`` where it is not a table of numbers."""
+    width = usual_width(rows)
+    usual = [i for i, row in enumerate(rows.cells) if len(row) == width]
+    if not usual:
+        raise UnreadableSource(f"{name}: no rows were found; expected a header and rows of data")
+    sample = _sample([rows.cells[i] for i in usual])
+    head = [_fit(row, width) for row in rows.cells[:_HEADER_ROWS] if _is_header(row, width)]
+    time = _time_named(head, options, name) or _time_by_content(sample, width)
+    time = time or _time_by_header(head, sample)
+    first = _first_row(rows, width, time)
+    headers = tuple(_fit(row, width) for row in rows.cells[:first] if _is_header(row, width))
+    if first == len(rows.cells):
+        raise UnreadableSource(
+            f"{name}: no row of numbers was found in {len(rows.cells)} rows; the first is "
+            f"{'|'.join(rows.cells[0])[:60]!r}. Expected a time and values in every row: this is "
+            "probably not a recording"
+        )
+    numeric = tuple(
+        c for c in range(width) if c not in time and _share(sample, c, is_number) >= 0.5
+    )
+    return Structure(width=width, first_row=first, headers=headers, time=time, numeric=numeric)
+
+
+def _sample(rows: Sequence[list[str]]) -> list[list[str]]:
+    """Rows from everywhere, leaving out the first few, which may be headers."""
+    body = rows[min(len(rows) // 2, 4) :]
+    return [body[i] for i in np.linspace(0, len(body) - 1, min(_SAMPLE, len(body))).astype(int)]
+
+
+def _share(sample: Sequence[list[str]], column: int, test: object) -> float:
+    """Share of the filled cells of ``column`` that pass ``test``."""
+    assert callable(test)
+    filled = [row[column] for row in sample if row[column].strip()]
+    return sum(bool(test(cell)) for cell in filled) / len(filled) if filled else 0.0
+
+
+def _time_by_content(sample: Sequence[list[str]], width: int) -> tuple[int, ...]:
+    whole = [c for c in range(width) if _share(sample, c, is_time) >= 0.4]
+    clocks = [c for c in range(width) if _share(sample, c, is_clock_only) > 0.8]
+    dates = [c for c in whole if _share(sample, c, is_date_only) > 0.8]
+    timed = [c for c in whole if c not in dates]
+    if timed:
+        return (timed[0],)
+    if dates and clocks:
+        return (dates[0], clocks[0])
+    return (dates[0],) if dates else ()
+
+
+def _time_named(headers: Sequence[list[str]], options: ReadOptions, name: str) -> tuple[int, ...]:
+    if options.time_column is None:
+        return ()
+    column = find_header(headers, options.time_column)
+    if column is None:
+        shown = ", ".join(repr(cell) for row in headers[:1] for cell in row[:12])
+        raise UnreadableSource(
+            f"{name}: there is no column {options.time_column!r} to take the time from; the "
+            f"headers are {shown}"
+        )
+    return (column,)
+
+
+def find_header(headers: Sequence[list[str]], wanted: str) -> int | None:
+    """Column whose header is ``wanted``, letters' case aside."""
+    for row in headers:
+        for column, cell in enumerate(row):
+            if cell.strip().lower() == wanted.strip().lower():
+                return column
+    return None
+
+
+def _time_by_header(headers: Sequence[list[str]], sample: Sequence[list[str]]) -> tuple[int, ...]:
+    """A numeric column that is called time, or that holds Unix times."""
+    for row in headers:
+        for column, cell in enumerate(row):
+            if is_time_name(cell) and _rises(sample, column):
+                return (column,)
+    if sample and sample[0]:
+        values = parse_numbers([row[0] for row in sample], ".")
+        if _rises(sample, 0) and np.nanmedian(values) > 3e8:
+            return (0,)
+    return ()
+
+
+def _rises(sample: Sequence[list[str]], column: int) -> bool:
+    """Mostly numbers that go one way, as times do even where some are out of order."""
+    cells = [row[column] for row in sample]
+    values = parse_numbers(cells, ".")
+    if np.isfinite(values).mean() < 0.5:
+        values = parse_numbers(cells, ",")
+    finite = values[np.isfinite(values)]
+    if finite.size < 0.8 * len(cells) or finite.size < 2 or finite[-1] == finite[0]:
+        return False
+    way = np.sign(finite[-1] - finite[0])
+    return bool((np.diff(finite) * way >= 0).mean() > 0.6)
+
+
+def _first_row(rows: Rows, width: int, time: tuple[int, ...]) -> int:
+    """Index of the first row of data."""
+    for index, row in enumerate(rows.cells[:_HEADER_ROWS]):
+        if len(row) == width and _is_data(row, time):
+            return index
+    return len(rows.cells)
+
+
+def _is_data(row: list[str], time: tuple[int, ...]) -> bool:
+    if len(time) == 2:
+        return is_date_only(row[time[0]])
+    if time:
+        # A time in a form of its own is known by its digits only.
+        return is_time(row[time[0]]) or (
+            any(letter.isdigit() for letter in row[time[0]])
+            and any(is_number(cell) for i, cell in enumerate(row) if i != time[0])
+        )
+    filled = [cell for cell in row if cell.strip()]
+    numbers = sum(is_number(cell) for cell in filled)
+    words = sum(text_quality(cell) is Quality.MISSING for cell in filled)
+    return numbers > 0 and numbers + words >= 0.8 * len(filled)
+
+
+def _is_header(row: list[str], width: int) -> bool:
+    filled = sum(bool(cell.strip()) for cell in row)
+    return abs(len(row) - width) <= 1 and filled >= min(2, width)
+
+
+def _fit(row: list[str], width: int) -> list[str]:
+    return [cell.strip() for cell in [*row, ""][:width]]
+
+
+@dataclass(frozen=True)
+class Names:
+    """(width,) each: what the header rows say of every column."""
+
+    tags: list[str]
+    descriptions: list[str]
+    units: list[str]
+
+
+def column_names(structure: Structure) -> Names:
+    """Tags, descriptions and units of the header rows, whichever of them the file has.
+
+    The row of tags is the one whose cells look most like tags: no blanks, all different. A row
+    of known unit spellings is the units.
+    """
+    width, time = structure.width, set(structure.time)
+    rest = list(structure.headers)
+    units = next((row for row in rest if _is_unit_row(row, time)), [""] * width)
+    rest = [row for row in rest if row is not units]
+    if not rest:
+        return Names([""] * width, [""] * width, units)
+    tags = max(rest, key=lambda row: _tag_likeness(row, time))
+    others = [row for row in rest if row is not tags]
+    descriptions = [" ".join(filter(None, cells)) for cells in zip(*others, strict=True)]
+    return Names(tags, descriptions or [""] * width, units)
+
+
+def _is_unit_row(row: list[str], time: set[int]) -> bool:
+    cells = [cell for column, cell in enumerate(row) if column not in time and cell]
+    known = sum(is_unit(cell) for cell in cells)
+    return known > 0 and known >= 0.6 * len(cells)
+
+
+def _tag_likeness(row: list[str], time: set[int]) -> float:
+    cells = [cell for column, cell in enumerate(row) if column not in time and cell]
+    if not cells:
+        return 0.0
+    compact = sum(" " not in cell.strip() for cell in cells) / len(cells)
+    return compact + len(set(cells)) / len(cells) + len(cells) / len(row)

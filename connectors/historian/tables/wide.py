@@ -1,0 +1,173 @@
+"""A wide table: one time column, one column per tag, status columns beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
+from stemwatch.connectors.historian.tables.rows import Rows, table_rows
+from stemwatch.connectors.historian.tables.structure import Names, Structure, column_names
+from stemwatch.connectors.historian.values.numbers import parse_numbers
+from stemwatch.connectors.historian.values.quality_codes import looks_like_codes
+from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
+
+_ROW_NUMBER = frozenset(("", "index", "row", "no", "no.", "nr", "nr.", "#", "unnamed: 0", "record"))
+_STATUS = ("status", "quality", "qualität", "qualitaet", "qual", "qstatus", "opcquality", "state")
+
+
+@dataclass(frozen=True)
+class Body:
+    """The rows of data as columns of cells."""
+
+    columns: list[list[str]]
+    numbers: list[int]
+
+
+def wide_table(
+    source: LayoutInput, rows: Rows, structure: Structure, separator: str, layout: str
+) -> RawTable:
+    """The table of a file whose tags stand side by side."""
+    names = column_names(structure)
+    body = table_body(source, rows, structure)
+    times, used = _times(body, structure, names, source)
+    interval_s, skipped = _interval_column(body, names, used)
+    used |= skipped | _row_numbers(body, names, used, source.notes)
+    columns = _columns(body, names, used)
+    return RawTable(
+        layout=layout,
+        times=times,
+        columns=unique_tags(columns, source.notes),
+        numbers=body.numbers,
+        separator=separator,
+        interval_s=interval_s,
+    )
+
+
+def table_body(source: LayoutInput, rows: Rows, structure: Structure) -> Body:
+    """The rows of data, without repeated headers and without rows of another width."""
+    notes, document = source.notes, source.document
+    rest = Rows(rows.cells[structure.first_row :], rows.numbers[structure.first_row :])
+    rest = _without_headers(rest, structure, notes)
+    rest = table_rows(rest, structure.width, notes, ends_whole=document.ends_whole)
+    columns = [list(column) for column in zip(*rest.cells, strict=True)]
+    return Body(columns or [[] for _ in range(structure.width)], rest.numbers)
+
+
+def _without_headers(rows: Rows, structure: Structure, notes: ReadingNotes) -> Rows:
+    """Header rows come back where monthly files were joined."""
+    known = {tuple(row) for row in structure.headers}
+    starts = {row[0] for row in known}
+    kept = [
+        i
+        for i, row in enumerate(rows.cells)
+        if row[0].strip() not in starts or tuple(cell.strip() for cell in row) not in known
+    ]
+    dropped = len(rows.cells) - len(kept)
+    if not dropped:
+        return rows
+    notes.decide(f"{dropped} repeated header rows inside the file were left out.")
+    return Rows([rows.cells[i] for i in kept], [rows.numbers[i] for i in kept])
+
+
+def _times(
+    body: Body, structure: Structure, names: Names, source: LayoutInput
+) -> tuple[RawTimes, set[int]]:
+    if not structure.time:
+        return RawTimes(texts=None), set()
+    used = set(structure.time)
+    header = names.tags[structure.time[0]]
+    texts = body.columns[structure.time[0]]
+    if len(structure.time) == 2:
+        source.notes.decide("Date and time of day are two columns; they were joined.")
+        clock = body.columns[structure.time[1]]
+        texts = [f"{date.strip()} {time.strip()}" for date, time in zip(texts, clock, strict=True)]
+    if not source.options.time_column and header:
+        source.notes.decide(f"The time is column {header!r}.")
+    milliseconds = None
+    for column, tag in enumerate(names.tags):
+        if column not in used and tag.lower() in ("milliseconds", "millisecond", "msec"):
+            milliseconds = body.columns[column]
+            used.add(column)
+    return RawTimes(texts=texts, name=header, milliseconds=milliseconds), used
+
+
+def _interval_column(body: Body, names: Names, used: set[int]) -> tuple[float | None, set[int]]:
+    """A column ``Ts`` with one number in its first row tells the interval."""
+    for column, tag in enumerate(names.tags):
+        if tag.lower() in ("ts", "dt", "interval", "interval_s") and column not in used:
+            filled = [cell for cell in body.columns[column] if cell.strip()]
+            values = parse_numbers(filled, ".")
+            if len(filled) == 1 and np.isfinite(values).all() and values[0] > 0:
+                return float(values[0]), {column}
+    return None, set()
+
+
+def _row_numbers(body: Body, names: Names, used: set[int], notes: ReadingNotes) -> set[int]:
+    """The first column where it only counts the rows."""
+    if 0 in used or not body.columns or names.tags[0].lower() not in _ROW_NUMBER:
+        return set()
+    values = parse_numbers(body.columns[0], ".")
+    if not used or not np.isfinite(values).all() or values.size < 2:
+        return set()
+    if (np.diff(values) == 1.0).mean() < 0.9:
+        return set()
+    notes.decide("The first column only numbers the rows; it was left out.")
+    return {0}
+
+
+def _columns(body: Body, names: Names, used: set[int]) -> list[RawColumn]:
+    columns: list[RawColumn] = []
+    for i, cells in enumerate(body.columns):
+        header = names.tags[i]
+        if i in used or not (header or any(cell.strip() for cell in cells)):
+            continue
+        owner = _status_owner(header, cells, columns)
+        if owner is not None:
+            columns[owner] = replace(columns[owner], quality_codes=cells, quality_name=header)
+            continue
+        unit = canonical(names.units[i]) or split_unit(header)[1]
+        columns.append(
+            RawColumn(
+                tag=bare_tag(header) or f"column {i + 1}",
+                cells=cells,
+                unit=unit,
+                description=names.descriptions[i],
+            )
+        )
+    return columns
+
+
+def _status_owner(header: str, cells: Sequence[str], columns: list[RawColumn]) -> int | None:
+    """Index of the tag whose quality this column tells, or ``None`` for a tag of its own."""
+    lower = header.lower()
+    word = next((w for w in _STATUS if lower.endswith(w)), None)
+    if word is None or not columns or not looks_like_codes(cells):
+        return None
+    base = lower.removesuffix(word).rstrip(" ._-/:([")
+    for index in range(len(columns) - 1, -1, -1):
+        if base and columns[index].tag.lower() == base:
+            return index
+    return len(columns) - 1 if not base and columns[-1].quality_codes is None else None
+
+
+def unique_tags(columns: list[RawColumn], notes: ReadingNotes) -> list[RawColumn]:
+    """Tags that occur twice get a number, so that none hides the other."""
+    seen: dict[str, int] = {}
+    out: list[RawColumn] = []
+    taken = {column.tag for column in columns}
+    for column in columns:
+        seen[column.tag] = seen.get(column.tag, 0) + 1
+        tag = column.tag
+        if seen[column.tag] > 1:
+            count = seen[column.tag]
+            while (tag := f"{column.tag} ({count})") in taken:
+                count += 1
+            taken.add(tag)
+            notes.decide(f"The tag {column.tag!r} heads more than one column; one is {tag!r} here.")
+        out.append(replace(column, tag=tag))
+    return out

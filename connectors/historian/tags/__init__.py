@@ -1,0 +1,1 @@
+"""Which valve and which signal a tag stands for."""

@@ -1,0 +1,182 @@
+"""Roles from tag, description and unit: only where they leave no doubt, always with why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from stemwatch.connectors.historian.tags.tag_names import (
+    TagName,
+    instrument,
+    number,
+    parse_tag,
+)
+from stemwatch.models.recording import PERCENT, Role
+
+_ASK_MV = (
+    "MV is the controller output in some systems (manipulated variable) and the valve position in "
+    "others; say which"
+)
+_ASK_CV = (
+    "CV is the controller output in some systems and the controlled variable in others; say which"
+)
+_DESCRIBED = (
+    (Role.OP, ("_op", "controller output", "output", "stellgröße", "stellgroesse", "leitgröße")),
+    (Role.MV, ("valve position", "stem position", "travel", "position feedback", "stellungsrück",
+               "ventilstellung", "hub")),
+    (Role.SP, ("_sp", "set point", "setpoint", "sollwert", "consigne")),
+    (Role.PV, ("_pv", "process value", "measured value", "istwert", "mesure")),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One tag on its way to a role."""
+
+    tag: str
+    unit: str
+    description: str
+    own_interval_s: float | None = None  # slower than the rows
+    name: TagName
+    role: Role | None = None
+    valve: str = ""
+    remark: str = ""
+
+
+def propose_roles(
+    tags: Sequence[tuple[str, str, str, float | None]], *, stem: str, mv_is_output: bool
+) -> list[Candidate]:
+    """A candidate for each (tag, unit, description, own interval in seconds).
+
+    ``stem`` names the valve where tags are nothing but OP, PV, SP. ``mv_is_output``: the layout
+    itself uses MV for the manipulated variable, which the description must confirm.
+    """
+    candidates = [
+        Candidate(tag=t, unit=u, description=d, own_interval_s=i, name=parse_tag(t))
+        for t, u, d, i in tags
+    ]
+    candidates = [_propose(candidate, candidates, stem, mv_is_output) for candidate in candidates]
+    candidates = _pair_positions(candidates)
+    candidates = _pair_transmitters(candidates)
+    return _one_per_role(candidates)
+
+
+def _propose(
+    candidate: Candidate, everyone: Sequence[Candidate], stem: str, mv_is_output: bool
+) -> Candidate:
+    name = candidate.name
+    if not name.word:
+        return replace(candidate, remark="nothing in tag or description says what it is to a valve")
+    valve = name.loop or stem
+    described = described_role(candidate.description)
+    if name.word == "mv":
+        return _propose_mv(replace(candidate, valve=valve), described, mv_is_output)
+    if name.word == "cv":
+        return _propose_cv(replace(candidate, valve=valve), everyone)
+    role = name.role
+    if role is None:
+        return replace(
+            candidate, remark=f"{name.word!r} of this block has no part in a control loop"
+        )
+    if described not in (None, role):
+        return replace(
+            candidate,
+            valve=valve,
+            remark=(
+                f"the tag says {role.value} but the description {candidate.description!r} does not"
+            ),
+        )
+    confirmed = ", as its description says" if described is role else ""
+    remark = f"by its name {name.word.upper()!r}{confirmed}"
+    return replace(candidate, role=role, valve=valve, remark=remark)
+
+
+def described_role(description: str) -> Role | None:
+    """The role that a description names, ``None`` where it names none or several."""
+    text = description.strip().lower()
+    hits = {
+        role
+        for role, words in _DESCRIBED
+        if any(text.endswith(w) if w.startswith("_") else w in text for w in words)
+    }
+    return hits.pop() if len(hits) == 1 else None
+
+
+def _propose_mv(candidate: Candidate, described: Role | None, mv_is_output: bool) -> Candidate:
+    if described is Role.OP:
+        where = "by the layout and " if mv_is_output else "by "
+        remark = (
+            f"MV is the controller output here, {where}its description {candidate.description!r}"
+        )
+        return replace(candidate, role=Role.OP, remark=remark)
+    return replace(candidate, remark=_ASK_MV)
+
+
+def _propose_cv(candidate: Candidate, everyone: Sequence[Candidate]) -> Candidate:
+    beside = {other.name.role for other in everyone if other.name.loop == candidate.name.loop}
+    if candidate.unit == PERCENT and beside & {Role.MV, Role.PV} and Role.OP not in beside:
+        remark = "CV in percent beside the same loop's position or PV: the controller output"
+        return replace(candidate, role=Role.OP, remark=remark)
+    return replace(candidate, remark=_ASK_CV)
+
+
+def _pair_positions(candidates: list[Candidate]) -> list[Candidate]:
+    """``ZT-101`` belongs to the one loop that has an OP and the same number."""
+    outputs = {candidate.valve for candidate in candidates if candidate.role is Role.OP}
+    out = []
+    for candidate in candidates:
+        if candidate.role is Role.MV and candidate.valve not in outputs:
+            same = [valve for valve in outputs if number(valve) == number(candidate.valve) != ""]
+            if len(same) == 1:
+                remark = f"position transmitter with the number of {same[0]}"
+                candidate = replace(candidate, valve=same[0], remark=remark)
+        out.append(candidate)
+    return out
+
+
+def _pair_transmitters(candidates: list[Candidate]) -> list[Candidate]:
+    """``FIT-400B/AI1/OUT`` is the measurement of ``FIC-400B``."""
+    outputs = {candidate.valve for candidate in candidates if candidate.role is Role.OP}
+    by_instrument: dict[str, list[str]] = {}
+    for valve in outputs:
+        by_instrument.setdefault(instrument(valve), []).append(valve)
+    out = []
+    for candidate in candidates:
+        same = by_instrument.get(instrument(candidate.valve), [])
+        if candidate.role is Role.PV and candidate.valve not in outputs and len(same) == 1:
+            candidate = replace(candidate, valve=same[0], remark=f"the measurement of {same[0]}")
+        out.append(candidate)
+    return out
+
+
+def _one_per_role(candidates: list[Candidate]) -> list[Candidate]:
+    """Of several tags for one role of one valve the one with the quickest own rate is proposed;
+    a controller's own copy (PID block) is the last choice."""
+    groups: dict[tuple[str, Role], list[int]] = {}
+    for i, candidate in enumerate(candidates):
+        if candidate.role is not None:
+            groups.setdefault((candidate.valve, candidate.role), []).append(i)
+    out = list(candidates)
+    for members in groups.values():
+        if len(members) > 1:
+            _choose(out, members)
+    return out
+
+
+def _choose(out: list[Candidate], members: list[int]) -> None:
+    def rate(i: int) -> tuple[int, float]:
+        # The blocks on either side of the controller show a value when it acts; the controller's
+        # own copies are scanned or compressed, seconds to minutes late.
+        return int(out[i].name.block.startswith("PID")), out[i].own_interval_s or 0.0
+
+    ranked = sorted(members, key=rate)
+    best = out[ranked[0]]
+    if rate(ranked[0]) == rate(ranked[1]):
+        others = ", ".join(out[i].tag for i in members)
+        for i in members:
+            out[i] = replace(out[i], role=None, remark=f"several tags may be this one: {others}")
+        return
+    for i in ranked[1:]:
+        own = out[i].own_interval_s
+        slow = f", new values each {own:g} s" if own else ""
+        out[i] = replace(out[i], role=None, remark=f"a copy of {best.tag}{slow}; that one is used")

@@ -1,0 +1,228 @@
+"""The source's clock: what it was like, and the even grid the samples are laid on.
+
+A sample goes to the grid's nearest instant and keeps its value; nothing is interpolated. Instants
+without a sample are MISSING.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.historian.times.time_fields import Ints
+from stemwatch.connectors.historian.times.timeline import Timeline, distinct_times, middle
+from stemwatch.connectors.historian.values.columns import Column
+from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
+
+MAX_SAMPLES = 50_000_000
+_GAP = 1.5  # intervals
+_HOLD = 4.0  # of the tag's own intervals
+
+
+@dataclass(frozen=True)
+class Grid:
+    """``size`` instants ``origin_ns + (first + k) * interval_ns``."""
+
+    origin_ns: int
+    interval_ns: float
+    first: int
+    size: int
+
+    @property
+    def start_ns(self) -> int:
+        return self.origin_ns + round(self.first * self.interval_ns)
+
+    @property
+    def interval_s(self) -> float:
+        return self.interval_ns / 1e9
+
+    @property
+    def instants(self) -> Ints:
+        steps = np.arange(self.first, self.first + self.size, dtype=np.float64)
+        return self.origin_ns + np.round(steps * self.interval_ns).astype(np.int64)
+
+
+def clock_facts(file_ns: Ints, zone: str) -> ClockFacts:
+    """What the times of one series, in file order, were like."""
+    ordered = distinct_times(file_ns)
+    forward = np.diff(ordered).astype(np.float64)
+    if not forward.size:
+        return ClockFacts(zone=zone, repeated_times=int(file_ns.size - ordered.size))
+    interval = middle(forward)
+    gaps = forward[forward > _GAP * interval]
+    return ClockFacts(
+        jitter_s=middle(np.abs(forward - interval)) / 1e9,
+        gaps=int(gaps.size),
+        longest_gap_s=float(gaps.max()) / 1e9 if gaps.size else 0.0,
+        repeated_times=int(file_ns.size - ordered.size),
+        backward_steps=int(np.count_nonzero(file_ns[1:] < file_ns[:-1])),
+        zone=zone,
+    )
+
+
+def interval_ns(times: Timeline) -> float:
+    """The clock's interval from the times of OP.
+
+    The mean of the even steps where four digits say it, so that rounded times (4.9999, 5.0001 ms)
+    give the interval they stand for; else the median step, or the mean where a grid of the median
+    would drift half an interval away from the samples (33, 33, 34 ms). Of a tag reported by
+    exception its 10th percentile step, rounded to 1, 2 or 5.
+    """
+    steps = times.steps
+    if times.by_exception:
+        return _round_125(float(np.percentile(steps, 10)))
+    median = middle(steps)
+    even = steps[steps <= _GAP * median]
+    mean = float(even.mean())
+    simple = float(f"{mean:.4g}")
+    if abs(simple - mean) * even.size < 0.05 * median:
+        return simple
+    drifts = abs(mean - median) * even.size > 0.5 * median
+    return mean if drifts and abs(mean - median) < 0.05 * median else median
+
+
+def _round_125(value: float) -> float:
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(step - value / power)))
+
+
+def make_grid(
+    times: Timeline, tag: str, source: str, window_ns: tuple[int | None, int | None]
+) -> Grid:
+    """The even grid of ``times``, cut to the window. Raises ``ConnectorError`` where there is
+    none."""
+    distinct = times.distinct
+    if distinct.size < 2:
+        raise ConnectorError(
+            f"{source}: {tag}: {distinct.size} samples; at least two at different times are "
+            "needed to tell the interval"
+        )
+    step = interval_ns(times)
+    origin, end = int(distinct[0]), int(distinct[-1])
+    last = int(np.floor((end - origin) / step + 0.5))
+    start_ns, stop_ns = window_ns
+    first = 0 if start_ns is None else max(0, int(np.ceil((start_ns - origin) / step)))
+    stop = last + 1 if stop_ns is None else min(last + 1, int(np.ceil((stop_ns - origin) / step)))
+    if stop - first > MAX_SAMPLES:
+        raise ConnectorError(
+            f"{source}: {tag}: {stop - first} samples of {step / 1e9:g} s would be needed for the "
+            f"time from first to last sample, more than {MAX_SAMPLES}; read it in windows or split "
+            "the file"
+        )
+    return Grid(origin, step, first, max(0, stop - first))
+
+
+@dataclass(frozen=True)
+class Laid:
+    """A column on the grid: (n,) values and quality."""
+
+    values: Floats
+    quality: NDArray[np.uint8]
+    decision: str = ""
+
+
+def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> Laid:
+    """``column`` on ``grid``: at the nearest instants where it has the grid's rate, else held."""
+    if column.ns.size == 0:
+        return Laid(np.full(grid.size, np.nan), np.full(grid.size, Quality.MISSING, np.uint8))
+    exception, usual = column.times.by_exception, column.times.usual_step
+    own = grid.interval_ns if usual is None else usual
+    if not exception and (is_clock or own <= 1.1 * grid.interval_ns):
+        return _lay_nearest(column, grid)
+    return _lay_held(column, grid, own, exception)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the samples of a timeline fall on a grid.
+
+    ``inside`` (n,) are the samples that do, ``at`` (m,) their instants from the grid's first;
+    ``each`` whether they are all samples and all instants in turn. ``moved`` were stamped early.
+    """
+
+    inside: Bools
+    at: Ints
+    each: bool
+    moved: int
+
+
+@lru_cache(maxsize=1)  # the tags of a valve are laid one after the other, and share their times
+def nearest_places(times: Timeline, grid: Grid) -> Places:
+    """The nearest instant of each sample, repeated times put right."""
+    index, moved = _repeated_to_hole(times.ns, nearest_index(times.ns, grid))
+    inside = (index >= grid.first) & (index < grid.first + grid.size)
+    at = index[inside] - grid.first
+    each = index.size == grid.size and np.array_equal(at, np.arange(grid.size))
+    return Places(inside, at, each, moved)
+
+
+def _lay_nearest(column: Column, grid: Grid) -> Laid:
+    places = nearest_places(column.times, grid)
+    decision = (
+        f"{places.moved} rows repeat the time before them and leave the next instant empty; their "
+        "time was stamped early, so they were laid on that instant."
+        if places.moved
+        else ""
+    )
+    if places.each:
+        return Laid(column.values, column.quality, decision)
+    values = np.full(grid.size, np.nan)
+    quality = np.full(grid.size, Quality.MISSING, dtype=np.uint8)
+    # Of several samples at one instant numpy keeps the last written, which is the last in time.
+    values[places.at] = column.values[places.inside]
+    quality[places.at] = column.quality[places.inside]
+    return Laid(values, quality, decision)
+
+
+def nearest_index(ns: Ints, grid: Grid) -> Ints:
+    """Nearest instant of each sample, counted within its own gap-free stretch.
+
+    After a gap a source often goes on off the old grid; by counting from the stretch's first
+    sample, samples half an interval off do not fall on one instant two by two.
+    """
+    steps = np.diff(ns)
+    begins = np.concatenate(([True], steps > _GAP * grid.interval_ns))
+    stretch = np.cumsum(begins) - 1
+    first_ns = ns[begins][stretch]
+    base = np.floor((first_ns - grid.origin_ns) / grid.interval_ns + 0.5)
+    within = np.floor((ns - first_ns) / grid.interval_ns + 0.5)
+    return np.asarray((base + within).astype(np.int64))
+
+
+def _repeated_to_hole(ns: Ints, index: Ints) -> tuple[Ints, int]:
+    """The second of two rows with one time moves to the next instant where that is empty."""
+    if index.size < 3:
+        return index, 0
+    twin = np.zeros(index.size, dtype=bool)
+    twin[1:-1] = (ns[1:-1] == ns[:-2]) & (index[2:] == index[1:-1] + 2)
+    return np.where(twin, index + 1, index), int(twin.sum())
+
+
+def _lay_held(column: Column, grid: Grid, own: float, exception: bool) -> Laid:
+    instants = grid.instants
+    last = np.searchsorted(column.ns, instants, side="right") - 1
+    age = instants - column.ns[np.maximum(last, 0)]
+    limit = _hold_limit(column.times, own, exception)
+    there = (last >= 0) & (age <= limit)
+    at = np.maximum(last, 0)
+    old = there & (age > _GAP * max(grid.interval_ns, own))
+    quality = np.where(there, column.quality[at], Quality.MISSING)
+    quality = np.where(old & (quality == Quality.GOOD), Quality.HELD, quality)
+    values = np.where(quality <= Quality.HELD, column.values[at], np.nan)
+    kind = "is reported when it changes" if exception else f"has a sample each {own / 1e9:g} s"
+    decision = (
+        f"{column.tag} {kind}; its last value is held for at most {limit / 1e9:g} s and marked as "
+        f"held when older than {_GAP * max(grid.interval_ns, own) / 1e9:g} s."
+    )
+    return Laid(values, quality.astype(np.uint8), decision)
+
+
+def _hold_limit(times: Timeline, own: float, exception: bool) -> float:
+    """A few of the tag's own intervals; by exception as long as it usually stays silent."""
+    if not exception:
+        return _HOLD * own
+    return max(_HOLD * own, float(np.percentile(times.steps, 99)))

@@ -1,0 +1,299 @@
+"""The time column as a whole: instants in nanoseconds, and what is known of their zone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.options import ReadOptions
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.times.day_month_order import local_ns
+from stemwatch.connectors.historian.times.time_fields import NO_OFFSET, Ints, Order, take_apart
+from stemwatch.connectors.historian.times.zones import to_utc
+from stemwatch.connectors.historian.values.numbers import parse_numbers
+from stemwatch.models.recording import Bools, Floats
+
+_SECOND_NS = 1_000_000_000
+_MAX_SECONDS = 4e9  # relative times beyond this are no seconds
+# Epoch times between 1980 and 2100, by their unit.
+_EPOCHS = (("seconds", 1e9), ("milliseconds", 1e6), ("microseconds", 1e3), ("nanoseconds", 1.0))
+_EPOCH_SPAN_S = (315_532_800.0, 4_102_444_800.0)
+_EXCEL_DAYS = (25_569.0, 73_050.0)
+_UNIT_NS = {"ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "min": 60e9, "h": 3600e9, "d": 86400e9}
+_UNIT = re.compile(r"(?:_|\(|\[|\s)(ms|us|µs|ns|min|h|d)\s*[\])]?$")
+_UTC_NAME = re.compile(r"(?:^|[^A-Za-z])(?:utc|gmt)(?:$|[^A-Za-z])", re.I)
+_DATE_NAME = re.compile(r"date|datum|stamp|zeit", re.I)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instants:
+    """(n,) nanoseconds: since 1970 UTC where ``known``, else on a clock of unknown date."""
+
+    ns: Ints
+    ok: Bools
+    known: bool
+    zone: str  # one sentence
+
+
+def read_instants(
+    table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
+) -> Instants:
+    """The time of every row of ``table``. Rows without a readable time are reported.
+
+    Raises ``UnreadableSource`` where no row has one, or nothing tells the interval.
+    """
+    times = table.times
+    if times.texts is None:
+        return _counted(table, options, name, notes)
+    texts = [text.strip() for text in times.texts]
+    instants = _numeric(texts, table, notes)
+    if options.time_format is not None:
+        instants = _by_format(texts, options.time_format, table, options, notes)
+    elif instants is None:
+        instants = _dated(texts, table, options, name, notes)
+    if not instants.ok.any():
+        raise UnreadableSource(
+            f"{name}: line {table.numbers[0] if table.numbers else 1}: no row has a time that can "
+            f"be read; the first is {texts[0] if texts else ''!r}. Say time_format, or "
+            "time_column if another column holds the time"
+        )
+    _report_unreadable(instants.ok, texts, table, notes)
+    return _without_strays(_with_milliseconds(instants, table), texts, table, notes)
+
+
+def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
+    interval_s = options.interval_s or table.interval_s
+    if interval_s is None:
+        raise UnreadableSource(
+            f"{name}: there is no time column and nothing tells the interval of the rows; say "
+            "interval_s, or time_column if one of the columns holds the time"
+        )
+    notes.decide(f"There is no time column; the rows are {interval_s:g} s apart.")
+    n = len(table.numbers)
+    ns = np.round(np.arange(n) * interval_s * 1e9).astype(np.int64)
+    return Instants(ns=ns, ok=np.ones(n, dtype=bool), known=False, zone="")
+
+
+def _numeric(texts: Sequence[str], table: RawTable, notes: ReadingNotes) -> Instants | None:
+    """Epoch times, Excel day numbers or seconds since the start; ``None`` where texts are dates."""
+    probe = [text for text in texts[:200] if text]
+    if not probe or np.isfinite(parse_numbers(probe, ".")).mean() < 0.8:
+        decimal = "," if probe and np.isfinite(parse_numbers(probe, ",")).mean() >= 0.8 else ""
+        if not decimal:
+            return None
+    else:
+        decimal = "."
+    if len(probe[0]) == 14 and take_apart(probe[:1]).order[0] != Order.UNREADABLE:
+        return None
+    numbers = parse_numbers(texts, decimal)
+    ok = np.isfinite(numbers)
+    middle = float(np.median(numbers[ok]))
+    for unit, ns_each in _EPOCHS:
+        low, high = (bound * _SECOND_NS / ns_each for bound in _EPOCH_SPAN_S)
+        if low <= middle <= high:
+            notes.decide(f"The times are Unix {unit}, in UTC.")
+            return _epoch(texts, numbers, ok & (numbers >= low) & (numbers <= high), ns_each)
+    return _relative(numbers, ok, table.times.name, notes)
+
+
+def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> Instants:
+    whole = np.floor(np.where(ok, numbers, 0.0))
+    fraction = np.where(ok, numbers, 0.0) - whole
+    # A double holds 2**53 exactly; nanoseconds since 1970 need integers of their own.
+    if ns_each == 1.0:
+        whole_ns = np.array(
+            [int(t) if good and t.isdigit() else 0 for t, good in zip(texts, ok, strict=True)],
+            dtype=np.int64,
+        )
+    else:
+        whole_ns = whole.astype(np.int64) * int(ns_each)
+    ns = whole_ns + np.round(fraction * ns_each / 1e3).astype(np.int64) * 1000
+    return Instants(ns=ns, ok=ok, known=True, zone="The times are Unix times, in UTC.")
+
+
+def _relative(numbers: Floats, ok: Bools, header: str, notes: ReadingNotes) -> Instants:
+    if _are_excel_days(numbers[ok], header):
+        notes.decide(f"The numbers of column {header!r} are Excel days; their zone is not known.")
+        ns = np.round((np.where(ok, numbers, 0.0) - _EXCEL_DAYS[0]) * 86_400e3).astype(np.int64)
+        zone = "The times are Excel days without a zone."
+        return Instants(ns=ns * 1_000_000, ok=ok, known=False, zone=zone)
+    unit = _UNIT.search(header)
+    scale = _UNIT_NS[unit[1]] if unit else 1e9
+    ok = ok & (np.abs(numbers) < _MAX_SECONDS * 1e9 / scale)
+    notes.decide(
+        f"The numbers of column {header!r} are {unit[1] if unit else 'seconds'} since a start "
+        "that the file does not date."
+    )
+    ns = np.round(np.where(ok, numbers, 0.0) * scale).astype(np.int64)
+    return Instants(ns=ns, ok=ok, known=False, zone="")
+
+
+def _are_excel_days(numbers: Floats, header: str) -> bool:
+    """Day numbers of 1970 to 2100 under a header that names a date, or in steps of minutes."""
+    if not ((numbers >= _EXCEL_DAYS[0]) & (numbers <= _EXCEL_DAYS[1])).all():
+        return False
+    if _DATE_NAME.search(header):
+        return True
+    steps = np.abs(np.diff(numbers))
+    return bool(header.strip().lower() == "time" and steps.size and np.median(steps) < 0.05)
+
+
+def _by_format(
+    texts: Sequence[str],
+    time_format: str,
+    table: RawTable,
+    options: ReadOptions,
+    notes: ReadingNotes,
+) -> Instants:
+    import pandas as pd
+
+    aware = "%z" in time_format
+    index = pd.to_datetime(pd.Series(texts, dtype=object), format=time_format, errors="coerce",
+                           utc=aware)  # fmt: skip
+    ok = np.asarray(index.notna())
+    bare = index.dt.tz_localize(None) if aware else index
+    ns = bare.dt.as_unit("ns").fillna(pd.Timestamp(0)).to_numpy().astype(np.int64)
+    notes.decide(f"The times were read by the given format {time_format!r}.")
+    offsets = np.full(ns.size, 0 if aware else NO_OFFSET, dtype=np.int64)
+    return _placed(ns, ok, offsets, table, options, notes)
+
+
+def _dated(
+    texts: Sequence[str], table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
+) -> Instants:
+    fields = take_apart(texts)
+    readable = np.flatnonzero(fields.order != Order.UNREADABLE)
+    example = texts[int(readable[0])] if readable.size else ""
+    day_first = table.times.day_first if options.day_first is None else options.day_first
+    ns, ok = local_ns(fields, day_first, name, example, notes)
+    return _placed(ns, ok, fields.offset_min, table, options, notes)
+
+
+def _placed(
+    ns: Ints,
+    ok: Bools,
+    offset_min: Ints,
+    table: RawTable,
+    options: ReadOptions,
+    notes: ReadingNotes,
+) -> Instants:
+    """Instants from local nanoseconds and the offsets the rows carry, or the zone the user gave."""
+    aware = ok & (offset_min != NO_OFFSET)
+    naive = ok & ~aware
+    utc = np.where(aware, ns - offset_min * 60 * _SECOND_NS, ns)
+    if not naive.any():
+        return Instants(ns=utc, ok=ok, known=True, zone=_offset_sentence(offset_min[ok], notes))
+    if table.times.utc or _UTC_NAME.search(table.times.name):
+        notes.decide("The times are UTC by the name of their column or the format's definition.")
+        return Instants(ns=utc, ok=ok, known=True, zone="The times are written in UTC.")
+    if options.zone is not None:
+        return _localised(ns, utc, naive, aware, options.zone, table, options, notes)
+    if aware.any():
+        n = int(naive.sum())
+        notes.problem(f"{n} times have no offset while others do, and no zone was given; left out")
+        return Instants(
+            ns=utc, ok=aware, known=True, zone=_offset_sentence(offset_min[aware], notes)
+        )
+    _remark_clock_change(ns[ok], notes)
+    return undated(ns, ok, notes)
+
+
+def undated(ns: Ints, ok: Bools, notes: ReadingNotes) -> Instants:
+    """Local times of a zone that nobody gave: instants on a clock of unknown date."""
+    zone = "The times have no zone and none was given: durations are right, the date is not known."
+    notes.decide(zone)
+    return Instants(ns=ns, ok=ok, known=False, zone=zone)
+
+
+def _localised(
+    ns: Ints,
+    utc: Ints,
+    naive: Bools,
+    aware: Bools,
+    zone: str,
+    table: RawTable,
+    options: ReadOptions,
+    notes: ReadingNotes,
+) -> Instants:
+    groups = [column.rows for column in table.columns] if table.narrow else [None]
+    local_utc, placed = to_utc(
+        ns,
+        naive,
+        zone,
+        ambiguous_hour=options.ambiguous_hour,
+        missing_hour=options.missing_hour,
+        groups=groups,
+        notes=notes,
+    )
+    sentence = f"Times without offset are local times of {zone}."
+    notes.decide(sentence)
+    return Instants(
+        ns=np.where(naive, local_utc, utc), ok=placed | aware, known=True, zone=sentence
+    )
+
+
+def _offset_sentence(offset_min: Ints, notes: ReadingNotes) -> str:
+    distinct = [f"{m // 60:+03d}:{m % 60:02d}" if m >= 0 else f"-{-m // 60:02d}:{-m % 60:02d}"
+                for m in np.unique(offset_min).tolist()]  # fmt: skip
+    sentence = f"Each time carries its offset from UTC ({', '.join(distinct)})."
+    notes.decide(sentence)
+    return sentence
+
+
+def _remark_clock_change(ns: Ints, notes: ReadingNotes) -> None:
+    steps = np.diff(ns)
+    usual = float(np.median(np.abs(steps))) if steps.size else 0.0
+    back = steps[(steps < 0) & (np.abs(steps + 3600e9) <= 2 * usual + 1e9)]
+    if back.size == 1:
+        notes.decide(
+            "The times step back by about an hour once: probably the end of summer time. Give the "
+            "zone and both passes of the repeated hour will be told apart."
+        )
+
+
+def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:
+    if table.times.milliseconds is None:
+        return instants
+    extra = np.nan_to_num(parse_numbers(table.times.milliseconds, "."))
+    ns = instants.ns + np.round(np.clip(extra, 0, 999_999) * 1e6).astype(np.int64)
+    return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
+
+
+def _report_unreadable(
+    ok: Bools, texts: Sequence[str], table: RawTable, notes: ReadingNotes
+) -> None:
+    for row in np.flatnonzero(~ok)[:5].tolist():
+        notes.problem(
+            f"line {table.numbers[row]}: {texts[row][:40]!r} is not a time that could be placed; "
+            "the row was left out"
+        )
+    lost = int((~ok).sum())
+    if lost > 5:
+        notes.problem(f"{lost} rows in all have no time that could be placed")
+
+
+def _without_strays(
+    instants: Instants, texts: Sequence[str], table: RawTable, notes: ReadingNotes
+) -> Instants:
+    """Single rows dated years away from all others are damage, not a gap."""
+    good = np.flatnonzero(instants.ok)
+    if good.size < 100:
+        return instants
+    low, middle, high = np.percentile(instants.ns[good], (2.0, 50.0, 98.0))
+    far = np.abs(instants.ns - middle) > 20.0 * (high - low) + 86_400e9
+    stray = instants.ok & far
+    if not stray.any():
+        return instants
+    first = int(np.flatnonzero(stray)[0])
+    notes.problem(
+        f"line {table.numbers[first]}: the time {texts[first]!r} is far from all others; "
+        f"{int(stray.sum())} such rows were left out"
+    )
+    return Instants(
+        ns=instants.ns, ok=instants.ok & ~stray, known=instants.known, zone=instants.zone
+    )

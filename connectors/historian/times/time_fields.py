@@ -1,0 +1,177 @@
+"""Time texts to whole numbers: day, month, year, time of day and offset of every row.
+
+Most files write all their times in one shape. Such a column is taken apart as a matrix of
+characters, all rows at once; any other is matched text by text, each distinct text once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.historian.times.time_formats import (
+    AFTERNOON,
+    MONTH_NUMBER,
+    MORNING,
+    ZONE_MINUTES,
+    match_time,
+)
+
+Ints = NDArray[np.int64]
+NO_OFFSET = -100_000
+_SECOND_NS = 1_000_000_000
+
+
+class Order(IntEnum):
+    """What the three date numbers of a row are."""
+
+    UNREADABLE = 0
+    YEAR_FIRST = 1  # year, month, day
+    NUMERIC = 2  # two numbers whose order the file must tell, then the year
+
+
+@dataclass(frozen=True)
+class TimeFields:
+    """(n,) each. ``first``, ``second``, ``third`` are the date's numbers as ``order`` says;
+    ``day_ns`` the time of day; ``offset_min`` minutes east of UTC or ``NO_OFFSET``."""
+
+    order: Ints
+    first: Ints
+    second: Ints
+    third: Ints
+    short_year: Ints
+    dotted: Ints
+    day_ns: Ints
+    offset_min: Ints
+
+
+def take_apart(texts: Sequence[str]) -> TimeFields:
+    """Fields of every text; rows that are no time have order ``UNREADABLE``."""
+    uniform = _uniform(texts)
+    if uniform is not None:
+        return uniform
+    known = {text: _one(text) for text in dict.fromkeys(texts)}
+    table = np.array([known[text] for text in texts], dtype=np.int64).reshape(len(texts), 8)
+    return TimeFields(*(np.ascontiguousarray(column) for column in table.T))
+
+
+_NOTHING = (int(Order.UNREADABLE), 0, 0, 0, 0, 0, 0, NO_OFFSET)
+
+
+def _one(text: str) -> tuple[int, ...]:
+    match = match_time(text)
+    if match is None:
+        return _NOTHING
+    clock = _clock_ns(match)
+    if clock is None:
+        return _NOTHING
+    order, date, short = _date(match)
+    dotted = int(match["nsep"] == ".")
+    return (int(order), *date, int(short), dotted, clock, _offset(match))
+
+
+def _date(match: re.Match[str]) -> tuple[Order, tuple[int, int, int], bool]:
+    for keys in (("Y", "m", "d"), ("Yj", "mj", "dj"), ("Yc", "mc", "dc")):
+        if match[keys[0]] is not None:
+            year, month, day = (int(match[key]) for key in keys)
+            return Order.YEAR_FIRST, (year, month, day), False
+    for year_key, name_key, day_key in (("yn", "mon", "dn"), ("yn2", "mon2", "dn2")):
+        if match[name_key] is not None:
+            month = MONTH_NUMBER[match[name_key].lower()]
+            short = len(match[year_key]) == 2
+            date = int(match[year_key]), month, int(match[day_key])
+            return Order.YEAR_FIRST, date, short
+    date = int(match["a"]), int(match["b"]), int(match["y"])
+    return Order.NUMERIC, date, len(match["y"]) == 2
+
+
+def _clock_ns(match: re.Match[str]) -> int | None:
+    """Nanoseconds since midnight, or ``None`` for an hour that no clock shows."""
+    for suffix in ("", "c", "d"):
+        if match["H" + suffix] is not None:
+            break
+    else:
+        return 0
+    hour = int(match["H" + suffix])
+    minute, second = int(match["M" + suffix]), int(match["S" + suffix] or 0)
+    half = (match["ap1"] or match["ap2"] or "").lower()
+    if half:
+        if not 1 <= hour <= 12:
+            return None
+        hour = hour % 12 + (12 if half in AFTERNOON else 0)
+        assert half in AFTERNOON or half in MORNING
+    if minute > 59 or second > 59 or hour > 24 or (hour == 24 and (minute or second)):
+        return None
+    fraction = int((match["f"] or "0").ljust(9, "0"))
+    return ((hour * 60 + minute) * 60 + second) * _SECOND_NS + fraction
+
+
+def _offset(match: re.Match[str]) -> int:
+    zone = match["zone"] or match["zonec"] or match["zoned"]
+    if not zone:
+        return NO_OFFSET
+    if zone.lower() in ZONE_MINUTES:
+        return ZONE_MINUTES[zone.lower()]
+    digits = zone[1:].replace(":", "").ljust(4, "0")
+    minutes = int(digits[:2]) * 60 + int(digits[2:])
+    return -minutes if zone[0] == "-" else minutes
+
+
+_FIELDS = ("Y", "m", "d", "a", "b", "y", "H", "M", "S", "f", "Yc", "mc", "dc", "Hc", "Mc", "Sc")
+
+
+def _uniform(texts: Sequence[str]) -> TimeFields | None:
+    """All texts at once where each differs from the first in digits only, else ``None``."""
+    first = match_time(texts[0]) if len(texts) else None
+    if first is None or first.string != texts[0] or not texts[0].isascii():
+        return None
+    if first["ap1"] or first["ap2"] or first["mon"] or first["mon2"] or first["Hd"]:
+        return None
+    length = len(texts[0])
+    if any(len(text) != length for text in texts):
+        return None
+    letters = np.array(texts, dtype=f"U{length}").view(np.uint32).reshape(len(texts), length)
+    is_digit = (letters >= ord("0")) & (letters <= ord("9"))
+    in_field = np.zeros(length, dtype=bool)
+    for key in _FIELDS:
+        if first[key] is not None:
+            in_field[slice(*first.span(key))] = True
+    if not is_digit[:, in_field].all() or (letters[:, ~in_field] != letters[0, ~in_field]).any():
+        return None
+    return _from_matrix(letters.astype(np.int64) - ord("0"), first)
+
+
+def _from_matrix(digits: Ints, first: re.Match[str]) -> TimeFields | None:
+    n = digits.shape[0]
+
+    def number(*keys: str) -> Ints:
+        for key in keys:
+            if first[key] is not None:
+                part = digits[:, slice(*first.span(key))]
+                powers = 10 ** np.arange(part.shape[1] - 1, -1, -1, dtype=np.int64)
+                return np.asarray(part @ powers)
+        return np.zeros(n, dtype=np.int64)
+
+    hour, minute, second = number("H", "Hc"), number("M", "Mc"), number("S", "Sc")
+    if first["f"] is not None:
+        fraction = number("f") * 10 ** (9 - len(first["f"]))
+    else:
+        fraction = np.zeros(n, dtype=np.int64)
+    wrong = (minute > 59) | (second > 59) | (hour > 24) | ((hour == 24) & (minute + second > 0))
+    numeric = first["a"] is not None
+    order = np.where(wrong, Order.UNREADABLE, Order.NUMERIC if numeric else Order.YEAR_FIRST)
+    return TimeFields(
+        order=order.astype(np.int64),
+        first=number("Y", "Yc", "a"),
+        second=number("m", "mc", "b"),
+        third=number("d", "dc", "y"),
+        short_year=np.full(n, int(numeric and len(first["y"]) == 2)),
+        dotted=np.full(n, int(first["nsep"] == ".")),
+        day_ns=((hour * 60 + minute) * 60 + second) * _SECOND_NS + fraction,
+        offset_min=np.full(n, _offset(first)),
+    )

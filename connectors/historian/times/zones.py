@@ -1,0 +1,139 @@
+"""Local times to UTC, with the two hours a year that cannot be told from their digits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stemwatch.connectors.historian.options import AmbiguousHour, MissingHour
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.raw_table import Index
+from stemwatch.connectors.historian.times.time_fields import Ints
+from stemwatch.models.recording import Bools
+
+_HOUR_NS = 3_600_000_000_000
+_DAY_NS = 24 * _HOUR_NS
+
+
+def to_utc(
+    local: Ints,
+    ok: Bools,
+    zone: str,
+    *,
+    ambiguous_hour: AmbiguousHour,
+    missing_hour: MissingHour,
+    groups: Sequence[Index | None],
+    notes: ReadingNotes,
+) -> tuple[Ints, Bools]:
+    """UTC nanoseconds of local ones in ``zone``, and which rows could be placed.
+
+    ``groups`` are the rows of each series in file order (``None``: all rows); the repeated hour
+    is told apart within each of them, by the one step backwards between its two passes.
+    """
+    import pandas as pd
+
+    index = pd.DatetimeIndex(np.where(ok, local, 0).astype("datetime64[ns]"))
+    every = np.ones(local.size, dtype=bool)
+    early = index.tz_localize(zone, ambiguous=every, nonexistent="NaT")
+    late = index.tz_localize(zone, ambiguous=~every, nonexistent="NaT")
+    missing = np.asarray(early.isna()) & ok
+    early_ns, late_ns = _ns(early), _ns(late)
+    repeated = (early_ns != late_ns) & ok & ~missing
+    utc = early_ns.copy()
+    placed = ok & ~missing
+    if repeated.any():
+        summer, told = _told_apart(local, repeated, ok, ambiguous_hour, groups)
+        utc = np.where(repeated & ~summer, late_ns, utc)
+        placed &= told | ~repeated
+        _report_repeated(repeated, told, ambiguous_hour, zone, notes)
+    if missing.any():
+        utc, placed = _shift(local, missing, utc, placed, zone, missing_hour, notes)
+    return np.where(placed, utc, 0), placed
+
+
+def _ns(index: object) -> Ints:
+    import pandas as pd
+
+    assert isinstance(index, pd.DatetimeIndex)
+    utc = index.tz_convert("UTC").tz_localize(None).as_unit("ns")
+    return np.asarray(utc.to_numpy().astype("datetime64[ns]").astype(np.int64))
+
+
+def _told_apart(
+    local: Ints,
+    repeated: Bools,
+    ok: Bools,
+    policy: AmbiguousHour,
+    groups: Sequence[Index | None],
+) -> tuple[Bools, Bools]:
+    """Which repeated rows are in summer time, and which rows could be told at all."""
+    summer = np.full(local.size, policy == "first")
+    told = np.full(local.size, policy != "infer")
+    if policy != "infer":
+        return summer, told
+    for group in groups:
+        rows = np.flatnonzero(repeated) if group is None else group[repeated[group]]
+        rows = rows[ok[rows]]
+        days = local[rows] // _DAY_NS
+        for day in np.unique(days):
+            _infer(local, rows[days == day], summer, told)
+    return summer, told
+
+
+def _infer(local: Ints, rows: Index, summer: Bools, told: Bools) -> None:
+    """One autumn night of one series: two passes are told apart by the step between them."""
+    steps = np.diff(local[rows])
+    backwards = np.flatnonzero(steps < 0)
+    newest_first = steps.size > 1 and (steps < 0).sum() > (steps > 0).sum()
+    turns = np.flatnonzero(steps > 0) if newest_first else backwards
+    if turns.size == 1:
+        passed = np.arange(rows.size) > turns[0]
+        summer[rows] = passed if newest_first else ~passed
+        told[rows] = True
+
+
+def _report_repeated(
+    repeated: Bools, told: Bools, policy: AmbiguousHour, zone: str, notes: ReadingNotes
+) -> None:
+    n = int(repeated.sum())
+    lost = int((repeated & ~told).sum())
+    if policy != "infer":
+        which = "summer time" if policy == "first" else "standard time"
+        notes.decide(f"{n} rows in the hour that autumn repeats were taken as {which}, as said.")
+    elif n > lost:
+        notes.decide(
+            f"{n - lost} rows in the hour that autumn repeats in {zone} were told apart by their "
+            "order: a clock change, not an event of the plant."
+        )
+    if lost:
+        notes.decide(
+            f"{lost} rows lie in the hour that autumn repeats in {zone}, which is not there twice "
+            "and in order; they were left out. Say ambiguous_hour='first' or 'second' to use them."
+        )
+
+
+def _shift(
+    local: Ints,
+    missing: Bools,
+    utc: Ints,
+    placed: Bools,
+    zone: str,
+    policy: MissingHour,
+    notes: ReadingNotes,
+) -> tuple[Ints, Bools]:
+    n = int(missing.sum())
+    if policy == "leave_out":
+        notes.decide(f"{n} rows in the hour that spring skips in {zone} were left out, as said.")
+        return utc, placed
+    import pandas as pd
+
+    moved = pd.DatetimeIndex((local[missing] + _HOUR_NS).astype("datetime64[ns]"))
+    shifted = utc.copy()
+    shifted[missing] = _ns(moved.tz_localize(zone, ambiguous=True, nonexistent="shift_forward"))
+    notes.decide(
+        f"{n} rows have times in the hour that spring skips in {zone}; they were shifted forward "
+        "by an hour. If the source keeps standard time all year, give its fixed zone instead, "
+        "such as 'Etc/GMT-1' for one hour east."
+    )
+    return shifted, placed | missing

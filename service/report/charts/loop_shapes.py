@@ -1,0 +1,112 @@
+"""What is drawn behind MV against OP: the curve from OP to stroke, and the stick band of S and J.
+
+The report, the pages, the PDF and the figures of a notebook all draw what stands here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stemwatch.models.recording import Floats
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+from stemwatch.service.presenter.wording import finite
+
+CURVE, BAND = "curve from OP to stroke", "stick band of S and J"
+SLIDE_POINTS = 40  # of a slide along a bent curve
+
+
+@dataclass(frozen=True)
+class LoopShapes:
+    """``curve`` (k, 2) and the corners of ``band`` (m, 2), OP and MV in percent; ``None`` where
+    there is none. ``says`` is the curve's sentence."""
+
+    curve: Floats | None = None
+    band: Floats | None = None
+    says: str = ""
+
+    def drawn(self) -> list[dict[str, Any]]:
+        """Both as plain types for a page's scripts, the band first."""
+        named = (("band", BAND, self.band), ("curve", CURVE, self.curve))
+        return [
+            {
+                "role": role,
+                "label": label,
+                "op": np.round(shape[:, 0], 3).tolist(),
+                "values": np.round(shape[:, 1], 3).tolist(),
+            }
+            for role, label, shape in named
+            if shape is not None
+        ]
+
+
+def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
+    """The curve and the band over the samples ``op`` (n,) and ``mv`` (n,) in percent."""
+    known, curve = np.isfinite(op) & np.isfinite(mv), screening.stroke_curve
+    if not known.any():
+        return LoopShapes()
+    op, mv = op[known], mv[known]
+    if curve is None:
+        return LoopShapes(band=_band(screening, op, mv, op))
+    command = curve.command(op)
+    # Where the stem lies between its slides says how far the whole is shifted.
+    band = _band(screening, command, mv, op, curve)
+    low, high = np.percentile(op, [1.0, 99.0])
+    knots = np.array(curve.op)
+    at = np.unique(np.concatenate(([low], knots[(knots > low) & (knots < high)], [high])))
+    line = np.column_stack((at, curve.command(at) + _zero(command, mv)))
+    return LoopShapes(curve=line, band=band, says=curve.sentence())
+
+
+def _zero(command: Floats, mv: Floats) -> float:
+    """Half-way between the two slides, whichever of them the stem spent longer on."""
+    return 0.5 * float(np.sum(np.percentile(mv - command, [2.0, 98.0])))
+
+
+def _band(
+    screening: Screening, command: Floats, mv: Floats, op: Floats, curve: StrokeCurve | None = None
+) -> Floats | None:
+    """(m, 2) corners of the loop that S and J alone describe between the turns of OP, percent.
+
+    The stem slides at ``command - (S - J) / 2`` upwards and ``command + (S - J) / 2`` downwards;
+    after a turn it rests until the command has moved S, and then jumps J to the other side.
+    ``None`` where S or J is not known or OP's swing is too small to leave the band.
+    """
+    S, J = finite(screening.S.value), finite(screening.J.value)
+    if S is None or J is None:
+        return None
+    scale = 1.0 if curve is None else abs(curve.slope)
+    S, J = scale * S, scale * J
+    low, high = np.percentile(command, [1.0, 99.0])
+    if not 0.0 < S < high - low:
+        return None
+    zero, slide = _zero(command, mv), 0.5 * (S - J)
+    top, bottom = high + zero - slide, low + zero + slide
+    if curve is None:
+        return np.asarray(
+            (
+                (high, top),
+                (high - S, top),
+                (high - S, top - J),
+                (low, bottom),
+                (low + S, bottom),
+                (low + S, bottom + J),
+            )
+        )
+    down, up = np.linspace(high - S, low, SLIDE_POINTS), np.linspace(low + S, high, SLIDE_POINTS)
+    commands = np.concatenate(([high, high - S], down, [low + S], up))
+    stem = np.concatenate(([top, top], down + zero + slide, [bottom], up + zero - slide))
+    return np.column_stack((_op_of(curve, commands), stem))
+
+
+def _op_of(curve: StrokeCurve, command: Floats) -> Floats:
+    """(n,) OP at which the curve asks for ``command``, percent; beyond its ends along its chord."""
+    op, travel = np.array(curve.op), np.array(curve.travel)
+    if curve.slope < 0.0:
+        op, travel = op[::-1], travel[::-1]
+    inside = np.interp(command, travel, op)
+    beyond = command - np.clip(command, travel[0], travel[-1])
+    return np.asarray(inside + beyond / curve.slope)

@@ -1,0 +1,176 @@
+"""Roles are proposed only where they leave no doubt; an inspection says what the data is like."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from stemwatch.connectors.historian import HistorianFile, propose_valves
+from stemwatch.connectors.historian.tags.roles import propose_roles
+from stemwatch.connectors.historian.tags.tag_names import parse_tag
+from stemwatch.models.recording import Role
+
+
+def roles_of(*tags: tuple[str, str, str]) -> dict[str, Role | None]:
+    found = propose_roles(
+        [(tag, unit, text, None) for tag, unit, text in tags], stem="file", mv_is_output=False
+    )
+    return {one.tag: one.role for one in found}
+
+
+@pytest.mark.parametrize(
+    ("tag", "loop", "role"),
+    [
+        ("FIC-101.OP", "FIC-101", Role.OP),
+        ("FIC-101.OUT", "FIC-101", Role.OP),
+        ("TIC7_LMN", "TIC7", Role.OP),
+        ("FIC101/PV", "FIC101", Role.PV),
+        ("2411FIC20102.SV", "2411FIC20102", Role.SP),
+        ("FIC-101.MODE", "FIC-101", Role.MODE),
+        ("FIC-101.ZT", "FIC-101", Role.MV),
+        ("FV-101.POSITION", "FV-101", Role.MV),
+        ("LC74_20X_pct", "LC74_20", Role.MV),
+        ("LC74_20PV_pct", "LC74_20", Role.PV),
+        ("FIC-1/PID1/OUT.CV", "FIC-1", Role.OP),
+        ("FIT-1/AI1/OUT.CV", "FIT-1", Role.PV),
+        ("FIC-1/PID1/MODE.ACTUAL", "FIC-1", Role.MODE),
+        ("FIC-1/AO1/READBACK.CV", "FIC-1", Role.MV),
+        ("OP", "", Role.OP),
+        ("F74_00_tph", "", None),
+        ("P74_00_P1_kPa", "", None),
+        ("MATRIX", "", None),
+        ("FIC-101.MV", "FIC-101", None),
+        ("FIC-101.CV", "FIC-101", None),
+    ],
+)
+def test_tag_grammar(tag: str, loop: str, role: Role | None) -> None:
+    """Loop and last word of a tag, and the role that the word alone would mean."""
+    name = parse_tag(tag)
+    assert (name.loop, name.role) == (loop, role)
+
+
+def test_bare_mv_is_never_guessed(open_text) -> None:
+    """A tag .MV without a description asks, with both readings."""
+    source = open_text("t_s,FIC1.OP,FIC1.MV\n0,1,2\n1,1,2\n")
+    info = {tag.tag: tag for tag in source.tags()}["FIC1.MV"]
+    assert info.proposed_role is None
+    assert "controller output in some systems" in info.remark
+    assert "valve position in others" in info.remark
+    assert Role.MV not in propose_valves(source)[0].tags
+
+
+def test_description_confirms_or_contradicts() -> None:
+    """A description makes .MV the output, and a contradiction takes a role away."""
+    assert roles_of(("A.MV", "", "Feed_OP"))["A.MV"] is Role.OP
+    assert roles_of(("A.OP", "%", "Feed set point"))["A.OP"] is None
+
+
+def test_cv_needs_percent_and_a_neighbour() -> None:
+    """CV is the output only in percent beside a position or PV of its own loop."""
+    assert roles_of(("L1.CV", "%", ""), ("L1.X", "%", ""))["L1.CV"] is Role.OP
+    assert roles_of(("L1.CV", "bar", ""), ("L1.PV", "%", ""))["L1.CV"] is None
+    assert roles_of(("L1.CV", "%", ""), ("L2.PV", "%", ""))["L1.CV"] is None
+
+
+def test_two_outputs_of_one_loop_are_not_chosen_between() -> None:
+    """Two equal candidates are both left open."""
+    found = roles_of(("A.OP", "%", ""), ("A.OUT", "%", ""))
+    assert found == {"A.OP": None, "A.OUT": None}
+
+
+def test_position_transmitter_is_paired_by_number() -> None:
+    """ZT-101 belongs to FIC-101 when no other loop has the number."""
+    found = propose_roles(
+        [("FIC-101.OP", "%", "", None), ("ZT-101", "%", "", None)], stem="f", mv_is_output=False
+    )
+    assert [(one.role, one.valve) for one in found] == [(Role.OP, "FIC-101"), (Role.MV, "FIC-101")]
+
+
+def export() -> str:
+    rng = np.random.default_rng(3)
+    rows = []
+    for i in range(600):
+        op = 50 + 10 * np.sin(i / 20) + rng.normal(0, 0.2)
+        frozen = 40.0 if i > 300 else 50 + 10 * np.sin(i / 20)
+        pv = "Bad" if i % 10 == 0 else f"{rng.normal(7, 1):.3f}"
+        rows.append(f"2026-01-05T06:{i // 60:02d}:{i % 60:02d}Z,{op:.3f},{frozen:.1f},{pv},{i}")
+    return "Time,FIC1.OP [%],FIC1.ZT [%],FIC1.PV [t/h],FIC2.MV\n" + "\n".join(rows) + "\n"
+
+
+@pytest.fixture
+def source(open_text) -> HistorianFile:
+    return open_text(export(), "plant.csv")
+
+
+def test_inspection_says_what_was_understood(source: HistorianFile) -> None:
+    """Encoding, separator, rows, interval, and the times in UTC."""
+    seen = source.inspect()
+    assert (seen.encoding, seen.separator, seen.decimal) == ("utf-8", ",", ".")
+    assert (seen.rows, seen.interval_s, seen.clock.gaps) == (600, 1.0, 0)
+    assert seen.start is not None
+    assert seen.start.isoformat() == "2026-01-05T06:00:00+00:00"
+
+
+def test_inspection_finds_bad_frozen_and_quantised(source: HistorianFile) -> None:
+    """Bad share with its words, a frozen position, the recorder's resolution."""
+    tags = {tag.tag: tag for tag in source.inspect().tags}
+    assert tags["FIC1.PV"].bad_share == pytest.approx(0.1)
+    assert dict(tags["FIC1.PV"].reasons) == {"Bad": 60}
+    assert (tags["FIC1.ZT"].frozen, tags["FIC1.OP"].frozen) == (True, False)
+    assert tags["FIC1.ZT"].quantum == pytest.approx(0.1)
+
+
+def test_inspection_sees_lines_instead_of_samples(open_text) -> None:
+    """A column of straight lines between knots is called compressed."""
+    knots = np.random.default_rng(4).normal(50, 5, 31)
+    values = np.interp(np.arange(600), np.arange(31) * 20, knots)
+    text = "t_s,OP\n" + "".join(f"{i},{v:.9f}\n" for i, v in enumerate(values))
+    (tag,) = open_text(text).inspect().tags
+    assert tag.compressed
+    assert tag.line_share > 0.5
+
+
+def test_inspection_is_plain_data(source: HistorianFile) -> None:
+    """The inspection serialises to JSON."""
+    plain = json.loads(json.dumps(source.inspect().to_dict()))
+    assert plain["tags"][0]["role"] == "op"
+    assert plain["start"] == "2026-01-05T06:00:00+00:00"
+
+
+def test_plant_toml_is_valid_and_asks_for_what_is_open(open_text) -> None:
+    """The proposal parses, maps what is certain and asks for the position in a comment."""
+    text = export().replace("FIC1.ZT", "FIC1.MV")
+    proposal = open_text(text, "plant.csv").inspect().plant_toml("boiler")
+    plant = tomllib.loads(proposal)
+    assert plant["sources"][0]["name"] == "boiler"
+    (valve,) = plant["valves"]
+    assert valve["id"] == "FIC1"
+    assert valve["tags"]["op"] == {"tag": "FIC1.OP", "unit": "%", "low": 0.0, "high": 100.0}
+    assert valve["tags"]["pv"]["unit"] == "t/h"
+    assert "# which tag is the measured position (MV) of FIC1? (perhaps FIC1.MV)" in proposal
+    assert "#   FIC2.MV (FIC2): MV is the controller output in some systems" in proposal
+
+
+def test_plant_toml_maps_a_certain_position(source: HistorianFile) -> None:
+    """A position that leaves no doubt is mapped."""
+    (valve,) = tomllib.loads(source.inspect().plant_toml())["valves"]
+    assert valve["tags"]["mv"]["tag"] == "FIC1.ZT"
+
+
+def test_slow_scan_is_measured(open_text) -> None:
+    """A column scanned every 10 s on a 1 s clock says so in its signal and its tag."""
+    rng = np.random.default_rng(5)
+    slow = np.repeat(rng.normal(50, 5, 61), 10)[4:604]
+    rows = "".join(f"{i},{rng.normal(50, 5):.3f},{slow[i]:.3f}\n" for i in range(600))
+    source = open_text("t_s,OP,PV\n" + rows)
+    assert {t.tag: dict(t.facts) for t in source.tags()} == {
+        "OP": {},
+        "PV": {"own_interval_s": 10.0},
+    }
+    (valve,) = propose_valves(source)
+    recording = source.read(valve)
+    assert recording.signals[Role.PV].interval_s == 10.0
+    assert recording.op.interval_s is None

@@ -1,0 +1,97 @@
+"""What is drawn behind MV against OP: the curve from OP to stroke, and the stick band about it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Role, Signal
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+from stemwatch.service.report.charts.loop_shapes import loop_shapes
+from stemwatch.service.report.charts.valve_charts import chart_of
+from tests.service.report.conftest import screening, stick_slip, unknown
+
+KNOTS = np.linspace(0.0, 100.0, 33)
+BENT = StrokeCurve(op=tuple(KNOTS), travel=tuple(KNOTS**2 / 100.0))
+SLIDE = 0.5 * (5.2 - 2.1)
+
+
+def bent(curve: StrokeCurve = BENT):
+    """A sticking valve behind ``curve``, with S and J restated in percent of OP."""
+    found = screening("FV-1")
+    op = found.recording.op.values
+    mv = stick_slip(curve.command(op), 5.2, 2.1)
+    signals = {**found.recording.signals, Role.MV: Signal.good(mv, "FV-1.MV")}
+    return replace(
+        found,
+        recording=replace(found.recording, signals=signals),
+        S=curve.in_op(Estimate(value=5.2, unit="%")),
+        J=curve.in_op(Estimate(value=2.1, unit="%")),
+        stroke_curve=curve,
+    )
+
+
+def shapes_of(found):
+    return loop_shapes(found, found.recording.op.values, found.recording.mv.values)
+
+
+def test_the_curve_runs_through_the_middle_of_the_loop():
+    """Over the part of OP that the recording used, at the travel that the curve asks for."""
+    found = bent()
+    op, travel = shapes_of(found).curve.T
+    low, high = np.percentile(found.recording.op.values, [1.0, 99.0])
+    assert (op[0], op[-1]) == (pytest.approx(low), pytest.approx(high))
+    np.testing.assert_allclose(travel, BENT.command(op), atol=0.3)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["rising", "reversed"])
+def test_the_band_lies_about_the_curve(way):
+    """Each slide is (S - J)/2 of travel off the curve everywhere, however steep the curve is."""
+    curve = BENT if way > 0 else StrokeCurve(op=BENT.op, travel=tuple(100.0 - KNOTS**2 / 100.0))
+    shapes = shapes_of(bent(curve))
+    op, stem = shapes.band.T
+    off = np.abs(stem - curve.command(op))
+    slides = (off > SLIDE - 0.3) & (off < SLIDE + 0.3)
+    assert slides.mean() > 0.9
+    assert off.max() == pytest.approx(SLIDE + 2.1, abs=0.4)  # where a rest ends
+
+
+def test_a_plain_valve_has_a_band_of_six_corners_and_no_curve():
+    """S wide and J high, as without a curve."""
+    shapes = shapes_of(screening("FV-1", S=6.0, J=3.0))
+    assert shapes.curve is None
+    assert shapes.says == ""
+    (x0, y0), (x1, y1), (x2, y2), *_ = shapes.band
+    assert (x0 - x1, y0 - y1) == (pytest.approx(6.0), pytest.approx(0.0))
+    assert (x1 - x2, y1 - y2) == (pytest.approx(0.0), pytest.approx(3.0))
+
+
+def test_without_numbers_the_curve_is_drawn_alone():
+    """How OP strokes the valve is known although S is not."""
+    shapes = shapes_of(replace(bent(), S=unknown("why"), J=unknown("why")))
+    assert shapes.band is None
+    assert shapes.curve is not None
+
+
+def test_the_chart_of_the_report_has_both_and_the_sentence():
+    """Band first, so that the curve lies over it."""
+    loop = chart_of(bent())["loop"]
+    assert [shape["role"] for shape in loop["shapes"]] == ["band", "curve"]
+    assert loop["says"] == BENT.sentence()
+    assert all(len(shape["op"]) == len(shape["values"]) for shape in loop["shapes"])
+
+
+def test_nothing_is_drawn_behind_pv():
+    """PV is not travel, so neither curve nor band belongs there."""
+    found = bent()
+    signals = dict(found.recording.signals)
+    del signals[Role.MV]
+    assert (
+        chart_of(replace(found, recording=replace(found.recording, signals=signals)))["loop"][
+            "shapes"
+        ]
+        == []
+    )

@@ -1,0 +1,39 @@
+"""What chance alone may have named is said on the valve's page, in a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+
+import httpx
+import pytest
+
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.service.run.finish import hold_back
+from stemwatch.service.store.store import Store
+from tests.service.made_mismatch import named
+from tests.service.web.made_plant import HEALTHY, NOW, STICKY, WATCH, screening
+
+SAID = "chance alone may have named this"
+
+
+@pytest.mark.parametrize(("p_value", "held_back"), [(0.04, True), (0.001, False)])
+def test_a_finding_that_does_not_stand_says_so(
+    filled: Store, client: httpx.Client, p_value: float, held_back: bool
+) -> None:
+    """Beside what was found, so that nobody plans work on it alone."""
+    run = filled.begin_run(software_version="1")
+    for valve in (HEALTHY, WATCH, STICKY):
+        found = replace(named(), finding=Finding.NAMED, p_value=p_value, runs=None)
+        if valve != STICKY:
+            found = replace(found, finding=Finding.NONE, effects=(), p_value=None)
+        filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=found), run)
+    hold_back(filled, run)
+    page = client.get("/valve", params={"id": STICKY})
+    assert page.status_code == 200
+    assert (SAID in page.text) is held_back
+    assert SAID not in client.get("/valve", params={"id": HEALTHY}).text
+    ranking = {one["valve"]: one for one in client.get("/api/v1/valves").json()["valves"]}
+    assert (ranking[STICKY]["left_out"] != [], ranking[STICKY]["held_back"]) == (True, held_back)
+    assert ranking[HEALTHY]["held_back"] is False
+    assert ("(held back)" in client.get("/").text) is held_back
