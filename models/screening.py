@@ -45,11 +45,12 @@ from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
+from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Verdict
 

@@ -18,8 +18,8 @@ from stemwatch.models.signal_pairing import (
     delayed_correlation,
     is_copy,
 )
+from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
-from stemwatch.models.stickslip.stroke_curve import AGAINST
 from stemwatch.models.words import share, times
 
 # Where the plant does not say how long a recording must last.

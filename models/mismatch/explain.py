@@ -63,8 +63,9 @@ from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
 FEWEST_SAMPLES = 60
 WORSE = 1.15
