@@ -9,6 +9,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
@@ -80,7 +81,8 @@ class DecisionEvidence:
     slow: str  # what is slow beside friction, a sentence, or nothing
     baseline: Residual | None  # the baseline network's, on this window
     baseline_ratio: float | None
-    cycling_s: float | None  # period of the loop's regular oscillation
+    cycling_s: float | None  # period of the loop's regular oscillation, on the record's own clock
+    unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
     sampling: str = ""  # why the sampling is too slow to tell how the stem moved, or nothing
 
 
@@ -165,7 +167,7 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
     jump = f", then jumps {_percent(J)}" if shape is not Shape.DEADBAND else " and then follows"
     cycle = ""
     if evidence.cycling_s is not None:
-        cycle = f"; the loop cycles every {evidence.cycling_s:.0f} s"
+        cycle = f"; the loop cycles every {duration(evidence.cycling_s, evidence.unit_s)}"
     return Decision(
         verdict=Verdict.STICKY,
         reason=(
@@ -239,7 +241,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
-        text += f" The loop oscillates all the same, every {evidence.cycling_s:.0f} s."
+        every = duration(evidence.cycling_s, evidence.unit_s)
+        text += f" The loop oscillates all the same, every {every}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
     S = float(evidence.S.value or 0.0)
     return Decision(
@@ -344,21 +347,22 @@ def beside_friction(left_out: Mismatch) -> str:
 
 
 def _late(fit: StickSlipFit) -> list[str]:
-    c = fit.candidate
+    c, unit_s = fit.candidate, fit.evaluator.problem.unit_s
     parts = []
     if c[coordinate.DEAD_TIME_S] >= WORTH_SAYING_S:
         parts.append(
-            f"the command arrives {c[coordinate.DEAD_TIME_S]:.1f} s late (or the clocks differ)"
+            f"the command arrives {duration(c[coordinate.DEAD_TIME_S], unit_s, '.1f')} late (or "
+            "the clocks differ)"
         )
     lag = max(c[coordinate.LAG_UP_S], c[coordinate.LAG_DOWN_S])
     if lag >= 2.0 * WORTH_SAYING_S:
-        parts.append(f"the actuator takes about {lag:.1f} s")
+        parts.append(f"the actuator takes about {duration(lag, unit_s, '.1f')}")
     return parts
 
 
 def _limited(fit: StickSlipFit) -> list[str]:
     return [
-        f"the position moves at no more than {speed:.1f} %/s {name}"
+        f"the position moves at no more than {rate(speed, fit.evaluator.problem.unit_s)} {name}"
         for name, speed in shown_speed_limits(fit).items()
         if speed < SLOW_PERCENT_PER_S
     ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing, travel
 from stemwatch.models.indicator_meanings import MEANINGS
 from stemwatch.models.loop import signal_oscillation
+from stemwatch.models.own_clock import seconds_of
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.stickslip import parameters as coordinate
@@ -25,6 +27,21 @@ def _one(name: str, value: float | None, unit: str) -> list[Indicator]:
         return []
     meaning, worse = MEANINGS[name]
     return [Indicator(name=name, value=float(value), unit=unit, meaning=meaning, worse=worse)]
+
+
+def in_seconds(indicators: Sequence[Indicator], recording: Recording) -> list[Indicator]:
+    """Indicators that were counted on the recording's own clock, in true units of time."""
+
+    def true(indicator: Indicator) -> Indicator:
+        numbers = (indicator.value, indicator.low, indicator.high)
+        value, low, high = (
+            None if one is None else seconds_of(one, indicator.unit, recording.unit_s)
+            for one in numbers
+        )
+        assert value is not None
+        return replace(indicator, value=value, low=low, high=high)
+
+    return [true(one) for one in indicators]
 
 
 def _estimated(name: str, estimate: Estimate) -> list[Indicator]:

@@ -19,7 +19,9 @@ class Limits:
     sticky_S_percent: float = 1.5
     min_reversals: float = 4.0  # reversals of OP that are larger than its noise
     min_samples_per_cycle: float = 6.0  # samples per cycle of the OP's own movement
-    min_duration_s: float = 300.0
+    # Seconds that a recording must last. 0: as many as ``validity_checks.LEAST_SAMPLES`` samples
+    # do, for what can be told depends on how many samples there are, not on how long a second is.
+    min_duration_s: float = 0.0
     min_samples: float = 200.0
     max_bad_share: float = 0.3  # share of OP, MV pairs that may be unusable
     max_interpolated_share: float = 0.35  # share of samples that a historian drew, not measured

@@ -15,6 +15,7 @@ from stemwatch.models.excitation import at_limits
 from stemwatch.models.forensics import interpolated, quantum
 from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
+from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality
@@ -68,12 +69,14 @@ def _drawn_share(recording: Recording) -> float:
 def _clock_remarks(recording: Recording) -> list[tuple[str, str]]:
     remarks, clock = [], recording.clock
     if clock.gaps:
-        remarks.append(("B", f"{clock.gaps} gaps, the longest {clock.longest_gap_s:.0f} s"))
+        longest = duration(clock.longest_gap_s, recording.unit_s)
+        remarks.append(("B", f"{clock.gaps} gaps, the longest {longest}"))
     if clock.repeated_times or clock.backward_steps:
         text = f"{clock.repeated_times} repeated times, {clock.backward_steps} steps backward"
         remarks.append(("B", text))
     if clock.jitter_s > 0.1 * recording.interval_s:
-        remarks.append(("B", f"the clock jitters by {clock.jitter_s:.2g} s"))
+        jitter = duration(clock.jitter_s, recording.unit_s, ".2g")
+        remarks.append(("B", f"the clock jitters by {jitter}"))
     return remarks
 
 

@@ -137,6 +137,8 @@ class Recording:
     start: datetime | None = None
     clock: ClockFacts = field(default_factory=ClockFacts)
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
+    # Seconds in one unit of its own clock, where its times are counted in that (``own_clock``).
+    own_unit_s: float | None = None
 
     def __post_init__(self) -> None:
         if Role.OP not in self.signals:
@@ -161,6 +163,7 @@ class Recording:
             "start": self.start,
             "clock": self.clock,
             "provenance": self.provenance,
+            "own_unit_s": self.own_unit_s,
         }
         return (_rebuild, (state,))
 
@@ -169,8 +172,8 @@ class Recording:
         when = f" from {self.start:%Y-%m-%d %H:%M} UTC" if self.start else ", date not known"
         usable = np.floor(1000.0 * np.mean(self.usable)) / 10.0 if len(self) else 0.0
         return (
-            f"{self.valve}: {roles}; {len(self)} samples of {self.interval_s:g} s "
-            f"({_rounded(self.duration_s)}){when}, {usable:g} % usable"
+            f"{self.valve}: {roles}; {len(self)} samples of {self.interval_s * self.unit_s:g} s "
+            f"({_rounded(self.duration_s * self.unit_s)}){when}, {usable:g} % usable"
         )
 
     def __len__(self) -> int:
@@ -197,6 +200,11 @@ class Recording:
         return _kept(ok & self.mv.usable) if self.mv is not None else ok
 
     @property
+    def unit_s(self) -> float:
+        """How many seconds the unit of its times has: 1, but on its own clock."""
+        return 1.0 if self.own_unit_s is None else self.own_unit_s
+
+    @property
     def time_s(self) -> Floats:
         """(n,) seconds since the first sample."""
         return np.arange(len(self), dtype=np.float64) * self.interval_s
@@ -211,7 +219,7 @@ class Recording:
         """UTC time just after the last sample."""
         if self.start is None:
             return None
-        return self.start + timedelta(seconds=self.duration_s)
+        return self.start + timedelta(seconds=self.duration_s * self.unit_s)
 
     def part(self, first: int, last: int) -> Recording:
         """Samples ``first`` (inclusive) to ``last`` (exclusive)."""
@@ -223,7 +231,7 @@ class Recording:
         }
         start = self.start
         if start is not None:
-            start += timedelta(seconds=first * self.interval_s)
+            start += timedelta(seconds=first * self.interval_s * self.unit_s)
         return replace(self, signals=signals, start=start)
 
 

@@ -39,17 +39,19 @@ from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
+from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Verdict
 
@@ -80,13 +82,14 @@ DEFAULTS = Options()
 class _Fitted:
     """A case on its way: assessed, and fitted where nothing stood in the way.
 
-    ``recording`` is what was fitted: all of the case's, or its ``stretch``; ``masked`` the same
-    without what record effects spoilt. ``fit`` and ``sample`` are in percent of travel where there
-    is a ``curve`` from OP to stroke, else in percent of OP, which is then the same.
+    ``recording`` is what was fitted, on its own clock: all of the case's, or its ``stretch``;
+    ``masked`` the same without what record effects spoilt. ``fit`` and ``sample`` are in percent of
+    travel where there is a ``curve`` from OP to stroke, else in percent of OP, which is then the
+    same.
     """
 
     case: Case
-    assessment: Assessment  # of the whole recording
+    assessment: Assessment  # of the whole recording, on its own clock
     recording: Recording
     masked: Recording
     stretch: FitWindow | None
@@ -145,11 +148,12 @@ def _fit_or_reason(case: Case, limits: Limits) -> _Fitted | Screening:
 
 def _fit(case: Case, limits: Limits) -> _Fitted:
     began = time.perf_counter()
-    assessment = assess(case.recording, limits)
-    recording, masked, stretch = case.recording, assessment.recording, None
+    own = on_own_clock(case.recording)
+    assessment = assess(own, limits)
+    recording, masked, stretch = own, assessment.recording, None
     curve = fit = archive = None
     if not assessment.obstacles:
-        recording, masked, stretch = _to_fit(case.recording, assessment, limits)
+        recording, masked, stretch = _to_fit(own, assessment, limits)
         curve = find_stroke_curve(masked)
         assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
     if not assessment.obstacles:
@@ -200,8 +204,8 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
         NarxExample.of(valve.masked, fit.first_heldout, start_of(fit, valve.curve))
         for _, fit, valve in ready
     ]
-    for (at, _, _), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
-        trained[at] = fit
+    for (at, _, valve), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
+        trained[at] = fit.in_seconds(valve.recording.unit_s)
     return trained
 
 
@@ -289,7 +293,7 @@ def _screening(
         J=J,
         residuals=residuals,
         quality=fitted.assessment.quality,
-        indicators={indicator.name: indicator for indicator in numbers},
+        indicators={one.name: one for one in indicators.in_seconds(numbers, fitted.recording)},
         still_seen=still_seen(recording) if seen else (),
         baseline_note=fitted.case.baseline_note,
         recording=recording,
@@ -355,7 +359,8 @@ def _with_verdict(
     limits: Limits,
 ) -> Screening:
     S, J, S_draws = _stiction(fitted, fit, sample, left_out)
-    compared = residual.of_baseline(fitted.case.baseline, fitted.masked)
+    # A network is stored in seconds.
+    compared = residual.of_baseline(fitted.case.baseline, off_own_clock(fitted.masked))
     residuals = {
         "stiction": residual.of_stiction(fit, resynced=False),
         "narx": residual.of_narx(network),
@@ -379,6 +384,7 @@ def _with_verdict(
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
         sampling=fitted.archive.reason if fitted.archive is not None else "",
+        unit_s=fitted.recording.unit_s,
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:

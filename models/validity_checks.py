@@ -9,13 +9,21 @@ import numpy as np
 from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.limits import Limits
+from stemwatch.models.own_clock import duration, is_of_seconds
 from stemwatch.models.percent import not_percent
 from stemwatch.models.recording import Recording, Role
-from stemwatch.models.signal_pairing import correlation, delayed_correlation, is_copy
+from stemwatch.models.signal_pairing import (
+    LONGEST_DELAY_S,
+    correlation,
+    delayed_correlation,
+    is_copy,
+)
+from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
-from stemwatch.models.stickslip.stroke_curve import AGAINST
 from stemwatch.models.words import share, times
 
+# Where the plant does not say how long a recording must last.
+LEAST_SAMPLES, GOOD_SAMPLES = 300, 3600
 # The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
 NOISE_SWING = 6.0
 # 140 simulated valves that moved gave 0.37 and above, positions of other valves mostly below 0.3.
@@ -79,11 +87,13 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     together = max(delayed_correlation(recording), -correlation(recording))
     if together >= UNRELATED or swing(recording.op.values) <= 2.0:
         return []
+    unit_s = recording.unit_s
+    later = "two minutes" if is_of_seconds(unit_s) else duration(LONGEST_DELAY_S, unit_s)
     return [
         Obstacle(
             "position_unrelated",
             f"the position does not go with OP (correlation {max(together, 0.0):.2f} at best, up "
-            "to two minutes later): it may be another valve's",
+            f"to {later} later): it may be another valve's",
             "Check which tag is this valve's position; step OP and see whether it answers.",
         )
     ]
@@ -141,16 +151,9 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     if not len(recording):
         return [Obstacle("empty", "the recording holds no sample", "Choose another time window.")]
     obstacles = []
-    if recording.duration_s < limits.min_duration_s or usable < limits.min_samples:
-        obstacles.append(
-            Obstacle(
-                "too_short",
-                f"the recording is too short: {usable} usable samples in "
-                f"{recording.duration_s / 60:.1f} minutes",
-                f"Export at least {limits.min_samples:.0f} samples and "
-                f"{limits.min_duration_s / 60:.0f} minutes; an hour at 1 s is good.",
-            )
-        )
+    least_s = limits.min_duration_s or LEAST_SAMPLES * recording.interval_s * recording.unit_s
+    if recording.duration_s * recording.unit_s < least_s or usable < limits.min_samples:
+        obstacles.append(_too_short(recording, usable, least_s, limits))
     bad = 1.0 - usable / len(recording)
     if bad > limits.max_bad_share:
         obstacles.append(
@@ -166,12 +169,28 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
             Obstacle(
                 "broken_up",
                 f"holes break the recording into pieces too short to fit: {fitted} samples are "
-                f"more than {WARM_UP_S:.0f} s after a hole",
+                f"more than {duration(WARM_UP_S, recording.unit_s)} after a hole",
                 f"Export at least {limits.min_samples:.0f} samples without holes, or mend the "
                 "archive.",
             )
         )
     return obstacles
+
+
+def _too_short(recording: Recording, usable: int, least_s: float, limits: Limits) -> Obstacle:
+    lasts_s, samples = recording.duration_s * recording.unit_s, f"{limits.min_samples:.0f} samples"
+    if is_of_seconds(recording.unit_s):
+        lasts, least = f"{lasts_s / 60:.1f} minutes", f"{samples} and {least_s / 60:.0f} minutes"
+        good = "an hour at 1 s is good"
+    else:
+        lasts = duration(recording.duration_s, recording.unit_s)
+        least = f"{samples} and {duration(least_s / recording.unit_s, recording.unit_s)}"
+        good = f"{GOOD_SAMPLES} samples are good"
+    return Obstacle(
+        "too_short",
+        f"the recording is too short: {usable} usable samples in {lasts}",
+        f"Export at least {least}; {good}.",
+    )
 
 
 def _manual(recording: Recording) -> bool:
@@ -202,11 +221,12 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
         return [Obstacle("manual" if manual else "few_reversals", reason, remedy)]
     per_cycle = 2.0 * op.size / turns
     if per_cycle < limits.min_samples_per_cycle:
+        interval = duration(recording.interval_s, recording.unit_s, "g")
         return [
             Obstacle(
                 "slow_sampling",
                 f"sampling is too slow for this loop: {per_cycle:.1f} samples per cycle of OP",
-                f"Record faster than every {recording.interval_s:g} s.",
+                f"Record faster than every {interval}.",
             )
         ]
     return []

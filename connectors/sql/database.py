@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stemwatch.connectors.archive.secret import Secret, without_password
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
+from stemwatch.connectors.secret import Secret, masked
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, Engine
@@ -74,7 +74,7 @@ class Database:
         except (SQLAlchemyError, ImportError) as error:
             raise UnreadableSource(
                 f"{self.name}: the database URL cannot be used "
-                f"({without_password(str(error)).splitlines()[0]}); expected a URL such as "
+                f"({masked(str(error)).splitlines()[0]}); expected a URL such as "
                 "postgresql://user@host/database, and the driver that it names installed"
             ) from None
         if statement := _READ_ONLY.get(engine.dialect.name):
@@ -82,7 +82,7 @@ class Database:
         return engine
 
     def _explained(self, error: Exception) -> ConnectorError:
-        said = without_password(str(getattr(error, "orig", None) or error)).strip()
+        said = masked(str(getattr(error, "orig", None) or error)).strip()
         shown = said.splitlines()[0] if said else type(error).__name__
         return ConnectorError(
             f"{self.name}: the database did not answer the query ({shown}); check that it is "

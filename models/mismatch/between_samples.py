@@ -30,6 +30,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals
 from stemwatch.models.mismatch.compression import drawn_lines, held_reports
 from stemwatch.models.mismatch.findings import RecordEffect
+from stemwatch.models.own_clock import duration
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
@@ -80,14 +81,14 @@ class Archive:
 
     ``per_turn`` is how many samples lie between one turn of OP and the next (median);
     ``deviation`` what reports by exception or drawn lines leave open, percent; ``interval_s``
-    seconds from one sample to the next.
+    seconds from one sample to the next, ``apart`` samples from one that was stored to the next.
     """
 
     kind: ArchiveKind
     per_turn: float
     deviation: float
     interval_s: float
-    apart: float = 1.0  # samples of the recording from one that was stored to the next
+    apart: float = 1.0
 
     @property
     def too_slow(self) -> bool:
@@ -105,7 +106,8 @@ class Archive:
         """What S and J lack each in a fit whose free run is ``simulated`` (n,), percent of MV."""
         if self.deviation > 0.0:
             return 0.0
-        op, mv, run = (one[problem.scored] for one in (problem.op, problem.mv, simulated))
+        scored = problem.scored
+        op, mv, run = problem.op[scored], problem.mv[scored], simulated[scored]
         seen = _band(mv - op)
         if self.kind is ArchiveKind.AVERAGES:
             seen /= 1.0 - 0.5 / max(self.per_turn, 1.0)
@@ -123,7 +125,7 @@ class Archive:
             error = REPORT_ERROR * self.deviation
             return _moved(S, lacks, error), _moved(J, lacks, error)
         lowest, error = S.low or 0.0, max(ERROR_OF_MISSED * missed, LEAST_ERROR)
-        S, J = (_moved(one, missed, error) for one in (S, J))
+        S, J = _moved(S, missed, error), _moved(J, missed, error)
         if not self.too_slow:
             return S, J
         bound = Estimate(low=max(lowest, 0.0), reason=self.reason, unit=PERCENT)
@@ -140,9 +142,9 @@ class Archive:
         if self.deviation > 0.0:
             return f"the archive stored {self.kind} to {self.deviation:.2g} %"
         return (
-            f"the archive keeps {self._what} {self.interval_s:g} s and OP turns round every "
+            f"the archive keeps {self._what} {_seconds(self.interval_s)} and OP turns round every "
             f"{self.per_turn:.2g} of them, so its peaks lie between; a sample every "
-            f"{self.would_do_s:g} s would do"
+            f"{_seconds(self.would_do_s)} would do"
         )
 
     @property
@@ -166,11 +168,12 @@ class Archive:
                 "better than that."
             )
         kept = (
-            f"The archive keeps {self._what} {self.interval_s:g} s, and OP turns round every "
+            f"The archive keeps {self._what} {_seconds(self.interval_s)}, and OP turns round every "
             f"{self.per_turn:.2g} samples"
         )
         if self.too_slow:
-            return f"{kept}: too slow for this loop, a sample every {self.would_do_s:g} s would do."
+            enough = _seconds(self.would_do_s)
+            return f"{kept}: too slow for this loop, a sample every {enough} would do."
         return (
             f"{kept}: S and J are restored by {missed:.1f} % each for the peaks of OP between "
             "samples, by how far the stem was seen from its command."
@@ -217,7 +220,7 @@ def find_archive(recording: Recording) -> Archive | None:
     if per_turn > FEW:
         return None
     kind = ArchiveKind.AVERAGES if _averaged(mv) else ArchiveKind.SNAPSHOTS
-    return Archive(kind, per_turn, 0.0, recording.interval_s)
+    return Archive(kind, per_turn, 0.0, _every_s(recording))
 
 
 def _thinned(recording: Recording) -> Archive | None:
@@ -228,12 +231,21 @@ def _thinned(recording: Recording) -> Archive | None:
     reports = held_reports(op, mv)
     if reports is not None:
         apart = float(np.median(np.diff(np.flatnonzero(reports.stored))))
-        every_s = recording.interval_s
-        return Archive(ArchiveKind.REPORTS, np.inf, reports.deviation, every_s, apart)
+        deviation = reports.deviation
+        return Archive(ArchiveKind.REPORTS, np.inf, deviation, _every_s(recording), apart)
     lines = drawn_lines(mv, op)
     if lines is None:
         return None
-    return Archive(ArchiveKind.LINES, np.inf, lines.deviation, recording.interval_s)
+    return Archive(ArchiveKind.LINES, np.inf, lines.deviation, _every_s(recording))
+
+
+def _every_s(recording: Recording) -> float:
+    """Seconds from one sample to the next, whatever clock the recording is on."""
+    return recording.interval_s * recording.unit_s
+
+
+def _seconds(seconds: float) -> str:
+    return duration(1.0, seconds, "g")
 
 
 def _band(apart: Floats) -> float:
@@ -254,16 +266,16 @@ def _averaged(mv: Floats) -> bool:
     return bool(share.size and np.mean((share > BETWEEN[0]) & (share < BETWEEN[1])) > MOSTLY)
 
 
-def _moved(one: Estimate, by: float, error: float) -> Estimate:
-    """``one`` larger ``by`` so much, its interval widened by an ``error`` (one sigma), percent."""
-    value = one.value
+def _moved(estimate: Estimate, by: float, error: float) -> Estimate:
+    """``estimate`` larger ``by`` so much, its interval wider by an ``error`` of one sigma."""
+    value = estimate.value
     assert value is not None
-    low, high = one.low, one.high
+    low, high = estimate.low, estimate.high
     below = 0.0 if low is None else value - low
     above = 0.0 if high is None else high - value
     value += by
     return replace(
-        one,
+        estimate,
         value=value,
         low=max(value - float(np.hypot(below, 1.96 * error)), 0.0),
         high=value + float(np.hypot(above, 1.96 * error)),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.excitation import REST_SAMPLES, reversals, slips, swing
 from stemwatch.models.mismatch.residual_map import Facet
+from stemwatch.models.own_clock import between, duration, parts_of_time, rate
 from stemwatch.models.recording import Bools, Floats
 
 Codes = NDArray[np.int64]
@@ -27,13 +28,17 @@ _SIMULATED_NOISE = 0.01  # percent; a simulated step beyond seven times this is 
 _HELD = 0.005  # percent per second; a slower command is held
 
 PHASES = ("stick", "slip", "settling", "moving", "reversal")
-_PHASE_PHRASES = (
-    "While the stem rests",
-    "In the first 4 s after a slip",
-    "From 4 to 12 s after a slip",
-    "While the stem slides",
-    "Around a turn of the command",
-)
+
+
+def _phase_phrases(unit_s: float) -> tuple[str, ...]:
+    early, late = duration(SLIP_S, unit_s), duration(SETTLED_S, unit_s)
+    return (
+        "While the stem rests",
+        f"In the first {early} after a slip",
+        f"From {between(early, late)} after a slip",
+        "While the stem slides",
+        "Around a turn of the command",
+    )
 
 
 def _after(events: NDArray[np.int64], n: int) -> Codes:
@@ -49,7 +54,9 @@ def moving_stem(simulated: Floats, interval_s: float) -> Bools:
     return np.asarray(steps > _STANDS * interval_s)
 
 
-def phase(op: Floats, mv: Floats, simulated: Floats, interval_s: float, sigma: float) -> Facet:
+def phase(
+    op: Floats, mv: Floats, simulated: Floats, interval_s: float, sigma: float, unit_s: float = 1.0
+) -> Facet:
     """Stick, slip, settling, moving or reversal; a slip of the model or of the recording counts."""
     n = op.size
     begins = np.concatenate(
@@ -67,7 +74,7 @@ def phase(op: Floats, mv: Floats, simulated: Floats, interval_s: float, sigma: f
     code[near] = 4
     code[since < SETTLED_S] = 2
     code[since < SLIP_S] = 1
-    return Facet("phase", PHASES, code.astype(np.int64), _PHASE_PHRASES)
+    return Facet("phase", PHASES, code.astype(np.int64), _phase_phrases(unit_s))
 
 
 def direction(mv: Floats, simulated: Floats, interval_s: float, sigma: float) -> Facet:
@@ -99,7 +106,7 @@ def rests(moving: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return ends[whole], (ends - begins)[whole]
 
 
-def rest_before(simulated: Floats, interval_s: float) -> Facet:
+def rest_before(simulated: Floats, interval_s: float, unit_s: float = 1.0) -> Facet:
     """How long the simulated stem had rested before it moved, in terciles; 12 s after at least."""
     n = simulated.size
     moving = moving_stem(simulated, interval_s)
@@ -113,7 +120,8 @@ def rest_before(simulated: Floats, interval_s: float) -> Facet:
     felt = (which >= 0) & (moving | (number * interval_s < SETTLED_S))
     before = lengths[np.maximum(which, 0)] * interval_s
     code[felt] = ((before > low).astype(np.int64) + (before > high))[felt]
-    labels = (f"up to {low:.0f} s", f"{low:.0f} to {high:.0f} s", f"over {high:.0f} s")
+    short, long = duration(low, unit_s), duration(high, unit_s)
+    labels = (f"up to {short}", between(short, long), f"over {long}")
     phrases = tuple(f"When the stem starts after a rest of {label}" for label in labels)
     return Facet("rest", labels, code, phrases)
 
@@ -134,7 +142,7 @@ def travel_band(simulated: Floats, edges: Floats) -> Facet:
     return Facet("travel", labels, code, phrases)
 
 
-def command_speed(op: Floats, scored: Bools, interval_s: float) -> Facet:
+def command_speed(op: Floats, scored: Bools, interval_s: float, unit_s: float = 1.0) -> Facet:
     """The quickest that OP moved within the last 10 s: held, or bands up to the 50th, 90th, 98th
     percentile of the moving samples, and above."""
     steps = np.abs(np.diff(op, prepend=op[:1])) / interval_s
@@ -148,7 +156,8 @@ def command_speed(op: Floats, scored: Bools, interval_s: float) -> Facet:
         return Facet("speed", ("held",), code, ("While the command is held",))
     at = np.percentile(chosen, (50.0, 90.0, 98.0))
     code[moving] = 1 + np.searchsorted(at, quickest[moving], side="left")
-    words = [f"{value:.2g} %/s" for value in at]
+    words = [rate(value, unit_s, ".2g") for value in at]
+    recent = duration(RECENT_S, unit_s)
     labels = (
         "held",
         f"below {words[0]}",
@@ -159,16 +168,14 @@ def command_speed(op: Floats, scored: Bools, interval_s: float) -> Facet:
     phrases = (
         "While the command is held",
         f"While the command moves slower than {words[0]}",
-        *(f"Within 10 s of the command moving at {label}" for label in labels[2:4]),
-        f"Within 10 s of the command moving faster than {words[2]}",
+        *(f"Within {recent} of the command moving at {label}" for label in labels[2:4]),
+        f"Within {recent} of the command moving faster than {words[2]}",
     )
     return Facet("speed", labels, code, phrases)
 
 
-def part_of_record(n: int, interval_s: float) -> Facet:
-    """Eight equal parts of the record, labelled in minutes from its start."""
+def part_of_record(n: int, interval_s: float, unit_s: float = 1.0) -> Facet:
+    """Eight equal parts of the record, labelled by the time from its start."""
     code = (np.arange(n, dtype=np.int64) * PARTS) // max(n, 1)
-    minutes = np.linspace(0.0, n * interval_s / 60.0, PARTS + 1)
-    digits = 0 if minutes[-1] >= 30.0 else 1
-    labels = tuple(f"minute {a:.{digits}f} to {b:.{digits}f}" for a, b in pairwise(minutes))
+    labels = parts_of_time(n * interval_s, unit_s, PARTS)
     return Facet("time", labels, code, tuple(f"From {label}" for label in labels))

@@ -14,6 +14,7 @@ from stemwatch.models.mismatch.findings import Effect, EffectEvidence, ResidualM
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.uncertainty import estimate
+from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.stickslip.fit import Advantage
 
@@ -49,7 +50,7 @@ def directions(recording: Recording) -> Directions:
 
 
 def estimates(term: Term, values: Floats, drawn: Floats, interval_s: float) -> dict[str, Estimate]:
-    """The term's parameters in field units from its best coordinates (k,) and draws (m, k).
+    """The term's parameters from its best coordinates (k,) and draws (m, k), on the own clock.
 
     Widened by what no bootstrap sees: the term is not exactly the valve, and OP and MV are read
     somewhere within the sampling interval.
@@ -77,15 +78,17 @@ def effect(
     way: Directions,
 ) -> Effect:
     """One accepted term, told. ``without`` is the best model that lacks it."""
-    parameters = estimates(term, values, drawn, evaluator.problem.interval_s)
+    unit_s = evaluator.problem.unit_s
+    own = estimates(term, values, drawn, evaluator.problem.interval_s)
+    spoken = {name: SpokenEstimate.of(one, unit_s) for name, one in own.items()}
     return Effect(
         slug=term.slug,
         members=members,
-        sentence=term.sentence(parameters, way.rising, way.falling),
+        sentence=term.sentence(spoken, way.rising, way.falling),
         where=_where(evaluator, *without),
         check=term.words.check,
         decide=term.words.decide,
-        parameters=parameters,
+        parameters={name: estimate_in_seconds(one, unit_s) for name, one in own.items()},
         evidence=EffectEvidence(
             mean=advantage.mean,
             t=advantage.t,
@@ -124,6 +127,7 @@ def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
         problem.block,
         problem.interval_s,
         problem.sigma,
+        problem.unit_s,
     )
 
 

@@ -61,10 +61,12 @@ from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
+from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import possible
 from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, find_stroke_curve, in_travel
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
 FEWEST_SAMPLES = 60
 WORSE = 1.15
@@ -103,7 +105,7 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here.
     """
-    began, recording = time.perf_counter(), possible(recording)
+    began, recording = time.perf_counter(), possible(on_own_clock(recording))
     curve = curve or find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
@@ -249,6 +251,7 @@ def _fitted(
         min(look.S, MOST_S),
         min(look.J, MOST_S),
         settled.spacing_s,
+        problem.unit_s,
     )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
@@ -476,6 +479,7 @@ def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
 def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     """Mean and t of the advantage of every admissible term over the base alone: what limits are
     calibrated on, with recordings in which nothing is hidden. Empty where nothing can be fitted."""
+    recording = on_own_clock(recording)
     settled = settle(recording)
     if _cannot(recording, settled) is not None:
         return {}

@@ -42,11 +42,13 @@ def locate(
     block: NDArray[np.int64],
     interval_s: float,
     sigma: float,
+    unit_s: float = 1.0,
 ) -> ResidualMap:
     """The residual map of ``mv - simulated`` (n,), percent.
 
     ``scored`` (n,) marks the samples that count, ``block`` (n,) their blocks of time (negative:
-    none), ``sigma`` is the noise of MV in percent. The residual is cut at its 99.5th percentile.
+    none), ``sigma`` is the noise of MV in percent; times in units of ``unit_s`` seconds. The
+    residual is cut at its 99.5th percentile.
     Share, weight and the two z of each cell: see ``residual_map.scores``. An empty map where fewer
     than 100 samples are scored.
     """
@@ -57,12 +59,12 @@ def locate(
     residual = clipped(mv - simulated, scored)
     edges = travel_edges(simulated, scored)
     facets: tuple[Facet, ...] = (
-        phase(op, mv, simulated, interval_s, sigma),
+        phase(op, mv, simulated, interval_s, sigma, unit_s),
         direction(mv, simulated, interval_s, sigma),
-        rest_before(simulated, interval_s),
+        rest_before(simulated, interval_s, unit_s),
         travel_band(simulated, edges),
-        command_speed(op, scored, interval_s),
-        part_of_record(op.size, interval_s),
+        command_speed(op, scored, interval_s, unit_s),
+        part_of_record(op.size, interval_s, unit_s),
     )
     facets = tuple(facet for facet in facets if facet.labels)
     whole = Facet(WHOLE, ("all the time",), np.zeros(op.size, dtype=np.int64), ("All the time",))

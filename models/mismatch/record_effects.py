@@ -15,6 +15,7 @@ from stemwatch.models.forensics import noise_sigma, quantum, repeat_share
 from stemwatch.models.frozen import frozen_samples
 from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, held_reports
 from stemwatch.models.mismatch.findings import RecordEffect
+from stemwatch.models.own_clock import duration, seconds_of
 from stemwatch.models.recording import Bools, Floats, Recording, Role
 from stemwatch.models.words import share
 
@@ -94,7 +95,7 @@ def settle(recording: Recording) -> RecordSettled:
         _quantisation(step, op_step),
         _compression(of_mv, of_op),
         _jitter(recording, spacing_s),
-        _freezing(frozen, recording.interval_s),
+        _freezing(frozen, recording.interval_s, recording.unit_s),
     )
     deviation = of_mv.deviation if of_mv is not None and of_mv.held else 0.0
     return RecordSettled(
@@ -194,20 +195,20 @@ def _refreshed(recording: Recording) -> tuple[int, Bools]:
 def _jitter(recording: Recording, spacing_s: float) -> RecordEffect | None:
     """A clock whose steps are uneven by more than a tenth of the interval, or values that are
     refreshed less often than they are recorded."""
-    clock, interval_s = recording.clock, recording.interval_s
+    clock, interval_s, unit_s = recording.clock, recording.interval_s, recording.unit_s
     said, parameters = [], {}
     if spacing_s > interval_s:
         said.append(
-            f"the values change only every {spacing_s:g} s though there is one every "
-            f"{interval_s:g} s: they are averages, or were scanned slowly"
+            f"the values change only every {duration(spacing_s, unit_s, 'g')} though there is one "
+            f"every {duration(interval_s, unit_s, 'g')}: they are averages, or were scanned slowly"
         )
-        parameters["spacing_s"] = spacing_s
+        parameters["spacing_s"] = seconds_of(spacing_s, "s", unit_s)
     if clock.jitter_s > MOST_JITTER * interval_s:
         said.append(
-            f"the samples are not evenly spaced: their steps scatter by {clock.jitter_s:.2g} s "
-            f"about {interval_s:g} s"
+            "the samples are not evenly spaced: their steps scatter by "
+            f"{duration(clock.jitter_s, unit_s, '.2g')} about {duration(interval_s, unit_s, 'g')}"
         )
-        parameters["jitter_s"] = clock.jitter_s
+        parameters["jitter_s"] = seconds_of(clock.jitter_s, "s", unit_s)
     if not said:
         return None
     text = "; ".join(said)
@@ -218,23 +219,22 @@ def _jitter(recording: Recording, spacing_s: float) -> RecordEffect | None:
     )
 
 
-def _freezing(frozen: Bools, interval_s: float) -> RecordEffect | None:
+def _freezing(frozen: Bools, interval_s: float, unit_s: float) -> RecordEffect | None:
     """Stretches in which the position reading stood still to the last bit."""
     count = int(np.count_nonzero(frozen))
     if not count:
         return None
     runs = int(np.count_nonzero(np.diff(np.concatenate(([0], frozen.astype(np.int8)))) == 1))
-    seconds = count * interval_s
     stretches = "one stretch" if runs == 1 else f"{runs} stretches"
     return RecordEffect(
         slug="frozen_signal",
         sentence=(
-            f"The position reading was frozen for {seconds:.0f} s in {stretches} "
-            f"({share(count / frozen.size)} of the record), which is left out: check the "
-            "transmitter and its path to the historian."
+            f"The position reading was frozen for {duration(count * interval_s, unit_s)} in "
+            f"{stretches} ({share(count / frozen.size)} of the record), which is left out: check "
+            "the transmitter and its path to the historian."
         ),
         parameters={
-            "frozen_s": seconds,
+            "frozen_s": seconds_of(count * interval_s, "s", unit_s),
             "frozen_share": count / frozen.size,
             "stretches": float(runs),
         },

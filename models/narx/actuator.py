@@ -15,8 +15,8 @@ from numba import njit
 from stemwatch.models.narx.architecture import ACTUATOR
 from stemwatch.models.recording import Floats
 
-_LEAST_LAG_S = 1e-3
-_LEAST_SLOWNESS = 1e-3  # s/%: a thousand percent per second is no limit
+_LEAST_LAG = 1e-3  # of the interval
+_LEAST_SLOWNESS = 1e-3  # of the interval for a percent: a thousand percent a sample is no limit
 
 
 def driven(op: Floats, interval_s: float, actuator: Mapping[str, float]) -> Floats:
@@ -29,9 +29,10 @@ def driven(op: Floats, interval_s: float, actuator: Mapping[str, float]) -> Floa
     if not any(actuator[name] > 0 for name in ACTUATOR):
         return op
     dead_time, *lags, slow_up, slow_down = (actuator[name] for name in ACTUATOR)
-    up, down = (1.0 - np.exp(-interval_s / lag) if lag > _LEAST_LAG_S else 1.0 for lag in lags)
+    least_lag, least_slow = _LEAST_LAG * interval_s, _LEAST_SLOWNESS * interval_s
+    up, down = (1.0 - np.exp(-interval_s / lag) if lag > least_lag else 1.0 for lag in lags)
     most_up, most_down = (
-        interval_s / slow if slow > _LEAST_SLOWNESS else np.inf for slow in (slow_up, slow_down)
+        interval_s / slow if slow > least_slow else np.inf for slow in (slow_up, slow_down)
     )
     out = np.full(op.size, np.nan)
     _drive(_bridged(op), dead_time / interval_s, up, down, most_up, most_down, out)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -168,6 +168,12 @@ class NarxFit:
     log: tuple[StageLog, ...] = ()
     seconds: float = 0.0
     device: str = "cpu"
+
+    def in_seconds(self, unit_s: float) -> NarxFit:
+        """The fit, made on a clock with units of ``unit_s`` seconds, its network in seconds."""
+        if self.network is None:
+            return self
+        return replace(self, network=self.network.in_seconds(unit_s))
 
     def __post_init__(self) -> None:
         if (self.network is None) == (self.reason is None):

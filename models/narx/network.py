@@ -18,7 +18,7 @@ because a stuck stem does not move *at all*; a linear output leaks while the val
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -132,6 +132,11 @@ class NarxNetwork:
     def one_step(self, op: Floats, mv: Floats, usable: Bools | None = None) -> Floats:
         """The ensemble fed the measured MV at every sample: (n,), as ``free_run``."""
         return self.free_run(op, mv, usable, horizon=1)
+
+    def in_seconds(self, unit_s: float) -> NarxNetwork:
+        """The same network, trained on a clock with units of ``unit_s`` seconds, in seconds."""
+        actuator = {name: unit_s * value for name, value in self.actuator.items()}
+        return replace(self, interval_s=unit_s * self.interval_s, actuator=actuator)
 
     def to_bytes(self) -> bytes:
         """The network as safetensors bytes; ``from_bytes`` gives back the same bits."""

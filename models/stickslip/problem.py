@@ -45,6 +45,7 @@ class FitProblem:
     sigma: float  # measurement noise of MV, percent, at least its quantisation noise
     swing: float  # range of OP, 1st to 99th percentile, percent
     mv_is_percent: bool
+    unit_s: float = 1.0  # seconds in the unit of its times, see ``own_clock``
 
     @property
     def scored(self) -> Bools:
@@ -167,4 +168,5 @@ def make_problem(recording: Recording) -> FitProblem:
         sigma=sigma,
         swing=float(high - low),
         mv_is_percent=recording.mv.unit == recording.op.unit,
+        unit_s=recording.unit_s,
     )

@@ -6,9 +6,9 @@ import logging
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 
+from stemwatch.connectors.secret import masked
 from stemwatch.service.alerts.notifiers.notifier import Notifier, NotSent
 from stemwatch.service.store.alerts.deliveries import StoredDelivery
-from stemwatch.service.store.database_url import masked
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)

@@ -14,8 +14,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from stemwatch.connectors.secret import masked
 from stemwatch.connectors.settings import CONTRADICTION, either_of, nearest
-from stemwatch.service.store.database_url import masked
 
 KeyPath = tuple[str | int, ...]  # from the top of a file, or of a table, to a key
 
@@ -144,5 +144,5 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
         return annotation
     if get_origin(annotation) in (Union, types.UnionType, Annotated):
         inner = (_model_in(argument) for argument in get_args(annotation))
-        return next((found for found in inner if found), None)
+        return next((model for model in inner if model), None)
     return None

@@ -87,13 +87,15 @@ def _read(task: Task) -> Recording:
 
 def _mismatch(recording: Recording, narx: bool, limits: Limits) -> Mismatch:
     from stemwatch.models.mismatch.explain import explain
+    from stemwatch.models.own_clock import on_own_clock
     from stemwatch.models.quality import assess
+    from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
     from stemwatch.models.stickslip.fit import fit_stickslip
-    from stemwatch.models.stickslip.stroke_curve import find_stroke_curve, in_travel
+    from stemwatch.models.stickslip.stroke_curve import in_travel
 
     if narx:
         import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
-    began = time.perf_counter()
+    began, recording = time.perf_counter(), on_own_clock(recording)
     assessment = assess(recording, limits)
     masked, ceiling, curve = assessment.recording, None, None
     if not assessment.obstacles:
@@ -101,8 +103,8 @@ def _mismatch(recording: Recording, narx: bool, limits: Limits) -> Mismatch:
         if narx:
             ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
     # As it was read: record effects come first.
-    found = explain(recording, ceiling=ceiling, curve=curve)
-    return replace(found, seconds=time.perf_counter() - began)
+    mismatch = explain(recording, ceiling=ceiling, curve=curve)
+    return replace(mismatch, seconds=time.perf_counter() - began)
 
 
 def _ceiling(recording: Recording, fit: StickSlipFit, curve: StrokeCurve | None) -> Floats | None:

@@ -97,13 +97,19 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
     ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
     named): effects that are held back are no finding.
     """
-    found = screening.mismatch
-    effects = () if found is None or stands is False else found.effects
-    kinds = _kinds(screening, effects)
+    mismatch = screening.mismatch
+    effects = () if mismatch is None or stands is False else mismatch.effects
+    kinds = kinds_of(
+        screening.verdict,
+        shape=screening.shape,
+        reason=screening.reason,
+        named=tuple(effect.slug for effect in effects),
+        finding=None if mismatch is None else mismatch.finding,
+    )
     return WorkDecision(
         state=work_state(screening.verdict, named=bool(effects)),
         kinds=kinds,
-        severity=_severity(screening, kinds),
+        severity=severity_of(screening.verdict, screening.severity, kinds),
         effects=effects,
     )
 
@@ -126,33 +132,42 @@ def obstacle_kind(reason: str) -> str:
     return next((kind for said, kind in SAID_OF if said in reason), RECORDING)
 
 
-def _kinds(screening: Screening, effects: tuple[Effect, ...]) -> tuple[str, ...]:
-    """Every kind that ``screening`` holds, the one to act on first at the front."""
-    named = tuple(one.slug for one in effects)
-    found = screening.mismatch
-    unknown = (UNKNOWN,) if found is not None and found.finding is Finding.UNKNOWN else ()
-    if screening.verdict is Verdict.STICKY:
-        shape = screening.shape or Shape.UNDERSHOOT
-        return (STICTION[shape], *named, *unknown)
-    if screening.verdict is Verdict.WATCH:
-        return (*named, *unknown, DEPARTED if screening.shape is None else WATCH)
-    if screening.verdict is Verdict.HEALTHY:
+def kinds_of(
+    verdict: Verdict,
+    *,
+    shape: Shape | None,
+    reason: str,
+    named: tuple[str, ...],
+    finding: Finding | None,
+) -> tuple[str, ...]:
+    """Every kind that a screening holds, the one to act on first at the front.
+
+    ``named`` are the slugs of the effects that stand; ``reason`` matters for an undetermined
+    verdict alone.
+    """
+    unknown = (UNKNOWN,) if finding is Finding.UNKNOWN else ()
+    if verdict is Verdict.STICKY:
+        return (STICTION[shape or Shape.UNDERSHOOT], *named, *unknown)
+    if verdict is Verdict.WATCH:
+        return (*named, *unknown, DEPARTED if shape is None else WATCH)
+    if verdict is Verdict.HEALTHY:
         # A difference that nothing explains, on a stem that follows, is no reason to go there.
         return named or (HEALTHY,)
-    first = obstacle_kind(screening.reason)
+    first = obstacle_kind(reason)
     return named or (first,) if first == RECORDING else (first, *named)
 
 
-def _severity(screening: Screening, kinds: tuple[str, ...]) -> float:
-    """The worst of what was judged and of what ``kinds`` are worth by themselves.
+def severity_of(verdict: Verdict, measured: float | None, kinds: tuple[str, ...]) -> float:
+    """0 to 100, NaN where not known: the worst of what was ``measured`` and of what ``kinds`` are
+    worth by themselves.
 
-    Severity is the screening's own where S and J were judged; a position that cannot be trusted
-    and an effect beside friction have one of their own, because the screening ranks them by what
-    it could not measure.
+    It is the screening's own where S and J were judged; a position that cannot be trusted and an
+    effect beside friction have one of their own, because the screening ranks them by what it could
+    not measure.
     """
     own = [SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)]
-    judged = finite(screening.severity)
-    if judged is not None and (screening.verdict is not Verdict.UNDETERMINED or not own):
+    judged = finite(measured)
+    if judged is not None and (verdict is not Verdict.UNDETERMINED or not own):
         own.append(judged)
     return min(max(own), 100.0) if own else math.nan
 
@@ -231,12 +246,14 @@ def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
     states: dict[str, WorkState] = {}
     ordered: set[str] = set()
     recordings = 0
-    for valve, one in decided:
+    for valve, decision in decided:
         recordings += 1
-        states[valve] = min(states.get(valve, one.state), one.state, key=rank.index)
-        if one.has_order and not one.needs_work:
+        states[valve] = min(states.get(valve, decision.state), decision.state, key=rank.index)
+        if decision.has_order and not decision.needs_work:
             ordered.add(valve)
-    many = {state: [v for v, one in states.items() if one is state] for state in WorkState}
+    many = {
+        state: [v for v, its_state in states.items() if its_state is state] for state in WorkState
+    }
     return WorkCounts(
         recordings=recordings,
         needs_work=len(many[WorkState.NEEDS_WORK]),

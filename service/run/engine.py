@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
@@ -25,7 +26,6 @@ from stemwatch.service.report import ReportFiles
 from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
 from stemwatch.service.run.finish import NotRead, finish
 from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
-from stemwatch.service.store.database_url import masked_command
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
@@ -93,7 +93,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     assert report is not None  # a run of the command line has one, or an error
     return RunResult(
         screenings=executed.results,
-        brief=tuple(in_brief(one) for one in executed.results),
+        brief=tuple(in_brief(result) for result in executed.results),
         report=report,
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),
@@ -113,7 +113,7 @@ def work_off(
     executed = execute(run, planned.tasks, stop, over=over)
     shown = run.store.worst_of_run(run.number, run.shown or 0)
     known = run.plant.valves if run.plant else {}
-    gone = tuple(one for one in shown if one not in executed.previous and one in known)
+    gone = tuple(valve for valve in shown if valve not in executed.previous and valve in known)
     if gone and not stop.is_set():
         again = make_plan(replace(request, valves=gone), look)
         add_unsaved(run, executed, again.tasks, stop)

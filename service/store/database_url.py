@@ -2,40 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
-
-MASK = "***"
-
-# Greedy up to the last @: a password may itself hold @ or /, and hiding too much is harmless.
-_USER_PASSWORD = re.compile(r"(?P<before>://[^:@/?\s]*:)\S*(?=@)")
-_SECRET_IN_QUERY = re.compile(
-    r"(?P<before>[?&;](?:[\w-]*(?:password|passwd|passphrase|pwd|secret|token|key))=)[^&;\s]*", re.I
-)
-_SECRET_OPTION = re.compile(r"^(?P<before>-{1,2}[\w-]*(?:password|passwd|secret|token))(?P<eq>=?)")
-
-
-def masked(text: str) -> str:
-    """``text`` with the password of every database URL in it replaced by ``***``."""
-    text = _USER_PASSWORD.sub(rf"\g<before>{MASK}", text)
-    return _SECRET_IN_QUERY.sub(rf"\g<before>{MASK}", text)
-
-
-def masked_command(arguments: Sequence[str]) -> str:
-    """A command line as one text, without the passwords of URLs and the values of options such
-    as ``--password`` and ``--token``."""
-    words: list[str] = []
-    hide_next = False
-    for word in arguments:
-        option = _SECRET_OPTION.match(word)
-        if hide_next:
-            words.append(MASK)
-        elif option and option["eq"]:
-            words.append(f"{option['before']}={MASK}")
-        else:
-            words.append(masked(word))
-        hide_next = option is not None and not option["eq"] and not hide_next
-    return " ".join(words)
+from stemwatch.connectors.secret import masked
 
 
 class DatabaseUrl:

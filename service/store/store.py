@@ -11,6 +11,7 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
@@ -22,7 +23,7 @@ from stemwatch.service.store.alerts.alerts import Alerts
 from stemwatch.service.store.alerts.deliveries import Deliveries
 from stemwatch.service.store.database.engine import make_engine, plainly
 from stemwatch.service.store.database.transactions import Transactions
-from stemwatch.service.store.database_url import DatabaseUrl, masked_command
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.leases import Leases, ServiceSettings
 from stemwatch.service.store.runs.queue import RunQueue
@@ -290,8 +291,8 @@ class Store:
     ) -> PreviousFinding | None:
         """What was said of the valve before this screening, for the trend; see
         ``previous_findings``."""
-        found = self.previous_findings(screening, limit=1, now=now)
-        return found[0] if found else None
+        earlier = self.previous_findings(screening, limit=1, now=now)
+        return earlier[0] if earlier else None
 
     def previous_findings(
         self, screening: Screening, *, limit: int, now: datetime | None = None

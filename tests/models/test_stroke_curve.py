@@ -13,14 +13,13 @@ from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.stickslip.fit import fit_stickslip
-from stemwatch.models.stickslip.stroke_curve import (
-    StrokeCurve,
+from stemwatch.models.stickslip.find_stroke_curve import (
     find_stroke_curve,
-    in_travel,
     slope_of_means,
     suspected,
 )
+from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
@@ -105,6 +104,27 @@ def test_the_command_behind_op_is_found(way, valve):
     off = curve_of(way, *valve).command(recording.op.values) - truth
     assert off.std() < 0.5
     assert abs(off.mean()) < 1.0
+
+
+def test_the_peaks_of_op_ask_for_their_own_travel():
+    """Beyond the bulk of OP the curve goes on: peaks of OP decide when a stem lets go."""
+    truth = plain(*STICKING).op.values.copy()
+    truth[900:903] += 6.0
+    recording = changed(plain(*STICKING), op=lambda v: equal_percentage(truth))
+    curve = find_stroke_curve(recording)
+    off = curve.command(recording.op.values) - truth
+    assert np.abs(off - np.median(off))[895:910].max() < 1.0
+
+
+def test_the_slope_is_that_over_the_part_of_op_that_was_used():
+    """A curve over all of OP is steep here and flat there; S is meant where OP was."""
+    curve = StrokeCurve(op=(0.0, 50.0, 100.0), travel=(0.0, 20.0, 100.0), used=(60.0, 80.0))
+    assert curve.slope == pytest.approx(1.6)
+    assert curve.zero == pytest.approx(-60.0)
+    assert curve.bend_percent == pytest.approx(0.0)
+    assert "OP 60 to 80 % brings the position from 36 to 68 %" in curve.sentence()
+    still = replace(curve, op=(0.0, 90.0, 100.0), travel=(0.0, 0.0, 100.0))
+    assert still.slope == pytest.approx(1.0)  # where it does not move, the whole curve speaks
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -9,6 +9,7 @@ Signature: ringing of constant period after each move, with alternating sign.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import exp, pi, sqrt
 
 import numpy as np
@@ -139,8 +140,9 @@ class UnderdampedPositioner(CommandTerm):
         damping = number(zeta)
         if number(wn) > 0.0 and damping < 1.0:
             period = 2.0 * pi / (number(wn) * sqrt(1.0 - damping * damping))
+            said = replace(wn, value=period, low=None, high=None, unit="s")
             rings += (
-                f", with a period of {period:.3g} s and an overshoot of "
+                f", with a period of {said} and an overshoot of "
                 f"{100.0 * overshoot(damping):.0f} % of the move"
             )
         return f"{rings} (natural frequency {wn}, damping ratio {zeta})."

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from stemwatch.service.alerts.notifiers.notifier import NotifierSecret, NotSent
+from stemwatch.connectors.secret import Secret
+from stemwatch.service.alerts.notifiers.notifier import NotSent
 from stemwatch.service.config.service_schema import NotifierTable
 
 
@@ -19,7 +20,7 @@ class FileNotifier:
     path: Path
 
     @classmethod
-    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
+    def from_table(cls, table: NotifierTable, secret: Secret, folder: Path) -> Self:
         """``path`` of the table, beside the plant file."""
         return cls(folder / (table.path or ""))
 

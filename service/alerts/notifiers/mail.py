@@ -11,7 +11,8 @@ from email.utils import formatdate
 from pathlib import Path
 from typing import Any, Self
 
-from stemwatch.service.alerts.notifiers.notifier import NotifierSecret, NotSent
+from stemwatch.connectors.secret import Secret
+from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
 TIMEOUT_S = 20.0
@@ -30,12 +31,12 @@ class MailNotifier:
     port: int | None
     security: str
     user: str | None
-    secret: NotifierSecret
+    secret: Secret
     sender: str
     to: tuple[str, ...]
 
     @classmethod
-    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
+    def from_table(cls, table: NotifierTable, secret: Secret, folder: Path) -> Self:
         """Host, sender and receivers of the table."""
         return cls(
             host=table.host or "",
@@ -49,7 +50,7 @@ class MailNotifier:
 
     def send(self, key: str, message: Mapping[str, Any]) -> None:
         """Send the mail. Its ``Message-ID`` is made of ``key``, the same for each attempt."""
-        password = self.secret.read()
+        password = revealed(self.secret)
         if password is not None and self.security == "none":
             raise NotSent("a password is not sent without encryption; use starttls or tls")
         mail = self._mail(key, message)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
+
+from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.secret import Secret
 
 if TYPE_CHECKING:
     from stemwatch.service.config.service_schema import NotifierTable
@@ -41,31 +42,16 @@ class Notifier(Protocol):
 class NotifierKind(Protocol):
     """What an entry point of ``stemwatch.notifiers`` leads to: usually the notifier's class."""
 
-    def from_table(self, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Notifier:
+    def from_table(self, table: NotifierTable, secret: Secret, folder: Path) -> Notifier:
         """The notifier that a ``[[notifiers]]`` of a plant file in ``folder`` describes. A kind of
         another package finds its own keys in ``table.options``."""
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class NotifierSecret:
-    """Where a secret is. It is read anew each time, so that a changed one needs no restart."""
-
-    variable: str | None = None
-    file: Path | None = None
-
-    def read(self) -> str | None:
-        """The secret, or ``None`` where none is asked for. Raises ``NotSent`` where it is not
-        where it should be."""
-        if self.variable is not None:
-            found = os.environ.get(self.variable)
-            if not found:
-                raise NotSent(f"the environment variable {self.variable} is not set")
-            return found
-        if self.file is not None:
-            try:
-                return self.file.read_text(encoding="utf-8").strip()
-            except (OSError, UnicodeDecodeError) as error:
-                why = error.strerror if isinstance(error, OSError) else "it is not UTF-8"
-                raise NotSent(f"the secret file {self.file} cannot be read: {why}") from None
-        return None
+def revealed(secret: Secret) -> str | None:
+    """The secret, or ``None`` where none is asked for. It is read anew each time, so that a changed
+    one needs no restart. Raises ``NotSent`` where it is not where it should be."""
+    try:
+        return secret.reveal() if secret else None
+    except ConnectorError as error:
+        raise NotSent(str(error)) from None

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import SplitResult, urlsplit
 
-from stemwatch.service.alerts.notifiers.notifier import NotifierSecret, NotSent
+from stemwatch.connectors.secret import Secret
+from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
 # IPv6 addresses that lead to an IPv4 one: translators (RFC 6052), 6to4 (RFC 3056) and the old
@@ -40,13 +41,13 @@ def addresses(host: str, port: int, *, allow_private: bool) -> list[str]:
     Raises ``NotSent`` where one of them is not public and ``allow_private`` is false, and
     ``OSError`` where the name is not known.
     """
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    listed = list(dict.fromkeys(str(one[4][0]) for one in found))
+    resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    listed = list(dict.fromkeys(str(entry[4][0]) for entry in resolved))
     if not allow_private:
-        for one in listed:
-            if not is_public(one):
+        for address in listed:
+            if not is_public(address):
                 raise NotSent(
-                    f"{host} is {one}, an address of this machine or of a private network; set "
+                    f"{host} is {address}, an address of this machine or of a private network; set "
                     "allow_private = true where that is meant",
                     final=True,
                 )
@@ -95,11 +96,11 @@ class WebhookNotifier:
     """
 
     url: str
-    secret: NotifierSecret
+    secret: Secret
     allow_private: bool = False
 
     @classmethod
-    def from_table(cls, table: NotifierTable, secret: NotifierSecret, folder: Path) -> Self:
+    def from_table(cls, table: NotifierTable, secret: Secret, folder: Path) -> Self:
         """Address of the table, and whether it may be a private one."""
         return cls(url=table.url or "", secret=secret, allow_private=table.allow_private)
 
@@ -107,7 +108,7 @@ class WebhookNotifier:
         """Post the message; any answer from 200 to 299 means that it was taken."""
         body = json.dumps({"key": key, **message}, ensure_ascii=False).encode()
         headers = {"Content-Type": "application/json", KEY: key, "User-Agent": "stemwatch"}
-        if (secret := self.secret.read()) is not None:
+        if (secret := revealed(self.secret)) is not None:
             digest = hmac.new(secret.encode(), body, hashlib.sha256).hexdigest()
             headers[SIGNATURE] = f"sha256={digest}"
         parts = urlsplit(self.url)

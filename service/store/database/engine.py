@@ -11,7 +11,8 @@ from typing import Any
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
-from stemwatch.service.store.database_url import DatabaseUrl, masked
+from stemwatch.connectors.secret import masked
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 
 BUSY_TIMEOUT_MS = 30_000

@@ -1,21 +1,23 @@
-"""The ranking: one page of valves, each with its latest screening, filtered and sorted in SQL."""
+"""The ranking: a page of valves, filtered in SQL, in the order and with the numbers of reports."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import groupby
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, and_, case, func, or_, select
+from sqlalchemy import ColumnElement, Select, and_, case, func, literal, not_, or_, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
-from stemwatch.models.verdict import WORST_FIRST, Verdict
-from stemwatch.service.presenter.work_decision import WorkState, work_state
+from stemwatch.models.verdict import WORST_FIRST, Shape, Verdict
+from stemwatch.service.presenter.wording import finite
+from stemwatch.service.presenter.work_decision import WorkState, kinds_of, severity_of, work_state
 from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
@@ -91,63 +93,100 @@ def _joined(*columns: Any) -> Select[Any]:
 
 def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
     """Every filter but that of the verdict, before which the verdicts are counted."""
-    found: list[ColumnElement[bool]] = []
+    conditions: list[ColumnElement[bool]] = []
     for word in wanted.text.split():
         named = (ValveRow.id, ValveRow.description, ValveRow.area)
-        found.append(or_(*(column.icontains(word, autoescape=True) for column in named)))
+        conditions.append(or_(*(column.icontains(word, autoescape=True) for column in named)))
     if wanted.areas:
-        found.append(ValveRow.area.in_(wanted.areas))
+        conditions.append(ValveRow.area.in_(wanted.areas))
     if wanted.criticalities:
-        found.append(ValveRow.criticality.in_(wanted.criticalities))
-    return found
+        conditions.append(ValveRow.criticality.in_(wanted.criticalities))
+    return conditions
 
 
-def _stands() -> ColumnElement[int]:
-    """1 where an effect beside friction was named and is not held back, else 0.
+def _deciding() -> tuple[Any, ...]:
+    """The columns that decide on work and order; long ones only of the rows where they matter.
 
-    The remark is looked up only where something was named: it lies in a large column.
+    ``named`` has the effects that stand: those of a screening whose remark says that they are held
+    back are no finding. The remark is looked up only where something was named, and the reason
+    only where there is no verdict.
     """
     held_back = func.coalesce(remark_column(), "") != ""
     named = ScreeningRow.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
-    return case((named, case((held_back, 0), else_=1)), else_=0)
+    undetermined = ScreeningRow.verdict == Verdict.UNDETERMINED.value
+    return (
+        ValveRow.id,
+        ValveRow.criticality,
+        ScreeningRow.id.label("screening_id"),
+        ScreeningRow.verdict,
+        ScreeningRow.shape,
+        ScreeningRow.severity,
+        ScreeningRow.s_percent,
+        ScreeningRow.j_percent,
+        ScreeningRow.mismatch_finding.label("finding"),
+        case((and_(named, not_(held_back)), ScreeningRow.mismatch_slugs)).label("named"),
+        case((undetermined, ScreeningRow.reason)).label("why"),
+    )
 
 
-def _order(wanted: RankingFilter) -> list[Any]:
-    gravity = case(
-        {verdict.value: place for place, verdict in enumerate(WORST_FIRST)},
-        value=ScreeningRow.verdict,
-        else_=len(WORST_FIRST),
+_SORTED_IN_SQL: dict[str, Any] = {
+    "valve": ValveRow.id,
+    "area": ValveRow.area,
+    "criticality": ValveRow.criticality,
+    "S": ScreeningRow.s_percent,
+    "J": ScreeningRow.j_percent,
+    "confidence": ScreeningRow.confidence,
+    "at": ScreeningRow.at,
+    "grade": ScreeningRow.grade,
+}
+
+
+def _decided(row: Any) -> tuple[WorkState | None, float]:
+    """State and severity of a row with ``_DECIDING``, as every output decides them; ``None`` and 0
+    where the valve was not screened yet."""
+    if row.verdict is None:
+        return None, 0.0
+    verdict, named = Verdict(row.verdict), tuple(row.named or ())
+    kinds = kinds_of(
+        verdict,
+        shape=None if row.shape is None else Shape(row.shape),
+        reason=row.why or "",
+        named=named,
+        finding=None if row.finding is None else Finding(row.finding),
     )
-    needs_work = case(
-        (ScreeningRow.verdict == Verdict.STICKY.value, 0), (_stands() == 1, 0), else_=1
-    )
-    worst_first = [
-        needs_work.asc(),
-        gravity.asc(),
-        func.coalesce(ScreeningRow.severity, 0.0).desc(),
-        ValveRow.criticality.desc(),
-    ]
-    columns: dict[str, Any] = {
-        "valve": ValveRow.id,
-        "area": ValveRow.area,
-        "criticality": ValveRow.criticality,
-        "S": ScreeningRow.s_percent,
-        "J": ScreeningRow.j_percent,
-        "severity": ScreeningRow.severity,
-        "confidence": ScreeningRow.confidence,
-        "at": ScreeningRow.at,
-        "grade": ScreeningRow.grade,
-    }
-    if wanted.sort not in columns:
-        turned = [
-            needs_work.desc(),
-            gravity.desc(),
-            func.coalesce(ScreeningRow.severity, 0.0).asc(),
-        ]
-        return [*(turned if wanted.descending else worst_first), ValveRow.id]
-    column = columns[wanted.sort]
-    way = column.desc() if wanted.descending else column.asc()
-    return [way.nulls_last(), *worst_first, ValveRow.id]
+    severity = finite(severity_of(verdict, row.severity, kinds)) or 0.0
+    return work_state(verdict, named=bool(named)), severity
+
+
+def _in_order(
+    rows: Sequence[Any], wanted: RankingFilter
+) -> list[tuple[Any, WorkState | None, float]]:
+    """The rows, sorted by the database where it can, with state and severity of each; what is
+    equal there stands worst first."""
+    decided = {row.id: _decided(row) for row in rows}
+
+    def gravity(row: Any) -> tuple[int, int, float]:
+        state, severity = decided[row.id]
+        if state is None:
+            return len(WorkState), len(WORST_FIRST), 0.0
+        return list(WorkState).index(state), WORST_FIRST.index(Verdict(row.verdict)), -severity
+
+    def worst_first(row: Any) -> tuple[Any, ...]:
+        return *gravity(row), -row.criticality
+
+    ordered: list[Any] = []
+    if wanted.sort in _SORTED_IN_SQL:
+        for _, alike in groupby(rows, key=lambda row: row.sorted_by):
+            ordered += sorted(alike, key=worst_first)
+    elif wanted.sort == "severity":
+        turn = -1.0 if wanted.descending else 1.0
+        ordered = sorted(rows, key=worst_first)
+        ordered.sort(key=lambda row: (row.verdict is None, turn * decided[row.id][1]))
+    elif wanted.descending:
+        ordered = sorted(rows, key=gravity, reverse=True)
+    else:
+        ordered = sorted(rows, key=worst_first)
+    return [(row, *decided[row.id]) for row in ordered]
 
 
 _COLUMNS = (
@@ -158,7 +197,6 @@ _COLUMNS = (
     ScreeningRow.id.label("screening_id"),
     ScreeningRow.verdict,
     ScreeningRow.at,
-    ScreeningRow.severity,
     ScreeningRow.confidence,
     ScreeningRow.grade,
     ScreeningRow.shape,
@@ -178,26 +216,27 @@ _COLUMNS = (
 def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     """One page of the ranking.
 
-    The latest screenings are looked up once, with the few numbers that order and counts need; the
-    rest is read of the lines that are shown.
+    The latest screenings are looked up once, with the little that order and counts need; the rest
+    is read of the lines that are shown. Texts are compared by the database.
     """
-    stands = _stands().label("stands")
-    numbers = (ScreeningRow.verdict, stands, ScreeningRow.s_percent, ScreeningRow.j_percent)
-    statement = _joined(ValveRow.id, ScreeningRow.id.label("screening_id"), *numbers)
-    statement = statement.where(*_conditions(wanted)).order_by(*_order(wanted))
+    column = _SORTED_IN_SQL.get(wanted.sort, literal(0))
+    way = column.desc() if wanted.descending else column.asc()
+    statement = _joined(*_deciding(), column.label("sorted_by")).where(*_conditions(wanted))
+    statement = statement.order_by(way.nulls_last(), ValveRow.id)
     counts = dict.fromkeys([*(verdict.value for verdict in WORST_FIRST), NOT_SCREENED], 0)
-    chosen: list[tuple[str, int | None]] = []
+    chosen: list[tuple[str, int | None, float]] = []
     states = dict.fromkeys(WorkState, 0)
     largest = 0.0
     # Past the session, whose rows cost several times as much: here are all valves there are.
-    for valve, number, verdict, named, S, J in session.connection().execute(statement):
-        word = verdict or NOT_SCREENED
+    rows = session.connection().execute(statement).all()
+    for row, state, severity in _in_order(rows, wanted):
+        word = row.verdict or NOT_SCREENED
         counts[word] += 1
-        if verdict:
-            states[work_state(Verdict(verdict), named=bool(named))] += 1
-        largest = max(largest, S or 0.0, J or 0.0)
+        if state is not None:
+            states[state] += 1
+        largest = max(largest, row.s_percent or 0.0, row.j_percent or 0.0)
         if not wanted.verdicts or word in wanted.verdicts:
-            chosen.append((valve, number))
+            chosen.append((row.id, row.screening_id, severity))
     first = (wanted.page - 1) * wanted.size
     shown = chosen[first : first + wanted.size]
     return RankingPage(
@@ -211,20 +250,20 @@ def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
 
 
 def _lines(
-    session: Session, shown: Sequence[tuple[str, int | None]], place: int
+    session: Session, shown: Sequence[tuple[str, int | None, float]], place: int
 ) -> tuple[RankingLine, ...]:
     """The lines of these valves and screenings, in this order, counted from ``place``."""
-    screenings = [number for _, number in shown if number is not None]
+    screenings = [number for _, number, _ in shown if number is not None]
     of_valve = and_(ScreeningRow.valve == ValveRow.id, ScreeningRow.id.in_(screenings))
     statement = select(*_COLUMNS).select_from(ValveRow).outerjoin(ScreeningRow, of_valve)
-    valves = [valve for valve, _ in shown]
+    valves = [valve for valve, _, _ in shown]
     rows: dict[str, Any] = {
         row.id: row for row in session.execute(statement.where(ValveRow.id.in_(valves)))
     }
     before = read_previous_of(session, screenings)
     return tuple(
-        _line(rows[valve], place + k, None if number is None else before.get(number))
-        for k, (valve, number) in enumerate(shown)
+        _line(rows[valve], place + k, severity, None if number is None else before.get(number))
+        for k, (valve, number, severity) in enumerate(shown)
     )
 
 
@@ -240,7 +279,7 @@ def read_valves_in(session: Session, area: str) -> list[str]:
     return list(session.scalars(wanted))
 
 
-def _line(row: Any, place: int, previous: PreviousFinding | None) -> RankingLine:
+def _line(row: Any, place: int, severity: float, previous: PreviousFinding | None) -> RankingLine:
     return RankingLine(
         place=place,
         valve=row.id,
@@ -249,7 +288,7 @@ def _line(row: Any, place: int, previous: PreviousFinding | None) -> RankingLine
         criticality=row.criticality,
         verdict=None if row.verdict is None else Verdict(row.verdict),
         at=row.at,
-        severity=row.severity or 0.0,
+        severity=severity,
         confidence=row.confidence,
         grade=row.grade or "",
         shape=row.shape,

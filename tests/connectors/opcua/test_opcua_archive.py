@@ -20,7 +20,6 @@ from asyncua.common.node import Node
 from asyncua.ua.status_codes import StatusCodes
 
 from stemwatch.connectors import opcua
-from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.connector import (
     ConnectorError,
     TagMapping,
@@ -31,6 +30,7 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian import HistorianFile
 from stemwatch.connectors.opcua import OpcUaAddress, Security
 from stemwatch.connectors.opcua.connector import is_bad
+from stemwatch.connectors.secret import Secret
 from stemwatch.models.recording import Quality, Role
 from tests.connectors import made_archives as made
 from tests.connectors.opcua.served import Conforming, Sample, even, serving

@@ -15,9 +15,9 @@ pytest.importorskip("asyncua", reason="asyncua is missing: OPC UA IS NOT TESTED"
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.opcua import OpcUaAddress, Security
+from stemwatch.connectors.secret import Secret
 from tests.connectors import made_archives as made
 from tests.connectors.opcua.served import Secured, serving
 from tests.connectors.opcua.test_opcua_archive import PREFIX, history

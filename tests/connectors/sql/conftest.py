@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine, make_url, text
 
-from stemwatch.connectors.archive.secret import Secret
+from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.sql import SqlAddress
 from tests.connectors import made_archives as made
 from tests.service.store.conftest import _administer

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine, text
 
-from stemwatch.connectors.archive.secret import Secret
 from stemwatch.connectors.connector import (
     ConnectorError,
     TagMapping,
@@ -19,6 +18,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.sql.database import Database
 from stemwatch.connectors.sql.query_rows import fault_of
 from stemwatch.models.recording import Role

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.between_samples import Archive, ArchiveKind, as_sampled, find_archive
+from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
@@ -71,7 +72,8 @@ def screened(recording: Recording) -> Screening:
 @pytest.mark.parametrize("every", [5, 10])
 def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     slow = kept(cycling(16 * every), every, mean=mean)
-    plain, archive = as_sampled(fit_stickslip(slow), find_archive(slow))
+    own = on_own_clock(slow)
+    plain, archive = as_sampled(fit_stickslip(own), find_archive(own))
     assert archive is not None
     assert archive.kind is (ArchiveKind.AVERAGES if mean else ArchiveKind.SNAPSHOTS)
     missed = archive.missed_by(plain.evaluator.problem, plain.evaluator.simulate(plain.candidate))
@@ -82,7 +84,7 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     assert found.S.low is not None
     assert found.S.high is not None
     assert found.S.low <= S <= found.S.high
-    assert any("restored" in one for one in found.provenance.decisions)
+    assert any("restored" in told for told in found.provenance.decisions)
 
 
 def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:

@@ -20,6 +20,7 @@ import pytest
 from aiosmtpd.controller import Controller
 from aiosmtpd.smtp import AuthResult
 
+from stemwatch.connectors.secret import Secret
 from stemwatch.service.alerts.notifiers import Notifier, NotSent, notifiers_of
 from stemwatch.service.config import load_plant
 
@@ -268,8 +269,7 @@ def test_a_secret_that_is_not_there_is_named(make: Make, monkeypatch, tmp_path: 
         make(url + 'secret_variable = "NOWHERE"').send("k", HOSTILE)
     with pytest.raises(NotSent, match=r"no-such-file cannot be read"):
         make(url + 'secret_file = "no-such-file"').send("k", HOSTILE)
-    from stemwatch.service.alerts.notifiers.notifier import NotifierSecret
 
     file = tmp_path / "secret"
     file.write_text(SECRET + "\n", encoding="utf-8")
-    assert NotifierSecret(file=file).read() == SECRET
+    assert Secret(file=str(file)).reveal() == SECRET

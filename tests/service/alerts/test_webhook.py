@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
+from stemwatch.connectors.secret import Secret
 from stemwatch.service.alerts.notifiers import NotSent, webhook
 from stemwatch.service.alerts.notifiers import webhook as outside
-from stemwatch.service.alerts.notifiers.notifier import NotifierSecret
 from stemwatch.service.alerts.notifiers.webhook import WebhookNotifier, is_public
 from stemwatch.service.alerts.sender import Sender
 from stemwatch.service.store.store import Store, open_store
@@ -30,9 +30,7 @@ TAKEN = b"HTTP/1.1 204 No Content\r\nConnection: close\r\n\r\n"
 
 def to(url: str, *, allow_private: bool = False) -> WebhookNotifier:
     """A webhook to ``url`` with a secret."""
-    return WebhookNotifier(
-        url=url, secret=NotifierSecret(variable="HOOK"), allow_private=allow_private
-    )
+    return WebhookNotifier(url=url, secret=Secret(variable="HOOK"), allow_private=allow_private)
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,8 @@ import traceback
 
 import pytest
 
-from stemwatch.service.store.database_url import DatabaseUrl, masked, masked_command
+from stemwatch.connectors.secret import masked, masked_command
+from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
 

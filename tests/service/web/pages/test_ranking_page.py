@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.wording import finite
+from stemwatch.service.report.ranking import rank_valves
+from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.store.screenings.ranking import SORTS, RankingFilter
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
@@ -35,6 +38,24 @@ def test_the_worst_valve_stands_first(filled):
     """Sticky, watch by severity, undetermined, healthy: nobody knows that a blind one is well."""
     assert names(filled) == [STICKY, HOSTILE, WATCH, BLIND, HEALTHY]
     assert names(filled, descending=True) == [HEALTHY, BLIND, WATCH, HOSTILE, STICKY]
+
+
+def test_order_and_severity_are_those_of_a_report(filled):
+    """A stem that may be stuck fast stands where the report has it, also without S."""
+    run = filled.begin_run(software_version="0.1")
+    frozen = "No verdict: the position reading was frozen for 40 min."
+    for valve, reason in (("STUCK-1", frozen), ("SHORT-1", "No verdict: the record is too short.")):
+        filled.save(
+            screening(valve, Verdict.UNDETERMINED, None, None, reason=reason, severity=0.0), run
+        )
+    report = rank_valves(filled.latest_screenings(), ReportContext(started=NOW))
+    lines = filled.ranking(RankingFilter()).lines
+    assert [line.valve for line in lines] == [ranked.screening.valve for ranked in report]
+    expected = {r.screening.valve: finite(r.decision.severity) or 0.0 for r in report}
+    assert {line.valve: line.severity for line in lines} == expected
+    assert expected["STUCK-1"] == 90.0
+    by_severity = names(filled, sort="severity", descending=True)
+    assert by_severity.index("STUCK-1") < by_severity.index("SHORT-1")
 
 
 @pytest.mark.parametrize(

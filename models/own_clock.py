@@ -1,0 +1,182 @@
+"""Time in units of the recording's own clock, on which everything is fitted, named and limited.
+
+The samples of a recording do not know how long a second is. A lag of two samples is as plain at
+1 kHz as at one sample a minute, and what cannot be told at one rate cannot be told at the other. So
+``screen`` and ``explain`` lay a recording on its own clock first (``on_own_clock``). Its unit is
+the sample, or some samples where the valve takes so many to answer; grids, blocks, limits and
+starts count in it, and whatever is called seconds inside the fits is so many units. A recording
+with a sample every second is on its own clock already, to the bit.
+
+What leaves ``screen`` and ``explain`` is in seconds again: numbers go through ``seconds_of``, by
+their unit; what a sentence says of time through ``duration`` and ``rate``, or a ``SpokenEstimate``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Recording
+
+# The power of time in each unit that a result may have.
+POWER_OF_TIME: Mapping[str, int] = MappingProxyType(
+    {"": 0, "%": 0, "s": 1, "%/s": -1, "rad/s": -1, "1/h": -1, "%/h": -1}
+)
+# What a clock of seconds, a fast and a slow one say times in, largest that fits first.
+FAST, SLOW = 0.5, 2.0  # seconds in the unit
+_FINE = ((1.0, "s"), (1e-3, "ms"))
+_COARSE = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
+LEAST_SAID = 2.0  # of a unit that is longer than a second: "90 s", not "1.5 min"
+
+
+def on_own_clock(recording: Recording) -> Recording:
+    """``recording`` with its times in units of its own clock; itself where they already are."""
+    if recording.own_unit_s is not None:
+        return recording
+    unit_s = recording.interval_s
+    return replace(_counted(recording, unit_s), own_unit_s=unit_s)
+
+
+def _counted(recording: Recording, unit_s: float) -> Recording:
+    """``recording`` with all its times divided by ``unit_s``."""
+    signals = {
+        role: signal
+        if signal.interval_s is None
+        else replace(signal, interval_s=signal.interval_s / unit_s)
+        for role, signal in recording.signals.items()
+    }
+    clock = replace(
+        recording.clock,
+        jitter_s=recording.clock.jitter_s / unit_s,
+        longest_gap_s=recording.clock.longest_gap_s / unit_s,
+    )
+    return replace(
+        recording, signals=signals, interval_s=recording.interval_s / unit_s, clock=clock
+    )
+
+
+def off_own_clock(recording: Recording) -> Recording:
+    """``recording`` with its times in seconds again."""
+    unit_s = recording.own_unit_s
+    if unit_s is None:
+        return recording
+    return replace(_counted(recording, 1.0 / unit_s), own_unit_s=None)
+
+
+def seconds_of(value: float, unit: str, unit_s: float) -> float:
+    """``value``, whose ``unit`` names seconds or hours but counts in the own clock's units of
+    ``unit_s`` seconds, in true ones. Raises ``ValueError`` for a unit that is not known here."""
+    power = POWER_OF_TIME.get(unit)
+    if power is None:
+        known = ", ".join(repr(one) for one in POWER_OF_TIME)
+        raise ValueError(
+            f"the unit {unit!r} has no power of time: one of {known} expected; add it to "
+            "POWER_OF_TIME in models/own_clock.py"
+        )
+    return value if power == 0 else value * unit_s if power == 1 else value / unit_s
+
+
+def estimate_in_seconds(estimate: Estimate, unit_s: float) -> Estimate:
+    """``estimate`` of the own clock in true units."""
+    if estimate.value is None:
+        return estimate
+    value, low, high = (
+        None if one is None else seconds_of(one, estimate.unit, unit_s)
+        for one in (estimate.value, estimate.low, estimate.high)
+    )
+    return replace(estimate, value=value, low=low, high=high)
+
+
+def duration(own: float, unit_s: float, spec: str = ".0f") -> str:
+    """``own`` units of ``unit_s`` seconds in words: "12 s" by ``spec`` where the clock is one of
+    seconds, "3.4 ms" on a faster and "2.5 h" on a slower one."""
+    seconds = own * unit_s
+    if is_of_seconds(unit_s):
+        return f"{seconds:{spec}} s"
+    factor, unit = _said_in(seconds, unit_s)
+    return f"{seconds / factor:.3g} {unit}"
+
+
+def long_time(own: float, unit_s: float) -> str:
+    """``own`` units of time in words: minutes on a clock of seconds."""
+    return f"{own * unit_s / 60.0:.0f} minutes" if is_of_seconds(unit_s) else duration(own, unit_s)
+
+
+def is_of_seconds(unit_s: float) -> bool:
+    """True where a unit is about a second: not a fast clock, nor a slow one."""
+    return FAST < unit_s < SLOW
+
+
+def rate(own: float, unit_s: float, spec: str = ".1f") -> str:
+    """``own`` percent a unit in words, as ``duration``: "0.5 %/s", "3 %/min"."""
+    speed = own / unit_s
+    if is_of_seconds(unit_s):
+        return f"{speed:{spec}} %/s"
+    factor, unit = _speed_said_in(speed, unit_s)
+    return f"{speed / factor:.3g} {unit}"
+
+
+def between(low: str, high: str) -> str:
+    """From one time or speed to another, in words: "4 to 12 s", "900 ms to 1.2 s"."""
+    a, _, unit = low.rpartition(" ")
+    return f"{a} to {high}" if high.endswith(f" {unit}") else f"{low} to {high}"
+
+
+def parts_of_time(own: float, unit_s: float, parts: int) -> tuple[str, ...]:
+    """Names of so many equal parts of ``own`` units of time: "minute 0 to 8" and so on."""
+    seconds = own * unit_s
+    factor, name = 60.0, "minute"
+    if unit_s >= SLOW and seconds >= LEAST_SAID * 86400.0:
+        factor, name = 3600.0, "hour"
+    if unit_s <= FAST and seconds < 120.0:
+        factor, name = (1.0, "second") if seconds >= 1.0 else (1e-3, "millisecond")
+    edges = np.linspace(0.0, seconds / factor, parts + 1)
+    digits = 0 if edges[-1] >= 30.0 else 1
+    return tuple(f"{name} {a:.{digits}f} to {b:.{digits}f}" for a, b in pairwise(edges))
+
+
+def _said_in(seconds: float, unit_s: float) -> tuple[float, str]:
+    """The unit in which a time of a fast or of a slow clock is said, and its seconds."""
+    if unit_s <= FAST:
+        return _FINE[0] if seconds >= 1.0 else _FINE[1]
+    return next((one for one in _COARSE if seconds >= LEAST_SAID * one[0]), _COARSE[-1])
+
+
+def _speed_said_in(speed: float, unit_s: float) -> tuple[float, str]:
+    """As ``_said_in`` for percent a second."""
+    if unit_s >= SLOW:
+        return 1.0 / 60.0, "%/min"
+    return (1000.0, "%/ms") if abs(speed) >= 1000.0 else (1.0, "%/s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpokenEstimate(Estimate):
+    """An estimate in units of the own clock, as a term compares it, that is said in true ones."""
+
+    unit_s: float
+
+    @classmethod
+    def of(cls, estimate: Estimate, unit_s: float) -> SpokenEstimate:
+        """``estimate``, of the own clock with units of ``unit_s`` seconds."""
+        return cls(unit_s=unit_s, **{f.name: getattr(estimate, f.name) for f in fields(Estimate)})
+
+    def __str__(self) -> str:
+        plain = Estimate(**{f.name: getattr(self, f.name) for f in fields(Estimate)})
+        said = estimate_in_seconds(plain, self.unit_s)
+        if said.value is None or is_of_seconds(self.unit_s):
+            return str(said)
+        if self.unit == "s":
+            factor, unit = _said_in(said.value, self.unit_s)
+        elif self.unit == "%/s":
+            factor, unit = _speed_said_in(said.value, self.unit_s)
+        else:
+            return str(said)
+        value, low, high = (
+            None if one is None else one / factor for one in (said.value, said.low, said.high)
+        )
+        return str(replace(said, value=value, low=low, high=high, unit=unit))

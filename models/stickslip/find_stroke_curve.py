@@ -1,0 +1,319 @@
+"""Find the curve from OP to stroke: which part of OP strokes the valve, which way, and how bent.
+
+The curve is estimated from the recording alone and together with the sticking, for each hides the
+other: the hysteresis lies as wide above the curve as below it, so that whatever the fitted element
+leaves *while it moves*, up and down alike, belongs to the curve, and what differs with direction
+does not. A curve is only looked for where command and position lie apart as no zero and span of a
+transmitter explains, and only taken where the plain reading, OP percent for percent of travel, does
+not explain the record better on a part that neither was fitted to; it is only as bent as that part
+asks for.
+
+In a limit cycle between two positions the slope of the curve cannot be told from J; S in percent of
+OP can (it is what OP covers between two breakaways), and the plain reading is kept if it explains
+the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.signal_pairing import correlation
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.fit import (
+    StickSlipEvaluator,
+    advantage,
+    first_look,
+    search,
+    sticking_grid,
+)
+from stemwatch.models.stickslip.problem import make_problem
+from stemwatch.models.stickslip.search import SearchResult, best_of
+from stemwatch.models.stickslip.stroke_curve import (
+    LEAST_TRAVEL_PERCENT,
+    StrokeCurve,
+    with_command,
+)
+
+# Healthy and sticking valves of two simulators keep the middle between their branches within 1 %
+# of OP; a zero shift of 2 % and a span error of 10 % of travel together move it by 6 %.
+OFF_THE_COMMAND_PERCENT = 8.0
+# The same valves, sampled at 1 to 10 s, give 0.88 to 1.05 for the slope of the position's means
+# over OP's, and a tight shut-off 0.79; an OP half of which strokes the valve gives 1.6 and more.
+PLAIN_SLOPE = (0.75, 1.25)
+MEANS, LEAST_SPREAD_PERCENT, LEAST_TOGETHER = 24, 2.0, 0.97
+# Wide sticking and a bent curve keep the means off a line: 0.93 and more on valves that moved over
+# a quarter of their stroke. Between two places of a limit cycle the means do not move at all.
+TOGETHER_ENOUGH = 0.92
+# A position that falls while OP rises: 256 simulated valves that stick gave 0.1 and above.
+AGAINST = -0.3
+# Bends of ``100 (exp(b OP/100) - 1) / (exp(b) - 1)``: 0 is linear, 4 steeper than an equal
+# percentage of 1:50, -4 a quick opening.
+BENDS = np.arange(-4.0, 4.5, 1.0)
+BENT_OVER = (-25.0, 125.0)  # percent of OP
+KEPT_BENDS = 3
+DEGREES = (3, 5)  # of the polynomial that puts the curve right, the simpler first
+ROUNDS = 3
+# A bent curve must beat a straight one on what was not fitted. That part is few blocks, in which a
+# slip that is missed weighs much; what counts then is that all blocks of the record agree.
+LEAST_BEND_GAIN, LEAST_BEND_T, LEAST_T_EVERYWHERE = 0.05, 1.0, 2.5
+MOVING_SAMPLES = 40  # fewer moving samples say nothing of a curve
+KNOTS = 33
+USED = (0.5, 99.5)  # percentiles between which OP counts as used
+STOP_SHARE = 0.02  # of the samples at the lowest or highest position: a stop, or a tight shut-off
+
+
+def suspected(recording: Recording) -> bool:
+    """Whether the position lies off the command as no zero and span of a transmitter explains."""
+    if recording.mv is None or recording.mv.unit != recording.op.unit:
+        return False
+    both = recording.usable
+    if both.sum() < MOVING_SAMPLES:
+        return False
+    off = (recording.mv.values - recording.op.values)[both]
+    low, high = np.percentile(off, (2.0, 98.0))
+    if abs(low + high) / 2.0 > OFF_THE_COMMAND_PERCENT or correlation(recording) < AGAINST:
+        return True
+    slope = slope_of_means(recording)
+    return slope is not None and not PLAIN_SLOPE[0] <= slope <= PLAIN_SLOPE[1]
+
+
+def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> float | None:
+    """Percent of travel for a percent of OP, from the means of both over a 24th of the record.
+
+    Sticking moves a mean by less than S, and lags hardly at all. ``None`` where OP did not stay
+    in several places for long, or the means correlate by less than ``together``.
+    """
+    both, mv = recording.usable, recording.mv
+    length = int(both.sum()) // MEANS
+    if mv is None or length == 0:
+        return None
+    op, position = (
+        signal.values[both][: MEANS * length].reshape(MEANS, length).mean(axis=1)
+        for signal in (recording.op, mv)
+    )
+    if op.std() < LEAST_SPREAD_PERCENT or position.std() == 0.0:
+        return None
+    if abs(np.corrcoef(op, position)[0, 1]) < together:
+        return None
+    return float(np.cov(op, position)[0, 1] / op.var(ddof=1))
+
+
+def find_stroke_curve(recording: Recording) -> StrokeCurve | None:
+    """The curve of a recording whose OP is not percent for percent of its position, else ``None``.
+
+    OP and MV in percent. The answer is ``None`` too where no curve explains the held-out part of
+    the record better than the plain reading does: what is wrong is then something else.
+    """
+    if not suspected(recording) or not _moves(recording):
+        return None
+    plain = _Reading.of(recording, recording.op.values, 0)
+    slope_known = slope_of_means(recording, TOGETHER_ENOUGH) is not None
+    chosen = _straight_or_bent(recording, slope_known)
+    # A valve whose command and position lie this far apart has some curve: the straight one, unless
+    # the plain reading explains the record better.
+    if chosen is None or _better(plain, chosen):
+        return None
+    everything = np.ones(chosen.evaluator.problem.n_blocks, dtype=bool)
+    final = chosen.improved(recording, everything)
+    return _monotone(recording, (final or chosen).command, slope_known)
+
+
+def _straight_or_bent(recording: Recording, slope_known: bool) -> _Reading | None:
+    """The reading that is only as bent as the held-out part asks for."""
+    if not slope_known:
+        # What is left of the fit must not be put into the slope.
+        return _best(_refined(recording, bends=np.zeros(1), degree=0))
+    chosen = _best(_refined(recording, bends=np.zeros(1), degree=1))
+    if chosen is None:
+        return None
+    richer = _best(_refined(recording, bends=BENDS, degree=DEGREES[0]))
+    for degree in DEGREES[1:]:
+        if richer is None or not _better(richer, chosen):
+            break
+        chosen = richer
+        richer = _best(_rounds(recording, chosen.command, degree))
+    if richer is not None and _better(richer, chosen):
+        chosen = richer
+    return chosen
+
+
+def _moves(recording: Recording) -> bool:
+    """Whether both move on the samples that a fit is scored on; else nothing tells a slope."""
+    problem = make_problem(recording)
+    return problem.scored.sum() >= MOVING_SAMPLES and all(
+        np.ptp(np.percentile(values[problem.scored], (2.0, 98.0))) > LEAST_TRAVEL_PERCENT
+        for values in (problem.op, problem.mv)
+    )
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A command that OP may stand for, with the S and J that go best with it."""
+
+    command: Floats
+    evaluator: StickSlipEvaluator
+    best: SearchResult
+    train: Bools
+    degree: int
+
+    @classmethod
+    def of(
+        cls,
+        recording: Recording,
+        command: Floats,
+        degree: int,
+        start: SearchResult | None = None,
+        free_gain: bool = False,
+    ) -> _Reading:
+        unit = "travel" if free_gain else None
+        problem = make_problem(with_command(recording, command, unit))
+        evaluator, base = first_look(problem)
+        # By OP as it was recorded: readings are compared on the same blocks.
+        train = make_problem(recording).training_blocks()
+        loss = evaluator.loss(train)
+        starts = best_of(loss, sticking_grid(evaluator, base), keep=2)
+        if start is not None:
+            starts = [SearchResult(start.candidate, np.inf), *starts[:1]]
+        best = search(evaluator, loss, starts, coordinate.STICKING, 0.05, 5)
+        return cls(command, evaluator, best, train, degree)
+
+    def improved(self, recording: Recording, blocks: Bools) -> _Reading | None:
+        """The reading with its curve put right by what is left while the stem moves."""
+        problem = self.evaluator.problem
+        simulated = self.evaluator.simulate(self.best.candidate, resynced=True)
+        step = np.diff(simulated, prepend=simulated[0])
+        use = (np.abs(step) > 1e-9) & np.append(blocks, False)[problem.block]
+        use &= ~_at_a_stop(problem.mv)
+        if use.sum() < MOVING_SAMPLES:
+            return None
+        op = recording.op.values
+        shapes = _shapes(op, op[np.isfinite(op)], self.degree)
+        columns = np.column_stack((shapes[use], np.sign(step[use])))
+        weights = _robust(columns, (problem.mv - simulated)[use])
+        command = self.command + shapes @ weights[:-1]
+        return _Reading.of(recording, command, self.degree, self.best)
+
+    def losses(self, delta: float) -> tuple[Floats, Floats]:
+        """Losses and counts (n_blocks,) of all blocks, fitted or not."""
+        judge = replace(self.evaluator, delta=delta)
+        losses, counts = judge.block_losses(self.best.candidate[None, :])
+        return losses[0], counts
+
+
+def _refined(recording: Recording, bends: Floats, degree: int) -> Iterator[_Reading]:
+    """The best few bends, each put right in a few rounds."""
+    values = recording.op.values
+    looks = [_Reading.of(recording, _bent(values, bend), degree, free_gain=True) for bend in bends]
+    for look in _by_loss(looks)[:KEPT_BENDS]:
+        gain = 1.0 + look.best.candidate[coordinate.GAIN]
+        zero = look.best.candidate[coordinate.ZERO]
+        yield from _rounds(recording, np.asarray(zero + gain * look.command), degree)
+
+
+def _rounds(recording: Recording, command: Floats, degree: int) -> Iterator[_Reading]:
+    """A reading and what becomes of it when its curve is put right, again and again."""
+    reading: _Reading | None = _Reading.of(recording, command, degree)
+    for _ in range(ROUNDS):
+        if reading is None:
+            return
+        yield reading
+        reading = reading.improved(recording, reading.train)
+    if reading is not None:
+        yield reading
+
+
+def _best(readings: Iterator[_Reading]) -> _Reading | None:
+    """The one with the lowest loss on the part that is fitted."""
+    return next(iter(_by_loss(list(readings))), None)
+
+
+def _by_loss(readings: list[_Reading]) -> list[_Reading]:
+    """By the loss on the part that is fitted, all measured alike, the lowest first."""
+    delta = min((reading.evaluator.delta for reading in readings), default=0.0)
+
+    def trained(reading: _Reading) -> float:
+        losses, counts = reading.losses(delta)
+        return float(losses[reading.train].sum() / max(counts[reading.train].sum(), 1.0))
+
+    return sorted(readings, key=trained)
+
+
+def _better(rich: _Reading, simple: _Reading) -> bool:
+    """Whether ``rich`` explains what neither was fitted to better, and not by chance."""
+    delta = min(rich.evaluator.delta, simple.evaluator.delta)
+    (before, _), (after, counts) = simple.losses(delta), rich.losses(delta)
+    judged = ~rich.train
+    heldout = advantage(before[judged], after[judged], counts[judged], delta)
+    if heldout.mean < LEAST_BEND_GAIN:
+        return False
+    if heldout.t >= LEAST_BEND_T:
+        return True
+    return advantage(before, after, counts, delta).t >= LEAST_T_EVERYWHERE
+
+
+def _bent(op: Floats, bend: float) -> Floats:
+    if bend == 0.0:
+        return op
+    op = np.clip(op, *BENT_OVER)
+    return np.asarray(100.0 * np.expm1(bend * op / 100.0) / np.expm1(bend))
+
+
+def _shapes(op: Floats, known: Floats, degree: int) -> Floats:
+    """(n, degree + 1) Legendre polynomials over the part of OP that was used, straight beyond."""
+    low, high = np.percentile(known, USED)
+    place = 2.0 * (op - low) / max(high - low, 1e-9) - 1.0
+    inside = np.clip(place, -1.0, 1.0)
+    order = np.arange(degree + 1)
+    # P_n'(1) = n (n + 1) / 2, and (-1)^(n - 1) times as much at -1.
+    steep = order * (order + 1) / 2.0 * np.where(inside[:, None] < 0.0, (-1.0) ** (order - 1), 1.0)
+    beyond = np.where(np.isfinite(place), place - inside, 0.0)
+    return np.asarray(np.polynomial.legendre.legvander(inside, degree) + beyond[:, None] * steep)
+
+
+def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
+    """Weights (m,) by iterated least squares; what lies far off counts little (Cauchy)."""
+    weight: Floats = np.ones(values.size)
+    coefficients: Floats = np.zeros(columns.shape[1])
+    for _ in range(rounds):
+        root = np.sqrt(weight)
+        solved = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)
+        coefficients = np.asarray(solved[0], dtype=np.float64)
+        off = values - columns @ coefficients
+        scale = max(2.0 * 1.4826 * float(np.median(np.abs(off))), 1e-3)
+        weight = np.asarray(1.0 / (1.0 + (off / scale) ** 2), dtype=np.float64)
+    return coefficients
+
+
+def _at_a_stop(mv: Floats) -> Bools:
+    """(n,) True where the position is at its lowest or highest value and often there."""
+    stopped = np.zeros(mv.size, dtype=bool)
+    for extreme in (mv.min(), mv.max()):
+        there = np.abs(mv - extreme) < 1e-6
+        if there.mean() > STOP_SHARE:
+            stopped |= there
+    return stopped
+
+
+def _monotone(recording: Recording, command: Floats, slope_known: bool) -> StrokeCurve | None:
+    """The curve as knots over the part of OP that was used; it never turns round."""
+    usable = recording.usable & np.isfinite(command)
+    op, command = recording.op.values[usable], command[usable]
+    order = np.argsort(op, kind="stable")
+    low, high = np.percentile(op, USED)
+    # The few samples beyond are peaks of OP: what they ask for decides when a stem lets go.
+    knots = np.unique((op.min(), *np.linspace(low, high, KNOTS), op.max()))
+    travel = np.interp(knots, op[order], command[order])
+    rising = travel[-1] >= travel[0]
+    travel = np.maximum.accumulate(travel) if rising else np.minimum.accumulate(travel)
+    if abs(travel[-1] - travel[0]) < LEAST_TRAVEL_PERCENT or high <= low:
+        return None
+    return StrokeCurve(
+        op=tuple(map(float, knots)),
+        travel=tuple(map(float, travel)),
+        slope_known=slope_known,
+        used=(float(low), float(high)),
+    )
