@@ -71,6 +71,7 @@ def screened(recording: Recording) -> Screening:
 @pytest.mark.parametrize("mean", [False, True])
 @pytest.mark.parametrize("every", [5, 10])
 def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
+    """Snapshots and averages of a cycling loop: S comes out within 12 %, with its truth inside."""
     slow = kept(cycling(16 * every), every, mean=mean)
     own = on_own_clock(slow)
     plain, archive = as_sampled(fit_stickslip(own), find_archive(own))
@@ -88,6 +89,7 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
 
 
 def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
+    """A sample every second of a loop that takes 50 s: the same numbers as the fit's, to the bit."""
     plain = cycling(50)
     assert find_archive(plain) is None
     fit, found = fit_stickslip(plain), screened(plain)
@@ -96,6 +98,7 @@ def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
 
 
 def test_where_the_sampling_is_too_slow_a_bound_is_given_and_the_interval_that_would_do() -> None:
+    """OP turns at every sample: S is at least its low end, J is not known, and 5 s would do."""
     archive = Archive(ArchiveKind.SNAPSHOTS, per_turn=1.0, deviation=0.0, interval_s=30.0)
     assert archive.too_slow
     assert archive.would_do_s == 5.0
@@ -123,6 +126,7 @@ def test_reports_by_exception_hide_what_is_smaller() -> None:
 
 
 def test_reports_by_exception_widen_what_they_leave_open() -> None:
+    """Reports of 0.5 %: both intervals hold the truth."""
     plain = cycling(40)
     assert plain.mv is not None
     held = recorded(reported(plain.op.values, 0.5), reported(plain.mv.values, 0.5), 1.0)
@@ -146,6 +150,7 @@ widths = st.floats(0.0, 20.0)
 def test_restored_numbers_stay_in_their_intervals(
     width: float, jump: float, missed: float, per_turn: float, deviation: float
 ) -> None:
+    """Restoring never lowers a number, and never leaves one outside of its interval."""
     archive = Archive(
         ArchiveKind.REPORTS if deviation else ArchiveKind.SNAPSHOTS, per_turn, deviation, 10.0
     )
@@ -168,6 +173,7 @@ def test_restored_numbers_stay_in_their_intervals(
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 5), st.floats(0.001, 60.0))
 def test_what_is_found_does_not_depend_on_how_long_a_second_is(seed: int, factor: float) -> None:
+    """The same samples on another clock: the same kind of archive, as many samples to a turn."""
     slow = kept(cycling(50, hours=0.5, seed=seed), 5)
     assert slow.mv is not None
     other = recorded(slow.op.values, slow.mv.values, factor * slow.interval_s)
