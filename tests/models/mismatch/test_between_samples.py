@@ -89,7 +89,7 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
 
 
 def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
-    """A sample every second of a loop that takes 50 s: the same numbers as the fit's, to the bit."""
+    """A sample every second of a loop that takes 50 s: the fit's own numbers, to the bit."""
     plain = cycling(50)
     assert find_archive(plain) is None
     fit, found = fit_stickslip(plain), screened(plain)
