@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
@@ -271,3 +272,16 @@ def _two_ways(
     if abs(rising - falling) <= ALIKE_SHARE * max(rising, falling):
         return f"{what} {said((rising + falling) / 2)}"
     return f"{what} {said(rising)} rising and {said(falling)} falling"
+
+
+def stiction_grown(before: Estimate | None, now: Estimate) -> str:
+    """That S is larger than at the valve's baseline, each with its interval."""
+    return f"S has grown from {before} at its baseline to {now} of OP span."
+
+
+def baseline_left(ratio: float) -> str:
+    """That the position follows its baseline network worse than it did, ``ratio`` times."""
+    return (
+        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
+        "was set: the valve moves differently. Look at its page for where it does."
+    )
