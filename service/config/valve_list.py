@@ -16,7 +16,7 @@ from stemwatch.service.config.problems import (
     Problem,
 )
 
-_FACTS = ("id", "description", "area", "criticality", "source", "stroke")
+_FACTS = ("id", "description", "area", "criticality", "source", "stroke", "stroke_curve")
 _NUMBERS = ("low", "high")
 _TAG_COLUMNS = {
     column: (role.value, key)
