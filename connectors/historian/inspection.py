@@ -94,10 +94,10 @@ def inspect_file(opened: OpenedFile) -> Inspection:
     """Look at every tag of an opened file."""
     instants, table = opened.instants, opened.table
     ns = np.unique(instants.ns[instants.ok])
-    tags = tuple(_inspect(opened.column(one.tag), one) for one in opened.roles())
+    tags = tuple(_inspect(opened.column(role.tag), role) for role in opened.roles())
     decisions = list(opened.notes.decisions)
-    for one in table.columns:
-        decisions += opened.column(one.tag).decisions
+    for column in table.columns:
+        decisions += opened.column(column.tag).decisions
     busiest = max((opened.column(c.tag) for c in table.columns), key=lambda c: c.file_ns.size)
     return Inspection(
         source=str(opened.path),
@@ -128,7 +128,7 @@ def _interval_s(column: Column) -> float | None:
     return float(np.median(np.diff(distinct))) / 1e9 if distinct.size > 1 else None
 
 
-def _inspect(column: Column, one: Candidate) -> TagInspection:
+def _inspect(column: Column, candidate: Candidate) -> TagInspection:
     values = column.values
     finite = values[np.isfinite(values)]
     steps = np.diff(np.unique(column.ns))
@@ -136,16 +136,16 @@ def _inspect(column: Column, one: Candidate) -> TagInspection:
     lines = float(np.mean(forensics.interpolated(values))) if values.size > 2 else 0.0
     longest = forensics.longest_repeat(values) if values.size > 1 else 1
     return TagInspection(
-        tag=one.tag,
-        unit=one.unit,
-        description=one.description,
-        role="" if one.role is None else one.role.value,
-        valve=one.valve,
-        remark=one.remark,
+        tag=candidate.tag,
+        unit=candidate.unit,
+        description=candidate.description,
+        role="" if candidate.role is None else candidate.role.value,
+        valve=candidate.valve,
+        remark=candidate.remark,
         samples=int(finite.size),
         bad_share=_bad_share(column),
         interval_s=interval_s,
-        own_interval_s=one.own_interval_s,
+        own_interval_s=candidate.own_interval_s,
         low=float(finite.min()) if finite.size else None,
         high=float(finite.max()) if finite.size else None,
         noise_sigma=forensics.noise_sigma(values),

@@ -185,15 +185,17 @@ def _rows(
         return _listed(reader, listed.strip(), path, shown)
     tables = listed if isinstance(listed, list) else []
     return [
-        _Row(one, reader, (*path, "registers", place), f"{shown}.registers[{_name(one, place)}]")
-        for place, one in enumerate(tables)
-        if isinstance(one, Mapping)
+        _Row(
+            table, reader, (*path, "registers", place), f"{shown}.registers[{_name(table, place)}]"
+        )
+        for place, table in enumerate(tables)
+        if isinstance(table, Mapping)
     ]
 
 
 def _listed(reader: _Reader, name: str, path: KeyPath, shown: str) -> list[_Row] | None:
     try:
-        found = read_register_list(reader.folder / name)
+        register_list = read_register_list(reader.folder / name)
     except ListUnusable as mistake:
         if mistake.line is None:
             key = f"{shown}.registers"
@@ -202,14 +204,14 @@ def _listed(reader: _Reader, name: str, path: KeyPath, shown: str) -> list[_Row]
             key = f"column {mistake.key}" if mistake.key else "row"
             reader.at(name, mistake.line).say((), key, mistake.found, mistake.expected)
         return None
-    for line, what, expected in found.faulty:
+    for line, what, expected in register_list.faulty:
         reader.at(name, line).say((), "row", what, expected)
-    if not found.rows:
+    if not register_list.rows:
         reader.say((*path, "registers"), f"{shown}.registers", f"no row in {name!r}", "one or more")
         return None
     return [
         _Row(row.table, reader.at(name, row.line), (), f"registers[{_name(row.table, place)}]")
-        for place, row in enumerate(found.rows)
+        for place, row in enumerate(register_list.rows)
     ]
 
 

@@ -58,8 +58,8 @@ class Unanswered:
 
     def answered(self, request: Request) -> None:
         """One answer to ``request``, or to one that looks alike, has come."""
-        for place, (_, one) in enumerate(self._sent):
-            if one.looks_alike(request):
+        for place, (_, sent) in enumerate(self._sent):
+            if sent.looks_alike(request):
                 del self._sent[place]
                 return
 
@@ -69,8 +69,10 @@ class Unanswered:
 
     def counts(self, unit_id: int, table: Table) -> frozenset[int]:
         """The lengths, in words, of the answers of this unit and table that may still come."""
-        alike = (one for one in self if (one.unit_id, one.table) == (unit_id, table))
-        return frozenset(one.count for one in alike)
+        alike = (
+            request for request in self if (request.unit_id, request.table) == (unit_id, table)
+        )
+        return frozenset(request.count for request in alike)
 
     def answered_by(self, frame: bytes) -> Request | None:
         """The request that the RTU ``frame`` answers for certain, or ``None``.

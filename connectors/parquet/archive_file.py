@@ -46,11 +46,11 @@ class Groups:
     def holding(self, keys: Sequence[str]) -> list[int]:
         """Groups whose key column may have one of ``keys`` in it."""
         pure, mixed = self._by_key
-        found = {group for key in keys for group in pure.get(key, ())}
+        groups = {group for key in keys for group in pure.get(key, ())}
         for group, low, high in mixed:
             if any(low <= key.encode() and (high is None or key.encode() <= high) for key in keys):
-                found.add(group)
-        return sorted(found)
+                groups.add(group)
+        return sorted(groups)
 
     @cached_property
     def _by_key(self) -> tuple[dict[str, list[int]], list[tuple[int, bytes, bytes | None]]]:
@@ -190,8 +190,10 @@ class ArchiveFile:
         place = _places(self.fragment.metadata).get(column)
         if place is None:
             return None
-        found = self.fragment.metadata.row_group(group).column(place).statistics
-        return found.null_count if found is not None and found.has_null_count else None
+        statistics = self.fragment.metadata.row_group(group).column(place).statistics
+        return (
+            statistics.null_count if statistics is not None and statistics.has_null_count else None
+        )
 
 
 def _places(metadata: Any) -> dict[str, int]:

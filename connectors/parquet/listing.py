@@ -41,19 +41,19 @@ def list_tags(files: Sequence[ArchiveFile], options: ReadOptions, stem: str) -> 
         raise broken[0]
     named = [(tag, units.get(tag, ""), "", None) for tag in samples]
     return [
-        _info(one, samples[one.tag], roles.get(one.tag))
-        for one in propose_roles(named, stem=stem, mv_is_output=False)
+        _info(candidate, samples[candidate.tag], roles.get(candidate.tag))
+        for candidate in propose_roles(named, stem=stem, mv_is_output=False)
     ]
 
 
-def _info(one: Candidate, samples: int, declared: tuple[Role, str] | None) -> TagInfo:
-    role, valve, remark = one.role, one.valve, one.remark
+def _info(candidate: Candidate, samples: int, declared: tuple[Role, str] | None) -> TagInfo:
+    role, valve, remark = candidate.role, candidate.valve, candidate.remark
     if declared is not None:
         role, valve = declared
         remark = f"the archive has it in the column {role.value} of valve {valve}"
     return TagInfo(
-        tag=one.tag,
-        unit=one.unit,
+        tag=candidate.tag,
+        unit=candidate.unit,
         samples=samples,
         proposed_role=role,
         proposed_valve=valve,

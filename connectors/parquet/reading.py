@@ -81,20 +81,20 @@ def read_pieces(
     A file that cannot be read is noted as a problem and costs the others nothing. Raises
     ``UnreadableSource`` where no file at all could be read.
     """
-    found: dict[str, Pieces] = {}
+    pieces: dict[str, Pieces] = {}
     tried, broken = 0, []
     for file in files:
         if not may_hold(file.keys, bounds):
             continue
         tried += 1
         try:
-            _read_file(file, tags, bounds, options, notes, found)
+            _read_file(file, tags, bounds, options, notes, pieces)
         except UnreadableSource as error:
             broken.append(error)
             notes.problem(str(error))
     if broken and len(broken) == tried:
         raise broken[0]
-    return found
+    return pieces
 
 
 def _read_file(
@@ -103,7 +103,7 @@ def _read_file(
     bounds: Bounds,
     options: ReadOptions,
     notes: ReadingNotes,
-    found: dict[str, Pieces],
+    pieces: dict[str, Pieces],
 ) -> None:
     layout = file.layout(options)
     places = {tag: place for tag in tags if (place := place_of(tag, layout))}
@@ -121,7 +121,7 @@ def _read_file(
         for tag, place in places.items():
             rows = _rows(table, layout, place, groups.only(group))
             if rows is not False:
-                _add(found.setdefault(tag, Pieces()), table, stamps, rows, layout, place)
+                _add(pieces.setdefault(tag, Pieces()), table, stamps, rows, layout, place)
 
 
 def _columns(layout: Layout, places: Any, *, with_key: bool, file: ArchiveFile) -> list[str]:
@@ -233,9 +233,9 @@ def column_of(
 
 def _instants(pieces: Pieces, options: ReadOptions, notes: ReadingNotes) -> Instants:
     stamps = Stamps(
-        ns=_joined([one.ns for one in pieces.stamps]),
-        ok=_joined([one.ok for one in pieces.stamps]),
-        naive=any(one.naive for one in pieces.stamps),
+        ns=_joined([stamp.ns for stamp in pieces.stamps]),
+        ok=_joined([stamp.ok for stamp in pieces.stamps]),
+        naive=any(stamp.naive for stamp in pieces.stamps),
     )
     return placed(stamps, pieces.written, options, notes)
 
@@ -285,7 +285,9 @@ def _encoded(code: Any, words: dict[str, int]) -> NDArray[np.int64]:
         code = pc.dictionary_encode(code)
     parts = []
     for chunk in code.chunks:
-        known = [words.setdefault(_word(one), len(words)) for one in chunk.dictionary.to_pylist()]
+        known = [
+            words.setdefault(_word(entry), len(words)) for entry in chunk.dictionary.to_pylist()
+        ]
         at = pc.fill_null(chunk.indices, len(known)).to_numpy(zero_copy_only=False)
         parts.append(np.array([*known, 0], dtype=np.int64)[at])
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
@@ -296,7 +298,7 @@ def _word(code: object) -> str:
 
 
 def _texts(array: Any) -> Iterator[str]:
-    return ("" if one is None else str(one) for one in array.to_pylist())
+    return ("" if cell is None else str(cell) for cell in array.to_pylist())
 
 
 def keys_in(files: Sequence[ArchiveFile], options: ReadOptions) -> Mapping[str, None]:

@@ -300,7 +300,7 @@ class SqlArchive:
         first = samples.times[0] if samples.times else None
         if not isinstance(first, str) or not isinstance(start, str):
             return
-        shapes = [re.sub(r"\d", "0", one)[: len("2026-01-05 06:00:00")] for one in (first, start)]
+        shapes = [re.sub(r"\d", "0", text)[: len("2026-01-05 06:00:00")] for text in (first, start)]
         if shapes[0] != shapes[1]:
             raise ConnectorError(
                 f"{self.address}: times are kept as texts such as {first!r}, but were compared "

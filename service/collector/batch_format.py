@@ -87,12 +87,12 @@ def records(data: bytes, start: int = 0) -> Iterator[Found]:
     """
     place, skipped_from = start, start
     while (place := data.find(MARK, place)) >= 0:
-        found = _at(data, place, place - skipped_from)
-        if found is None:
+        record = _at(data, place, place - skipped_from)
+        if record is None:
             place += 1
             continue
-        yield found
-        place = skipped_from = found.stop
+        yield record
+        place = skipped_from = record.stop
 
 
 def _at(data: bytes, place: int, skipped: int) -> Found | None:

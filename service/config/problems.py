@@ -144,5 +144,5 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
         return annotation
     if get_origin(annotation) in (Union, types.UnionType, Annotated):
         inner = (_model_in(argument) for argument in get_args(annotation))
-        return next((found for found in inner if found), None)
+        return next((model for model in inner if model), None)
     return None

@@ -56,11 +56,11 @@ class Stroke:
 
 def parse_stroke(text: str) -> Stroke:
     """The stroke that ``text`` names. Raises ``ValueError`` with what was expected."""
-    found = _FORM.fullmatch(text.strip())
-    if found is None:
+    match = _FORM.fullmatch(text.strip())
+    if match is None:
         raise ValueError(EXPECTED)
-    unit, factor = _UNITS[found[2].lower()]
-    full = float(found[1].replace(",", ".")) * factor
+    unit, factor = _UNITS[match[2].lower()]
+    full = float(match[1].replace(",", ".")) * factor
     if full <= 0.0:
         raise ValueError(f"{EXPECTED}, above 0")
     return Stroke(full, unit)

@@ -119,8 +119,8 @@ def _mismatch(
         if narx:
             ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
     # As it was read: record effects come first.
-    found = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known is None)
-    return replace(found, seconds=time.perf_counter() - began)
+    mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known is None)
+    return replace(mismatch, seconds=time.perf_counter() - began)
 
 
 def _ceiling(recording: Recording, fit: StickSlipFit, curve: StrokeCurve | None) -> Floats | None:

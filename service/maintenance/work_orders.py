@@ -98,7 +98,7 @@ def _measured(sheet: WorkSheet) -> list[str]:
     said = []
     for size in sheet.sizes:
         more = [size.interval and f"95 %: {size.interval}", size.travel and f"{size.travel} travel"]
-        tail = "; ".join(one for one in more if one)
+        tail = "; ".join(text for text in more if text)
         said.append(f"{size.name}: {size.percent}{f' ({tail})' if tail else ''}")
     return said
 

@@ -68,12 +68,14 @@ def discoveries(
     was not fitted or not testable (``tested``) had no chance to name anything and does not count.
     An effect without a p value, as an older version stored it, is held back.
     """
-    p_values = [one.p_value for one in mismatches if tested(one)]
+    p_values = [mismatch.p_value for mismatch in mismatches if tested(mismatch)]
     verdicts = iter(significant([*p_values, *elsewhere]))
-    standing = tuple(_named(one, next(verdicts)) if tested(one) else None for one in mismatches)
+    standing = tuple(
+        _named(mismatch, next(verdicts)) if tested(mismatch) else None for mismatch in mismatches
+    )
     # The verdicts that are left are those of ``elsewhere``.
     others = [stood for stood, p in zip(verdicts, elsewhere, strict=True) if p is not None]
-    said = [one for one in standing if one is not None] + others
+    said = [stands for stands in standing if stands is not None] + others
     return Discoveries(
         standing=standing,
         tested=len(p_values) + len(elsewhere),

@@ -100,7 +100,7 @@ def present(
     all of it.
     """
     decision = decide(screening, stands=stands)
-    found = screening.mismatch
+    mismatch = screening.mismatch
     return PresentedFinding(
         decision=decision,
         title=advice_for(decision.kinds[0]).title,
@@ -109,17 +109,19 @@ def present(
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
         beside_friction=" ".join(
-            one for one in (beside_friction(screening), without_them(screening)) if one
+            sentence
+            for sentence in (beside_friction(screening), without_them(screening))
+            if sentence
         ),
-        effects=() if found is None else present_effects(found),
-        otherwise=_otherwise(found, decision.kinds, stands),
+        effects=() if mismatch is None else present_effects(mismatch),
+        otherwise=_otherwise(mismatch, decision.kinds, stands),
         held_back=run.remark if run is not None and stands is False else "",
     )
 
 
 def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
     """The effects of a mismatch in words, strongest first."""
-    return tuple(present_effect(one) for one in mismatch.effects)
+    return tuple(present_effect(effect) for effect in mismatch.effects)
 
 
 def present_effect(effect: Effect) -> PresentedEffect:
@@ -142,19 +144,21 @@ def present_effect(effect: Effect) -> PresentedEffect:
 
 def _evidence(effect: Effect) -> str:
     """What speaks for the effect: how much it removes where nothing was fitted."""
-    found = effect.evidence
-    t = "" if finite(found.t) is None else f" (t {figure(found.t, 2)})"
-    removed = f"It removes {share(found.share)} of the squared residual on blocks it was not fitted"
-    return f"{removed} to{t}. {found.note}".rstrip()
+    evidence = effect.evidence
+    t = "" if finite(evidence.t) is None else f" (t {figure(evidence.t, 2)})"
+    removed = (
+        f"It removes {share(evidence.share)} of the squared residual on blocks it was not fitted"
+    )
+    return f"{removed} to{t}. {evidence.note}".rstrip()
 
 
 def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
     """The screening's reason, and each effect that stands."""
     said = [screening.reason]
-    said += beyond((one.sentence for one in decision.effects), screening.reason)
-    found = screening.mismatch
-    if found is not None and found.finding is Finding.UNKNOWN:
-        said += beyond([found.sentence], screening.reason)
+    said += beyond((effect.sentence for effect in decision.effects), screening.reason)
+    mismatch = screening.mismatch
+    if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
+        said += beyond([mismatch.sentence], screening.reason)
     return tuple(said)
 
 
@@ -167,21 +171,23 @@ def _next_step(screening: Screening, decision: WorkDecision) -> str:
 
 
 def _otherwise(
-    found: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
+    mismatch: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
 ) -> tuple[str, ...]:
     """What else it could be: what looks alike, what this recording cannot tell apart, what was
     held back, what it could not have shown."""
     said = list(advice_for(kinds[0]).otherwise)
-    if found is None:
+    if mismatch is None:
         return tuple(said)
-    for effect in present_effects(found):
+    for effect in present_effects(mismatch):
         said += _alternatives(effect, held_back=stands is False)
-    if found.not_testable:
-        named = effect_names(one.slug for one in found.not_testable[:MOST_UNTESTABLE])
-        more = len(found.not_testable) - MOST_UNTESTABLE
+    if mismatch.not_testable:
+        named = effect_names(
+            untestable.slug for untestable in mismatch.not_testable[:MOST_UNTESTABLE]
+        )
+        more = len(mismatch.not_testable) - MOST_UNTESTABLE
         said.append(
             f"Not testable in this recording: {named}{f' and {more} more' if more > 0 else ''}; "
-            f"the first because {found.not_testable[0].reason.rstrip('.')}."
+            f"the first because {mismatch.not_testable[0].reason.rstrip('.')}."
         )
     return tuple(said)
 
@@ -197,7 +203,7 @@ def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
 
 def beside_friction(screening: Screening) -> str:
     """One sentence on what delays or slows the stem; empty where nothing but friction was seen."""
-    said = [one for one in (_late(screening), _lag(screening), _speed(screening)) if one]
+    said = [clause for clause in (_late(screening), _lag(screening), _speed(screening)) if clause]
     return f"Beside friction: {'; '.join(said)}." if said else ""
 
 
@@ -238,8 +244,10 @@ def _lag(screening: Screening) -> str:
 
 def _speed(screening: Screening) -> str:
     names = ("speed_rising_percent_per_s", "speed_falling_percent_per_s")
-    found = [_value(screening, name) for name in names]
-    slow = [one if one is not None and one <= FASTEST_PERCENT_PER_S else None for one in found]
+    speeds = [_value(screening, name) for name in names]
+    slow = [
+        speed if speed is not None and speed <= FASTEST_PERCENT_PER_S else None for speed in speeds
+    ]
     return _two_ways(slow[0], slow[1], "%/s", "moves at most")
 
 

@@ -99,7 +99,7 @@ def prose(text: str) -> str:
 def beyond(sentences: Iterable[str], said: str) -> list[str]:
     """Those of ``sentences`` that ``said`` does not already contain, word for word."""
     known = said.casefold()
-    return [one for one in sentences if one.strip(" .").casefold() not in known]
+    return [sentence for sentence in sentences if sentence.strip(" .").casefold() not in known]
 
 
 def duration(seconds: float) -> str:

@@ -97,14 +97,14 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
     ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
     named): effects that are held back are no finding.
     """
-    found = screening.mismatch
-    effects = () if found is None or stands is False else found.effects
+    mismatch = screening.mismatch
+    effects = () if mismatch is None or stands is False else mismatch.effects
     kinds = kinds_of(
         screening.verdict,
         shape=screening.shape,
         reason=screening.reason,
         named=tuple(effect.slug for effect in effects),
-        finding=None if found is None else found.finding,
+        finding=None if mismatch is None else mismatch.finding,
     )
     return WorkDecision(
         state=work_state(screening.verdict, named=bool(effects)),
@@ -246,12 +246,14 @@ def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
     states: dict[str, WorkState] = {}
     ordered: set[str] = set()
     recordings = 0
-    for valve, one in decided:
+    for valve, decision in decided:
         recordings += 1
-        states[valve] = min(states.get(valve, one.state), one.state, key=rank.index)
-        if one.has_order and not one.needs_work:
+        states[valve] = min(states.get(valve, decision.state), decision.state, key=rank.index)
+        if decision.has_order and not decision.needs_work:
             ordered.add(valve)
-    many = {state: [v for v, one in states.items() if one is state] for state in WorkState}
+    many = {
+        state: [v for v, its_state in states.items() if its_state is state] for state in WorkState
+    }
     return WorkCounts(
         recordings=recordings,
         needs_work=len(many[WorkState.NEEDS_WORK]),

@@ -129,10 +129,10 @@ def execute(
         over=over,
     )
     for done in _screened(run, tasks, stop):
-        found = [_put(results, outcome) for outcome in done]
-        saving.take(found, results)
-        for nth, one in enumerate(found, start=len(results) - len(found) + 1):
-            tell(one.screening, nth, len(tasks))
+        arrived = [_put(results, outcome) for outcome in done]
+        saving.take(arrived, results)
+        for nth, result in enumerate(arrived, start=len(results) - len(arrived) + 1):
+            tell(result.screening, nth, len(tasks))
     return Executed(results=results, previous=saving.previous, not_saved=tuple(saving.not_saved))
 
 
@@ -141,9 +141,9 @@ def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threa
     first = len(executed.results)
     for done in _screened(run, with_what_was_found(tasks, run.store), stop):
         for outcome in done:
-            one = _put(executed.results, outcome, first)
-            found = run.store.previous_finding(one.screening, run.started)
-            executed.previous[one.screening.valve] = found
+            result = _put(executed.results, outcome, first)
+            before = run.store.previous_finding(result.screening, run.started)
+            executed.previous[result.screening.valve] = before
 
 
 def _screened(

@@ -156,27 +156,27 @@ def screen_packed(
 
     _stand_in(folder)
     screenings = screen_tasks(tasks, limits)
-    found = []
+    screened = []
     while screenings:  # the samples of one are let go before the next is drawn
-        found.append(plots_instead_of_samples(screenings.pop(0)))
-    return found
+        screened.append(plots_instead_of_samples(screenings.pop(0)))
+    return screened
 
 
 def tags_of_files(folder: str, files: Sequence[TextFile]) -> list[frozenset[str] | str]:
     """The tags in each file, or the reason why it cannot be read: what a worker looks up for a
     plan, as parsing a file may take long and may end the process."""
     _stand_in(folder)
-    found: list[frozenset[str] | str] = []
+    headers: list[frozenset[str] | str] = []
     for file in files:
         try:
             tags = open_file(file.path, file.options).tags()
         except ConnectorError as error:
-            found.append(str(error))
+            headers.append(str(error))
         except (OSError, ValueError, MemoryError) as error:
-            found.append(f"{file.path}: {type(error).__name__}: {error}")
+            headers.append(f"{file.path}: {type(error).__name__}: {error}")
         else:
-            found.append(frozenset(info.tag for info in tags))
-    return found
+            headers.append(frozenset(info.tag for info in tags))
+    return headers
 
 
 def _stand_in(folder: str) -> None:

@@ -297,8 +297,8 @@ class Store:
     ) -> PreviousFinding | None:
         """What was said of the valve before this screening, for the trend; see
         ``previous_findings``."""
-        found = self.previous_findings(screening, limit=1, now=now)
-        return found[0] if found else None
+        earlier = self.previous_findings(screening, limit=1, now=now)
+        return earlier[0] if earlier else None
 
     def previous_findings(
         self, screening: Screening, *, limit: int, now: datetime | None = None

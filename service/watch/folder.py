@@ -55,8 +55,8 @@ class Attempts:
 
     def _read(self) -> dict[str, int]:
         try:
-            found = json.loads(self._path.read_text(encoding="utf-8"))
-            return {str(digest): int(count) for digest, count in found.items()}
+            noted = json.loads(self._path.read_text(encoding="utf-8"))
+            return {str(digest): int(count) for digest, count in noted.items()}
         except (OSError, ValueError, TypeError, AttributeError):
             return {}  # not there, or damaged: nothing is known of any file
 

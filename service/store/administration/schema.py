@@ -162,11 +162,11 @@ def _table(inspector: sa.Inspector, name: str) -> TableSchema:
     )
 
 
-def _kind(table: str, column: str, found: TypeEngine[Any]) -> ColumnKind:
+def _kind(table: str, column: str, type_: TypeEngine[Any]) -> ColumnKind:
     for base, kind in _KINDS:
-        if isinstance(found, base):
+        if isinstance(type_, base):
             return kind
-    raise StoreError(f"{table}.{column} is of type {found}, which no version of stemwatch made")
+    raise StoreError(f"{table}.{column} is of type {type_}, which no version of stemwatch made")
 
 
 def parts_of_samples(connection: Connection) -> list[str]:

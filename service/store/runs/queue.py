@@ -187,8 +187,8 @@ class RunQueue:
             rows = select(RunValveRow.valve, RunValveRow.reason).where(
                 RunValveRow.run_id == run_id, RunValveRow.state == ValveState.SET_ASIDE.value
             )
-            found = session.execute(rows.order_by(RunValveRow.valve).limit(limit))
-            return [SetAside(valve=valve, reason=reason) for valve, reason in found]
+            refused = session.execute(rows.order_by(RunValveRow.valve).limit(limit))
+            return [SetAside(valve=valve, reason=reason) for valve, reason in refused]
 
     def find(self, run_id: int) -> StoredRun | None:
         """The run of this number, ``None`` where there is none."""

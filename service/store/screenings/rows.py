@@ -127,7 +127,9 @@ def _mismatch_columns(screening: Screening) -> dict[str, Any]:
     mismatch = screening.mismatch
     return {
         "mismatch_finding": None if mismatch is None else mismatch.finding.value,
-        "mismatch_slugs": None if mismatch is None else [one.slug for one in mismatch.effects],
+        "mismatch_slugs": None
+        if mismatch is None
+        else [effect.slug for effect in mismatch.effects],
         "mismatch": mismatch_json(mismatch),
     }
 

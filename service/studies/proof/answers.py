@@ -174,8 +174,8 @@ def _explain(chunk: _Chunk) -> list[Answer]:
         )
         if not answer.is_file():
             raise JudgeFailed(_failure(chunk, f"exit status {done.returncode}", done.stderr))
-        said = [read_answer(one) for one in json.loads(answer.read_text(encoding="utf-8"))]
-    silent = sorted(set(chunk.files) - {one.file for one in said})
+        said = [read_answer(load) for load in json.loads(answer.read_text(encoding="utf-8"))]
+    silent = sorted(set(chunk.files) - {answer.file for answer in said})
     if silent or len(said) != len(chunk.files):
         raise JudgeFailed(
             _failure(chunk, f"no single answer for {silent or 'a file'}", done.stderr)

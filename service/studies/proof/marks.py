@@ -83,8 +83,8 @@ def _single(physics: Sequence[str], said: Answer) -> CaseOutcome:
 def _pair(physics: Sequence[str], said: Answer) -> CaseOutcome:
     if not said.names:
         return CaseOutcome.MISS
-    found = _found(physics, said.names)
-    return (CaseOutcome.WRONG, CaseOutcome.ONE, CaseOutcome.BOTH)[min(found, 2)]
+    named = _found(physics, said.names)
+    return (CaseOutcome.WRONG, CaseOutcome.ONE, CaseOutcome.BOTH)[min(named, 2)]
 
 
 def _found(physics: Sequence[str], names: Sequence[NamedEffect]) -> int:
