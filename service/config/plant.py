@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import ArchiveAddress, TagMapping, ValveTags
 from stemwatch.connectors.historian.connector import TextExportSettings
+from stemwatch.connectors.settings import Problem
 from stemwatch.models.limits import Limits
-from stemwatch.service.config.problems import Problem
 from stemwatch.service.config.schema import Tag, Valve
 from stemwatch.service.config.service_schema import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.store.database_url import DatabaseUrl

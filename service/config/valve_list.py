@@ -6,15 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stemwatch.connectors.settings import either_of, nearest
+from stemwatch.connectors.settings import KeyPath, Problem, either_of, nearest
 from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 from stemwatch.models.recording import Role
-from stemwatch.service.config.problems import (
-    KeyPath,
-    Place,
-    PlantFileError,
-    Problem,
-)
+from stemwatch.service.config.problems import Place, PlantFileError
 
 _FACTS = ("id", "description", "area", "criticality", "source", "stroke", "stroke_curve")
 _NUMBERS = ("low", "high")

@@ -29,6 +29,9 @@ T = TypeVar("T")
 # Valves that one worker takes at a time. Their networks train together, which is quicker; but every
 # worker should have some, and progress should be seen.
 CHUNK = 16
+# So many valves take far longer to fit than a worker to start and a file of so many bytes to parse.
+WORTH_PARTING, PARTED_UP_TO = 8, 32 * 2**20
+
 Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
 Over = Callable[[str, str], None]  # all of a valve is saved: it, and why it was given up if it was
 
@@ -149,8 +152,27 @@ def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threa
 def _screened(
     run: Run, tasks: Sequence[Task], stop: threading.Event
 ) -> Iterator[list[Outcome[Task, tuple[Screening, ValvePlots]]]]:
-    chunks = make_chunks(tasks, run.executor.workers, CHUNK, parsed=lambda task: task.text_file)
-    return outcomes(run.executor, partial(screen_packed, run.limits, os.getcwd()), chunks, stop)
+    batches = make_batches(tasks, run.executor.workers)
+    return outcomes(run.executor, partial(screen_packed, run.limits, os.getcwd()), batches, stop)
+
+
+def make_batches(tasks: Sequence[Task], workers: int) -> list[tuple[Task, ...]]:
+    """``tasks`` as they are dealt to ``workers``: valves of one file to one of them, unless others
+    would have nothing to do meanwhile."""
+    whole = not _worth_parting(tasks, workers)
+    return make_chunks(tasks, workers, CHUNK, lambda task: task.text_file if whole else None)
+
+
+def _worth_parting(tasks: Sequence[Task], workers: int) -> bool:
+    """Whether several workers had better parse the same files: many valves in fewer files than
+    there are workers, each soon read and small enough to be in the memory of every worker."""
+    files = {task.text_file for task in tasks}
+    if len(tasks) < WORTH_PARTING or len(files) >= workers:
+        return False
+    try:
+        return sum(Path(file).stat().st_size for file in files if file) <= PARTED_UP_TO
+    except OSError:  # whoever reads it says why
+        return False
 
 
 def _put(

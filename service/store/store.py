@@ -223,16 +223,6 @@ class Store:
         with self.transactions.reading() as session:
             return screenings.read_curves(session, valve, limit)
 
-    def screening_of(self, valve: str, window: _Window) -> StoredScreening | None:
-        """The valve's screening of exactly this window."""
-        with self.transactions.reading() as session:
-            return screenings.read_of_window(session, valve, window)
-
-    def indicator_of(self, name: str, screening_ids: Sequence[int]) -> dict[int, float]:
-        """One indicator of several screenings, by their numbers; without those that lack it."""
-        with self.transactions.reading() as session:
-            return screenings.read_indicator(session, name, screening_ids)
-
     def worst_of_run(self, run_id: int, limit: int) -> list[str]:
         """The valves of a run's worst screenings, the worst first."""
         with self.transactions.reading() as session:

@@ -121,20 +121,6 @@ def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]
     return [stored_screening(row) for row in session.scalars(rows)]
 
 
-def read_of_window(
-    session: Session, valve: str, window: tuple[datetime | None, datetime | None]
-) -> StoredScreening | None:
-    """The valve's screening of exactly this window."""
-    row = session.scalar(
-        select(ScreeningRow).where(
-            ScreeningRow.valve == valve,
-            ScreeningRow.window_start == window[0],
-            ScreeningRow.window_end == window[1],
-        )
-    )
-    return None if row is None else stored_screening(row)
-
-
 def read_indicator(session: Session, name: str, screenings: Sequence[int]) -> dict[int, float]:
     """One indicator of several screenings, by their numbers."""
     rows = select(IndicatorRow.screening_id, IndicatorRow.value).where(

@@ -14,6 +14,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.run.execute import PARTED_UP_TO, make_batches
 from stemwatch.service.run.task import (
     InStore,
     StoredBaseline,
@@ -117,3 +118,22 @@ def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
     assert known_curve(replace(asked, given_curve=given), recording) == given
     assert known_curve(replace(asked, earlier_curves=kept[:2]), recording) is None
     assert known_curve(asked, replace(recording, start=None)) is None
+
+
+def test_valves_of_one_small_file_are_dealt_to_all_workers(tmp_path: Path) -> None:
+    """One file is parsed by each worker that would have nothing to do else, if it is small and has
+    many valves; fewer valves, a large file and a missing one stay together."""
+    file = tmp_path / "wide.csv"
+    file.write_bytes(b"x")
+    assert [len(batch) for batch in make_batches([task(file)] * 15, 2)][:3] == [3, 2, 2]
+    assert [len(batch) for batch in make_batches([task(file)] * 7, 2)] == [7]
+    assert [len(batch) for batch in make_batches([task(file)] * 15, 1)] == [15]
+    assert [len(batch) for batch in make_batches([task(tmp_path / "gone")] * 15, 2)] == [15]
+    with file.open("r+b") as large:
+        large.truncate(PARTED_UP_TO + 1)
+    assert [len(batch) for batch in make_batches([task(file)] * 15, 2)] == [15]
+    files = [tmp_path / name for name in ("a.csv", "b.csv")]
+    for each in files:
+        each.write_bytes(b"x")
+    tasks = [task(each) for each in files for _ in range(8)]
+    assert [len(batch) for batch in make_batches(tasks, 2)] == [8, 8]
