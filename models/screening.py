@@ -33,6 +33,7 @@ from stemwatch.models.fit_window import (
 )
 from stemwatch.models.limits import Limits
 from stemwatch.models.loop import signal_oscillation
+from stemwatch.models.mismatch.between_samples import Archive, as_sampled, find_archive
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.architecture import StickSlipStart
@@ -101,6 +102,7 @@ class _Fitted:
     curve_changed: str  # how, against what was known of it, or nothing
     fit: StickSlipFit | None
     sample: StickSlipSample | None
+    archive: Archive | None
     seconds: float
 
 
@@ -155,13 +157,16 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     own = on_own_clock(case.recording)
     assessment = assess(own, limits)
     recording, masked, stretch = own, assessment.recording, None
-    curve, changed, fit = None, "", None
+    curve = fit = archive = None
+    changed = ""
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
         curve, changed = stroke_curve_of(masked, case.known_curve)
         assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
     if not assessment.obstacles:
-        fit = fit_stickslip(in_travel(masked, curve))
+        commanded = in_travel(masked, curve)
+        fit = fit_stickslip(commanded)
+        fit, archive = as_sampled(fit, find_archive(commanded))
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
         case=case,
@@ -173,6 +178,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         curve_changed=changed,
         fit=fit,
         sample=sample,
+        archive=archive,
         seconds=time.perf_counter() - began,
     )
 
@@ -312,6 +318,8 @@ def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     """The recording with the sentences that say what of it was fitted, and through which curve."""
     said = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
     said += [fitted.curve.sentence()] if fitted.curve is not None else []
+    if fitted.archive is not None and fitted.fit is not None:
+        said.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))
     if not said:
         return recording
     decisions = (*recording.provenance.decisions, *said)
@@ -337,11 +345,22 @@ def _stiction(
     """S, J and draws of S, percent of OP: restated with the hidden physics where some was named."""
     if left_out is None or not left_out.effects or left_out.restated.S.value is None:
         S, J, curve = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), fitted.curve
+        S_draws = sample.S
+        if fitted.archive is not None:
+            S, J = fitted.archive.restored(S, J, _missed(fitted, fit))
+            S_draws = S_draws if S.value is None else spread_of(S)
         if curve is None:
-            return S, J, sample.S
-        return curve.in_op(S), curve.in_op(J, is_jump=True), sample.S / abs(curve.slope)
+            return S, J, S_draws
+        return curve.in_op(S), curve.in_op(J, is_jump=True), S_draws / abs(curve.slope)
     S, J = left_out.restated.S, left_out.restated.J
     return S, J, spread_of(S)
+
+
+def _missed(fitted: _Fitted, fit: StickSlipFit) -> float:
+    """What S and J lack of what the archive did not keep, percent of travel."""
+    if fitted.archive is None:
+        return 0.0
+    return fitted.archive.missed_by(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate))
 
 
 def _with_verdict(
@@ -377,6 +396,7 @@ def _with_verdict(
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
+        sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
     )
     judgement = decide(evidence, limits)

@@ -32,6 +32,7 @@ from stemwatch.models.mismatch.base_fit import (
     naive_layout,
 )
 from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.between_samples import find_archive
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -284,13 +285,22 @@ def _told(case: _Case) -> Mismatch:
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
+    restated, record_effects = _stiction(drawn, best), case.settled.effects
+    archive = find_archive(case.recording)
+    # What a slow actuator keeps between command and stem was not lost between two samples.
+    slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in effects)
+    if archive is not None and (archive.deviation > 0.0 or not slow):
+        missed = archive.missed_by(evaluator.problem, shown.runs.extended)
+        S, J = archive.restored(restated.S, restated.J, missed)
+        restated = Stiction(S=S, J=J)
+        record_effects = (*record_effects, archive.as_effect(missed))
     return Mismatch(
         finding=finding,
         sentence=_sentence(finding, effects, case.refused, before),
         naive=_stiction(draws(plain, simple, naive), naive),
-        restated=_stiction(drawn, best),
+        restated=restated,
         effects=effects,
-        record_effects=case.settled.effects,
+        record_effects=record_effects,
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=shown.heldout,
         before=before,

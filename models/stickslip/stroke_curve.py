@@ -55,14 +55,14 @@ class StrokeCurve:
 
     def in_op(self, estimate: Estimate, *, is_jump: bool = False) -> Estimate:
         """An estimate in percent of travel as one in percent of OP."""
-        if estimate.value is None:
+        if estimate.value is None and estimate.at_least is None:
             return estimate
         scale = 1.0 / abs(self.slope)
         wider = SLOPE_UNKNOWN if is_jump and not self.slope_known else 1.0
         low, high = estimate.low, estimate.high
         return replace(
             estimate,
-            value=scale * estimate.value,
+            value=None if estimate.value is None else scale * estimate.value,
             low=None if low is None else scale * low / wider,
             high=None if high is None else scale * high * wider,
         )

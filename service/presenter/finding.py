@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
@@ -261,3 +262,16 @@ def _two_ways(rising: float | None, falling: float | None, unit: str, what: str)
     if abs(rising - falling) <= ALIKE_SHARE * max(rising, falling):
         return f"{what} {(rising + falling) / 2:.1f} {unit}"
     return f"{what} {rising:.1f} {unit} rising and {falling:.1f} {unit} falling"
+
+
+def stiction_grown(before: Estimate | None, now: Estimate) -> str:
+    """That S is larger than at the valve's baseline, each with its interval."""
+    return f"S has grown from {before} at its baseline to {now} of OP span."
+
+
+def baseline_left(ratio: float) -> str:
+    """That the position follows its baseline network worse than it did, ``ratio`` times."""
+    return (
+        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
+        "was set: the valve moves differently. Look at its page for where it does."
+    )

@@ -17,7 +17,11 @@ from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.html_page import MOST_PLOTTED
-from stemwatch.service.run.saving import Found, Saving, with_what_was_found
+from stemwatch.service.run.saving import (
+    PlacedScreening,
+    Saving,
+    with_what_was_found,
+)
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import Task, given_up, screen_packed
 from stemwatch.service.store.store import Store
@@ -177,7 +181,7 @@ def _worth_parting(tasks: Sequence[Task], workers: int) -> bool:
 
 def _put(
     results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
-) -> Found:
+) -> PlacedScreening:
     """The outcome of a task on the disk, and what is saved of it."""
     place = first + outcome.place
     if outcome.result is None:
@@ -185,4 +189,4 @@ def _put(
     else:
         screening, evidence = outcome.result
     results.add(place, screening, evidence)
-    return Found(place=place, screening=screening, given_up=outcome.reason)
+    return PlacedScreening(place=place, screening=screening, given_up=outcome.reason)

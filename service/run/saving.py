@@ -45,7 +45,7 @@ def with_what_was_found(tasks: Sequence[Task], store: Store) -> list[Task]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class PlacedScreening:
     """A screening at its place among the tasks; ``given_up`` is why the work on it was."""
 
     place: int
@@ -90,7 +90,7 @@ class Saving:
         self.previous: dict[str, PreviousFinding | None] = {}
         self.not_saved: list[tuple[str, str]] = []
 
-    def take(self, arrived: Sequence[Found], spill: ResultSpill) -> None:
+    def take(self, arrived: Sequence[PlacedScreening], spill: ResultSpill) -> None:
         """Save screenings, which ``spill`` has at their places, and what they make complete."""
         for result in arrived:
             if self._to_come[result.screening.valve][0] == result.place:
@@ -102,7 +102,7 @@ class Saving:
             self._waiting.add(result.place)
             self._go_on(result, spill)
 
-    def _save(self, arrived: Sequence[Found]) -> None:
+    def _save(self, arrived: Sequence[PlacedScreening]) -> None:
         many = [result.screening for result in arrived]
         report = self._store.save_many(many, self._number, self._compared)
         reasons = {failure.valve: failure.reason for failure in report.failures}
@@ -116,7 +116,7 @@ class Saving:
                 self._unsaved.add(result.place)
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
-    def _go_on(self, result: Found, spill: ResultSpill) -> None:
+    def _go_on(self, result: PlacedScreening, spill: ResultSpill) -> None:
         """What is due of the valve, in the order of its windows."""
         valve = result.screening.valve
         to_come = self._to_come[valve]
