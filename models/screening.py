@@ -46,23 +46,28 @@ from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
-from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
+from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
 from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One recording to screen, with the valve's baseline network where there is one."""
+    """One recording to screen, with the valve's baseline network where there is one.
+
+    ``known_curve`` is what is known of how OP strokes the valve, from a person or an earlier
+    window.
+    """
 
     recording: Recording
     baseline: NarxNetwork | None = None
     baseline_note: str = "No baseline yet."
+    known_curve: KnownCurve | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +99,7 @@ class _Fitted:
     masked: Recording
     stretch: FitWindow | None
     curve: StrokeCurve | None
+    curve_changed: str  # how, against what was known of it, or nothing
     fit: StickSlipFit | None
     sample: StickSlipSample | None
     archive: Archive | None
@@ -152,9 +158,10 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     assessment = assess(own, limits)
     recording, masked, stretch = own, assessment.recording, None
     curve = fit = archive = None
+    changed = ""
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
-        curve = find_stroke_curve(masked)
+        curve, changed = stroke_curve_of(masked, case.known_curve)
         assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
     if not assessment.obstacles:
         commanded = in_travel(masked, curve)
@@ -168,6 +175,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         masked=masked,
         stretch=stretch,
         curve=curve,
+        curve_changed=changed,
         fit=fit,
         sample=sample,
         archive=archive,
@@ -263,7 +271,12 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
         ceiling = network.simulated if network is not None else None
         left_out = None
         if options.mismatch:
-            left_out = explain(fitted.recording, ceiling=ceiling, curve=fitted.curve)
+            left_out = explain(
+                fitted.recording,
+                ceiling=ceiling,
+                curve=fitted.curve,
+                look_for_curve=fitted.case.known_curve is None,
+            )
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, left_out, options.limits
         )
@@ -284,7 +297,7 @@ def _screening(
     return Screening(
         valve=recording.valve,
         verdict=judgement.verdict,
-        reason=judgement.reason,
+        reason=" ".join(filter(None, (judgement.reason, fitted.curve_changed))),
         advice=judgement.advice,
         shape=judgement.shape,
         severity=judgement.severity,

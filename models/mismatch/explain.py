@@ -97,16 +97,21 @@ class _Case:
 
 
 def explain(
-    recording: Recording, *, ceiling: Floats | None = None, curve: StrokeCurve | None = None
+    recording: Recording,
+    *,
+    ceiling: Floats | None = None,
+    curve: StrokeCurve | None = None,
+    look_for_curve: bool = True,
 ) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
     ``ceiling`` (n,) is a network's free run of MV, NaN where it has none: the share of the
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
-    else it is looked for here.
+    else it is looked for here, unless ``look_for_curve`` says that there is none.
     """
     began, recording = time.perf_counter(), possible(on_own_clock(recording))
-    curve = curve or find_stroke_curve(recording)
+    if curve is None and look_for_curve:
+        curve = find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:
