@@ -16,10 +16,10 @@ GROUP = "stemwatch.connectors"
 
 def installed_connectors() -> dict[str, tuple[EntryPoint, ...]]:
     """The installed kinds; more than one entry where several packages claim the same one."""
-    found: dict[str, dict[str, EntryPoint]] = {}
+    by_name: dict[str, dict[str, EntryPoint]] = {}
     for point in entry_points(group=GROUP):
-        found.setdefault(point.name, {})[point.value] = point
-    return {name: tuple(points.values()) for name, points in sorted(found.items())}
+        by_name.setdefault(point.name, {})[point.value] = point
+    return {name: tuple(points.values()) for name, points in sorted(by_name.items())}
 
 
 def settings_of(kind: str) -> type[SourceSettings] | None:

@@ -54,7 +54,7 @@ def logs_as_parent(process: str) -> None:
 
 def hide(secrets: Iterable[str | None]) -> None:
     """Replace these texts by ``***`` in every line of this process from now on."""
-    _secrets.update(one for one in secrets if one and len(one) >= _SHORTEST_SECRET)
+    _secrets.update(secret for secret in secrets if secret and len(secret) >= _SHORTEST_SECRET)
 
 
 def clean(text: str) -> str:
@@ -90,7 +90,9 @@ class _Json(logging.Formatter):
             "message": clean(record.getMessage()),
         }
         about = {key: getattr(record, key) for key in ABOUT if hasattr(record, key)}
-        said |= {key: clean(one) if isinstance(one, str) else one for key, one in about.items()}
+        said |= {
+            key: clean(value) if isinstance(value, str) else value for key, value in about.items()
+        }
         if record.exc_info:
             said["trace"] = clean(self.formatException(record.exc_info))
         # Lines end where JSON says so, whatever a tag or a path is made of.

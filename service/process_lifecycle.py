@@ -55,11 +55,11 @@ def environment() -> dict[str, str]:
     return dict(os.environ)
 
 
-def take_environment(found: Mapping[str, str]) -> None:
+def take_environment(environment: Mapping[str, str]) -> None:
     """Have the ``environment`` of the process that asked for this one."""
-    for name in os.environ.keys() - found.keys():
+    for name in os.environ.keys() - environment.keys():
         del os.environ[name]
-    os.environ.update(found)
+    os.environ.update(environment)
 
 
 @contextmanager

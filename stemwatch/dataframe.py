@@ -69,14 +69,14 @@ class DataFrameSource:
         named = [(tag, split_unit(tag)[1], "", None) for tag in self._places]
         return [
             TagInfo(
-                tag=one.tag,
-                unit=one.unit,
-                samples=int(self._frame.iloc[:, self._places[one.tag]].notna().sum()),
-                proposed_role=one.role,
-                proposed_valve=one.valve,
-                remark=one.remark,
+                tag=candidate.tag,
+                unit=candidate.unit,
+                samples=int(self._frame.iloc[:, self._places[candidate.tag]].notna().sum()),
+                proposed_role=candidate.role,
+                proposed_valve=candidate.valve,
+                remark=candidate.remark,
             )
-            for one in propose_roles(named, stem="valve", mv_is_output=False)
+            for candidate in propose_roles(named, stem="valve", mv_is_output=False)
         ]
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:

@@ -228,9 +228,9 @@ def screen(
     options = Options(narx=narx, mismatch=mismatch, limits=_limits(limits))
     many = is_several(data)
     read_ones = several(data, said) if many else [one_recording(data, said)]
-    cases = [Case(recording=one) for one in read_ones if isinstance(one, Recording)]
-    found = iter(screen_cases(cases, options))
-    screenings = [next(found) if isinstance(one, Recording) else one for one in read_ones]
+    cases = [Case(recording=item) for item in read_ones if isinstance(item, Recording)]
+    fitted = iter(screen_cases(cases, options))
+    screenings = [next(fitted) if isinstance(item, Recording) else item for item in read_ones]
     valves, stands = screened(screenings)
     return ScreenedValves(valves, stands, zone) if many else valves[0]
 
@@ -319,7 +319,7 @@ def explain(
     said = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     many = is_several(data)
     read_ones = several(data, said) if many else [one_recording(data, said)]
-    valves, stands = explained([_explained(one, narx) for one in read_ones])
+    valves, stands = explained([_explained(item, narx) for item in read_ones])
     return ExplainedValves(valves, stands) if many else valves[0]
 
 
@@ -396,18 +396,18 @@ def _asked(
     )
 
 
-def _explained(one: Recording | Screening, narx: bool) -> Explained:
+def _explained(recording: Recording | Screening, narx: bool) -> Explained:
     from stemwatch.service.explain.explained import Explained, explain_recording, not_testable
 
-    source = one.provenance.source
-    if isinstance(one, Recording):
-        return explain_recording(one, source, narx=narx)
-    mismatch = not_testable(" ".join((*one.quality.reasons, *one.still_seen)))
-    return Explained(source=source, valve=one.valve, mismatch=mismatch)
+    source = recording.provenance.source
+    if isinstance(recording, Recording):
+        return explain_recording(recording, source, narx=narx)
+    mismatch = not_testable(" ".join((*recording.quality.reasons, *recording.still_seen)))
+    return Explained(source=source, valve=recording.valve, mismatch=mismatch)
 
 
 def _limits(given: Mapping[str, float] | None) -> Limits:
-    known = [one.name for one in fields(Limits)]
+    known = [field.name for field in fields(Limits)]
     for name in given or {}:
         if name not in known:
             near = nearest(name, known)

@@ -19,26 +19,26 @@ from stemwatch.service.report.html_page import environment, template
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 
 
-def screened_card(found: Screening, remark: str) -> str:
+def screened_card(screening: Screening, remark: str) -> str:
     """The sentence, S and J with intervals, the picture of the loop, and the mismatch.
 
     ``remark`` says why its named effects are held back; empty where they stand.
     """
-    drawing, why = picture_of(found, found.recording, UTC)
-    if found.recording is not None and found.recording.start is not None:
+    drawing, why = picture_of(screening, screening.recording, UTC)
+    if screening.recording is not None and screening.recording.start is not None:
         why += " Times in UTC."
     return _rendered(
         "card.html",
-        screening=found,
+        screening=screening,
         picture=None if drawing is None else svg_of(drawing),
         why=why,
-        view=_view(found.mismatch, found.valve, remark),
+        view=_view(screening.mismatch, screening.valve, remark),
     )
 
 
-def explained_card(valve: str, found: Mismatch, remark: str) -> str:
+def explained_card(valve: str, mismatch: Mismatch, remark: str) -> str:
     """What S and J leave out, with both fits and the maps of the residual."""
-    return _rendered("explained.html", valve=valve, view=_view(found, valve, remark))
+    return _rendered("explained.html", valve=valve, view=_view(mismatch, valve, remark))
 
 
 def screened_table(valves: Sequence[tuple[Screening, bool | None]], discovered: str) -> str:
@@ -46,8 +46,8 @@ def screened_table(valves: Sequence[tuple[Screening, bool | None]], discovered: 
     return _rendered("screened_valves.html", valves=valves, discovered=discovered)
 
 
-def _view(found: Mismatch | None, valve: str, remark: str) -> MismatchView | None:
-    return None if found is None else mismatch_view(found, None, "valve", valve, remark)
+def _view(mismatch: Mismatch | None, valve: str, remark: str) -> MismatchView | None:
+    return None if mismatch is None else mismatch_view(mismatch, None, "valve", valve, remark)
 
 
 def _rendered(name: str, **shown: Any) -> str:

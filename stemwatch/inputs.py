@@ -76,12 +76,14 @@ class InputOptions:
     @property
     def named(self) -> dict[Role, str]:
         """The columns or tags that were named, by role."""
-        return {role: one for role, one in self.signals.items() if isinstance(one, str)}
+        return {role: signal for role, signal in self.signals.items() if isinstance(signal, str)}
 
     @property
     def arrays(self) -> dict[Role, npt.ArrayLike]:
         """The signals that were handed over themselves, by role."""
-        return {role: one for role, one in self.signals.items() if not isinstance(one, str)}
+        return {
+            role: signal for role, signal in self.signals.items() if not isinstance(signal, str)
+        }
 
     @property
     def window(self) -> Window:
@@ -116,11 +118,11 @@ def asked(
     options: Mapping[str, Any],
 ) -> InputOptions:
     """What was said, checked. Raises ``ValueError`` for what cannot be meant."""
-    given = {Role(name): one for name, one in signals.items() if one is not None}
+    given = {Role(name): signal for name, signal in signals.items() if signal is not None}
     if given and Role.OP not in given:
         raise ValueError(
-            f"{', '.join(one.value for one in given)} given without op; say op=, the column or the "
-            "samples of the controller output"
+            f"{', '.join(role.value for role in given)} given without op; say op=, the column or "
+            "the samples of the controller output"
         )
     for name, pair in (ranges or {}).items():
         if name not in signals:
@@ -163,8 +165,8 @@ def one_recording(data: object, said: InputOptions) -> Recording:
         raise TypeError(f"received {_described(data)}; {EXPECTED}")
     if said.arrays:
         raise ValueError(
-            f"{', '.join(one.value for one in said.arrays)}: beside a DataFrame expected the name "
-            "of a column; leave the frame out to hand over arrays"
+            f"{', '.join(array.value for array in said.arrays)}: beside a DataFrame expected the "
+            "name of a column; leave the frame out to hand over arrays"
         )
     return _of_frame(data, said)
 
@@ -174,14 +176,14 @@ def several(data: object, said: InputOptions) -> list[Recording | Screening]:
     screening with the reason."""
     if isinstance(data, str | os.PathLike):
         return _of_path(os.fsdecode(data), said)
-    named = data.items() if isinstance(data, Mapping) else [("", one) for one in _listed(data)]
-    found: list[Recording | Screening] = []
-    for place, (name, one) in enumerate(named):
-        if isinstance(one, str | os.PathLike):
-            found += [_renamed(each, name) for each in _of_path(os.fsdecode(one), said)]
+    named = data.items() if isinstance(data, Mapping) else [("", item) for item in _listed(data)]
+    recordings: list[Recording | Screening] = []
+    for place, (name, item) in enumerate(named):
+        if isinstance(item, str | os.PathLike):
+            recordings += [_renamed(each, name) for each in _of_path(os.fsdecode(item), said)]
         else:
-            found.append(_one_or_reason(one, str(name), said, place))
-    return found
+            recordings.append(_one_or_reason(item, str(name), said, place))
+    return recordings
 
 
 def is_several(data: object) -> bool:
@@ -195,39 +197,41 @@ def _listed(data: object) -> Sequence[object]:
     raise TypeError(f"received {_described(data)}; {EXPECTED}")
 
 
-def _one_or_reason(one: object, name: str, said: InputOptions, place: int) -> Recording | Screening:
+def _one_or_reason(
+    frame: object, name: str, said: InputOptions, place: int
+) -> Recording | Screening:
     """A recording of a list or dict; what cannot be read costs the others nothing."""
     from stemwatch.models.screening import failed
 
-    if isinstance(one, Recording):
-        return _renamed(one, name)
-    if not isinstance(one, pd.DataFrame):
+    if isinstance(frame, Recording):
+        return _renamed(frame, name)
+    if not isinstance(frame, pd.DataFrame):
         where = repr(name) if name else f"entry {place}"
-        raise TypeError(f"{where} is {_described(one)}; {EXPECTED}")
+        raise TypeError(f"{where} is {_described(frame)}; {EXPECTED}")
     try:
-        return one_recording(one, replace(said, valve=name) if name else said)
+        return one_recording(frame, replace(said, valve=name) if name else said)
     except ConnectorError as error:
         advice = "Mend the frame or the names of its columns; the other valves are not affected."
         return failed(name or f"entry {place}", str(error), advice, Provenance(source="DataFrame"))
 
 
-def _renamed(found: Recording | Screening, name: object) -> Recording | Screening:
-    return replace(found, valve=str(name)) if name else found
+def _renamed(recording: Recording | Screening, name: object) -> Recording | Screening:
+    return replace(recording, valve=str(name)) if name else recording
 
 
 def _of_path(path: str, said: InputOptions) -> list[Recording | Screening]:
-    found: list[Recording | Screening] = []
+    recordings: list[Recording | Screening] = []
     for task in _tasks(path, said):
         case: Case | Screening = case_of(task)
-        found.append(case if isinstance(case, Screening) else _checked(case.recording, said))
-    return found
+        recordings.append(case if isinstance(case, Screening) else _checked(case.recording, said))
+    return recordings
 
 
 def _tasks(path: str, said: InputOptions) -> list[Task]:
     if said.arrays:
         raise ValueError(
-            f"{', '.join(one.value for one in said.arrays)}: beside a path expected the name of a "
-            "tag; leave the path out to hand over arrays"
+            f"{', '.join(array.value for array in said.arrays)}: beside a path expected the name "
+            "of a tag; leave the path out to hand over arrays"
         )
     tags = said.named
     request = Request(
@@ -241,8 +245,8 @@ def _tasks(path: str, said: InputOptions) -> list[Task]:
     tasks = []
     for task in planned.tasks:
         mapped = {
-            role: said.mapping(role, one.tag, one.unit) if role.value in said.ranges else one
-            for role, one in task.tags.tags.items()
+            role: said.mapping(role, tag.tag, tag.unit) if role.value in said.ranges else tag
+            for role, tag in task.tags.tags.items()
         }
         tasks.append(replace(task, tags=replace(task.tags, tags=mapped)))
     return tasks
@@ -255,10 +259,10 @@ def _one_of_file(path: str, said: InputOptions) -> Recording:
     else:
         chosen = tasks
     if len(chosen) == 1:
-        found: Case | Screening = case_of(chosen[0])
-        if isinstance(found, Screening):
-            raise ConnectorError(" ".join((found.quality.reasons[0], *found.still_seen)))
-        return _checked(found.recording, said)
+        case: Case | Screening = case_of(chosen[0])
+        if isinstance(case, Screening):
+            raise ConnectorError(" ".join((case.quality.reasons[0], *case.still_seen)))
+        return _checked(case.recording, said)
     names = [task.tags.valve for task in tasks]
     if said.valve:
         near = nearest(said.valve, names)
@@ -299,13 +303,15 @@ def _valve_tags(table: DataFrameSource, said: InputOptions) -> ValveTags:
         return ValveTags(valve=said.valve or parse_tag(named[Role.OP]).loop or "valve", tags=tags)
     proposed = propose_valves(table)
     if said.valve:
-        proposed = [one for one in proposed if one.valve == said.valve] or proposed
+        proposed = [
+            candidate for candidate in proposed if candidate.valve == said.valve
+        ] or proposed
     if len(proposed) == 1:
         (only,) = proposed
-        tags = {role: said.mapping(role, one.tag, one.unit) for role, one in only.tags.items()}
+        tags = {role: said.mapping(role, tag.tag, tag.unit) for role, tag in only.tags.items()}
         return ValveTags(valve=said.valve or only.valve, tags=tags)
     if proposed:
-        names = [one.valve for one in proposed]
+        names = [candidate.valve for candidate in proposed]
         raise MappingNeeded(
             f"{table.where}: holds {len(names)} valves ({_some(names)}); say which with "
             f"valve={names[0]!r}, or name the columns with op= and mv="
@@ -325,12 +331,12 @@ def _of_arrays(said: InputOptions) -> Recording:
             f"{', '.join(f'{r.value}={n!r}' for r, n in said.named.items())} names a column or a "
             "tag, but no frame and no file was given; hand it over as the first argument"
         )
-    signals = {role: _vector(role, one) for role, one in said.arrays.items()}
-    series = [one for one in signals.values() if isinstance(one, pd.Series)]
-    lengths = {role.value: len(one) for role, one in signals.items()}
+    signals = {role: _vector(role, array) for role, array in said.arrays.items()}
+    series = [signal for signal in signals.values() if isinstance(signal, pd.Series)]
+    lengths = {role.value: len(signal) for role, signal in signals.items()}
     if len(series) < len(signals) and len(set(lengths.values())) > 1:
         raise ValueError(f"arrays of one length expected, received {lengths}")
-    timed = [one.index for one in series if not isinstance(one.index, pd.RangeIndex)]
+    timed = [column.index for column in series if not isinstance(column.index, pd.RangeIndex)]
     if not timed and said.interval_s is None:
         raise ValueError(
             "arrays bear no times; say interval_s=, the seconds between samples, or hand over "
@@ -348,17 +354,19 @@ def _side_by_side(
 ) -> pd.DataFrame:
     """A column for each signal; Series by their times, arrays by their place."""
     columns = {
-        role.value: one if isinstance(one, pd.Series) else pd.Series(one, index=index)
-        for role, one in signals.items()
+        role.value: signal if isinstance(signal, pd.Series) else pd.Series(signal, index=index)
+        for role, signal in signals.items()
     }
     first = next(iter(columns.values())).index
-    for name, one in columns.items():
-        if not one.index.is_unique and any(not one.index.equals(x.index) for x in columns.values()):
+    for name, column in columns.items():
+        if not column.index.is_unique and any(
+            not column.index.equals(x.index) for x in columns.values()
+        ):
             raise ValueError(
                 f"{name}: its times repeat, so that it cannot be laid beside the others; drop them "
                 "with series[~series.index.duplicated()], or hand over one DataFrame"
             )
-    if all(one.index.equals(first) for one in columns.values()):
+    if all(column.index.equals(first) for column in columns.values()):
         return pd.DataFrame(columns, index=first)
     return pd.concat(columns, axis="columns", sort=False)
 

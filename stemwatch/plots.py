@@ -45,15 +45,15 @@ def screening_figure(screening: Screening) -> Figure:
     return figure
 
 
-def mismatch_figure(recording: Recording | None, found: Mismatch) -> Figure:
+def mismatch_figure(recording: Recording | None, mismatch: Mismatch) -> Figure:
     """MV beside the free runs of S and J alone and with what was left out, over time.
 
     Raises ``ModuleNotFoundError`` without matplotlib, ``ValueError`` without samples.
     """
     figure = _figure()
     shown = _drawable(recording, "this valve")
-    naive = found.runs.naive if found.runs is not None else None
-    extended = found.runs.extended if found.runs is not None and found.effects else None
+    naive = mismatch.runs.naive if mismatch.runs is not None else None
+    extended = mismatch.runs.extended if mismatch.runs is not None and mismatch.effects else None
     part, _ = part_drawn(shown, naive)
     axes = figure.add_subplot()
     _over_time(axes, shown, part, extended)
@@ -61,7 +61,7 @@ def mismatch_figure(recording: Recording | None, found: Mismatch) -> Figure:
         at = shown.time_s[part] - shown.time_s[part.start]
         axes.plot(at, naive[part], color=_NAIVE, linewidth=1.0, label="S and J alone")
         axes.legend(loc="best", fontsize="small")
-    axes.set_title(f"{shown.valve}: {found.finding.value.replace('_', ' ')}", loc="left")
+    axes.set_title(f"{shown.valve}: {mismatch.finding.value.replace('_', ' ')}", loc="left")
     return figure
 
 

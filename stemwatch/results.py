@@ -117,16 +117,17 @@ class ScreenedValve:
         return screening_figure(self.screening)
 
     def __repr__(self) -> str:
-        found, sure = self.screening, finite(self.screening.confidence)
-        numbers = f"severity {found.severity:.0f} of 100"
+        screening, sure = self.screening, finite(self.screening.confidence)
+        numbers = f"severity {screening.severity:.0f} of 100"
         if sure is not None:
             numbers += f", confidence {share(sure)}"
-        lines = [f"{printable(found.valve)}: {VERDICT_SYMBOL[found.verdict]} {found.verdict.value}"]
+        verdict = f"{VERDICT_SYMBOL[screening.verdict]} {screening.verdict.value}"
+        lines = [f"{printable(screening.valve)}: {verdict}"]
         lines[0] += f" ({numbers})"
-        lines += _wrapped(found.reason) + _wrapped(found.advice)
-        if found.S.value is not None:
-            lines.append(f"  S {found.S}, J {found.J} of OP span")
-        return "\n".join(lines + _mismatch_lines(found.mismatch, self.remark))
+        lines += _wrapped(screening.reason) + _wrapped(screening.advice)
+        if screening.S.value is not None:
+            lines.append(f"  S {screening.S}, J {screening.J} of OP span")
+        return "\n".join(lines + _mismatch_lines(screening.mismatch, self.remark))
 
     def _repr_html_(self) -> str:
         from stemwatch.html import screened_card
@@ -169,7 +170,7 @@ class ExplainedValve:
     @property
     def effects(self) -> tuple[str, ...]:
         """The names of the effects that were left out, strongest first."""
-        return tuple(one.slug for one in self.explained.mismatch.effects)
+        return tuple(effect.slug for effect in self.explained.mismatch.effects)
 
     @property
     def S(self) -> Estimate:
@@ -221,9 +222,9 @@ Valve = TypeVar("Valve", bound=ScreenedValve | ExplainedValve)
 class _Valves(Sequence[Valve], Generic[Valve]):
     """Several results in the order in which they were asked for; by place or by valve's name."""
 
-    def __init__(self, valves: Sequence[Valve], found: Discoveries) -> None:
+    def __init__(self, valves: Sequence[Valve], discoveries: Discoveries) -> None:
         self._valves = tuple(valves)
-        self.discoveries = found
+        self.discoveries = discoveries
 
     def __len__(self) -> int:
         return len(self._valves)
@@ -242,10 +243,10 @@ class _Valves(Sequence[Valve], Generic[Valve]):
             return list(self._valves[at])
         if isinstance(at, int):
             return self._valves[at]
-        for one in self._valves:
-            if one.valve == at:
-                return one
-        names = [one.valve for one in self._valves]
+        for valve in self._valves:
+            if valve.valve == at:
+                return valve
+        names = [valve.valve for valve in self._valves]
         raise KeyError(f"no valve {at!r} among {len(names)}{nearest(at, names)}")
 
 
@@ -257,15 +258,15 @@ class ScreenedValves(_Valves[ScreenedValve]):
     """
 
     def __init__(
-        self, valves: Sequence[ScreenedValve], found: Discoveries, zone: str | None = None
+        self, valves: Sequence[ScreenedValve], discoveries: Discoveries, zone: str | None = None
     ) -> None:
-        super().__init__(valves, found)
+        super().__init__(valves, discoveries)
         self._context = ReportContext(started=datetime.now(UTC), zone=zone or "UTC")
 
     def ranked(self) -> list[ScreenedValve]:
         """The worst first: by verdict, then severity, then name."""
-        by_id = {id(one.screening): one for one in self}
-        return [by_id[id(one.screening)] for one in self._ranking()]
+        by_id = {id(valve.screening): valve for valve in self}
+        return [by_id[id(ranked.screening)] for ranked in self._ranking()]
 
     def to_frame(self) -> pd.DataFrame:
         """A row for each valve, the worst first, with the columns of ``valves.csv``.
@@ -279,27 +280,27 @@ class ScreenedValves(_Valves[ScreenedValve]):
 
     def to_dict(self) -> list[dict[str, Any]]:
         """The objects of ``valves.json``, the worst first (docs/json.md)."""
-        return [one.to_dict() for one in self.ranked()]
+        return [valve.to_dict() for valve in self.ranked()]
 
     def _ranking(self) -> Any:
-        return rank_valves([one.screening for one in self], self._context)
+        return rank_valves([valve.screening for valve in self], self._context)
 
     def __repr__(self) -> str:
         if len(self) == 1:
             return repr(self[0])
-        counted = count_verdicts(one.screening for one in self)
+        counted = count_verdicts(valve.screening for valve in self)
         said = ", ".join(f"{n} {verdict.value}" for verdict, n in counted.items() if n)
         many = "1 valve" if len(self) == 1 else f"{len(self)} valves"
         lines = [f"{many}: {said}" if said else many]
         listed = self.ranked()[:_MOST_LISTED]
-        width = max((len(one.valve) for one in listed), default=0)
-        for rank, one in enumerate(listed, start=1):
-            numbers = f"S {one.S}, J {one.J}"
-            if one.S.value is None:
-                numbers = textwrap.shorten(printable(one.reason), _WIDTH - 24, placeholder=" ...")
-            symbol = VERDICT_SYMBOL[one.verdict]
-            name = printable(one.valve).ljust(width)
-            lines.append(f"{rank:3} {name}  {symbol} {one.verdict.value:12}  {numbers}".rstrip())
+        width = max((len(valve.valve) for valve in listed), default=0)
+        for rank, valve in enumerate(listed, start=1):
+            numbers = f"S {valve.S}, J {valve.J}"
+            if valve.S.value is None:
+                numbers = textwrap.shorten(printable(valve.reason), _WIDTH - 24, placeholder=" ...")
+            symbol = VERDICT_SYMBOL[valve.verdict]
+            name = printable(valve.valve).ljust(width)
+            lines.append(f"{rank:3} {name}  {symbol} {valve.verdict.value:12}  {numbers}".rstrip())
         if len(self) > len(listed):
             lines.append(f"    and {len(self) - len(listed)} more: .to_frame() has them all")
         return "\n".join(lines + _wrapped(self.discoveries.sentence))
@@ -307,7 +308,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
     def _repr_html_(self) -> str:
         from stemwatch.html import screened_table
 
-        ranked = [(one.screening, one.stands) for one in self.ranked()]
+        ranked = [(valve.screening, valve.stands) for valve in self.ranked()]
         return screened_table(ranked, self.discoveries.sentence)
 
 
@@ -316,42 +317,42 @@ class ExplainedValves(_Valves[ExplainedValve]):
 
     def to_dict(self) -> list[dict[str, Any]]:
         """The objects of ``explain.json``, in the order in which they were asked for."""
-        return [one.to_dict() for one in self]
+        return [valve.to_dict() for valve in self]
 
     def __repr__(self) -> str:
-        lines = [repr(one) for one in self[:_MOST_LISTED]]
+        lines = [repr(valve) for valve in self[:_MOST_LISTED]]
         if len(self) > _MOST_LISTED:
             lines.append(f"and {len(self) - _MOST_LISTED} more")
         return "\n".join(lines + _wrapped(self.discoveries.sentence))
 
     def _repr_html_(self) -> str:
-        return "\n".join(one._repr_html_() for one in self[:_MOST_LISTED])
+        return "\n".join(valve._repr_html_() for valve in self[:_MOST_LISTED])
 
 
 def screened(screenings: Sequence[Screening]) -> tuple[list[ScreenedValve], Discoveries]:
     """Each screening with what stands of its effects among all of them."""
-    found = discoveries([one.mismatch for one in screenings])
+    run = discoveries([screening.mismatch for screening in screenings])
     valves = [
-        ScreenedValve(one, stands, found.remark if stands is False else "")
-        for one, stands in zip(screenings, found.standing, strict=True)
+        ScreenedValve(screening, stands, run.remark if stands is False else "")
+        for screening, stands in zip(screenings, run.standing, strict=True)
     ]
-    return valves, found
+    return valves, run
 
 
-def explained(found: Sequence[Explained]) -> tuple[list[ExplainedValve], Discoveries]:
+def explained(results: Sequence[Explained]) -> tuple[list[ExplainedValve], Discoveries]:
     """Each explanation with what stands of its effects among all of them."""
-    said = discoveries([one.mismatch for one in found])
+    said = discoveries([explained.mismatch for explained in results])
     valves = [
-        ExplainedValve(one, stands, said.remark if stands is False else "")
-        for one, stands in zip(found, said.standing, strict=True)
+        ExplainedValve(explained, stands, said.remark if stands is False else "")
+        for explained, stands in zip(results, said.standing, strict=True)
     ]
     return valves, said
 
 
-def _mismatch_lines(found: Mismatch | None, remark: str) -> list[str]:
-    if found is None:
+def _mismatch_lines(mismatch: Mismatch | None, remark: str) -> list[str]:
+    if mismatch is None:
         return []
-    lines = _wrapped(f"{FINDING_TITLE[found.finding].capitalize()}: {found.sentence}")
+    lines = _wrapped(f"{FINDING_TITLE[mismatch.finding].capitalize()}: {mismatch.sentence}")
     return lines + _wrapped(remark)
 
 

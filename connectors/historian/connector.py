@@ -141,18 +141,18 @@ class HistorianFile:
 
         opened = self._opened
         infos = []
-        for one in opened.roles():
-            column = opened.column(one.tag)
-            facts = {} if one.own_interval_s is None else {"own_interval_s": one.own_interval_s}
+        for role in opened.roles():
+            column = opened.column(role.tag)
+            facts = {} if role.own_interval_s is None else {"own_interval_s": role.own_interval_s}
             infos.append(
                 TagInfo(
-                    tag=one.tag,
-                    unit=one.unit,
-                    description=one.description,
+                    tag=role.tag,
+                    unit=role.unit,
+                    description=role.description,
                     samples=int(np.isfinite(column.values).sum()),
-                    proposed_role=one.role,
-                    proposed_valve=one.valve,
-                    remark=one.remark,
+                    proposed_role=role.role,
+                    proposed_valve=role.valve,
+                    remark=role.remark,
                     facts=facts,
                 )
             )

@@ -70,16 +70,16 @@ def find_sources(patterns: Iterable[str | Path]) -> FoundSources:
 def _matches(pattern: str | Path) -> list[Path]:
     path = Path(pattern)
     if path.is_dir():
-        found = [p for p in path.rglob("*") if p.is_file() and _has_ending(p)]
+        paths = [p for p in path.rglob("*") if p.is_file() and _has_ending(p)]
     elif path.exists():
-        found = [path]
+        paths = [path]
     else:
-        found = [Path(p) for p in glob.glob(str(pattern), recursive=True) if Path(p).is_file()]
-    if not found and not path.is_dir():
+        paths = [Path(p) for p in glob.glob(str(pattern), recursive=True) if Path(p).is_file()]
+    if not paths and not path.is_dir():
         raise UnreadableSource(
             f"{pattern}: no such file, folder or pattern; expected for example exports/*.csv"
         )
-    return [p for p in found if not any(part.startswith(".") for part in p.parts[-1:])]
+    return [p for p in paths if not any(part.startswith(".") for part in p.parts[-1:])]
 
 
 def _has_ending(path: Path) -> bool:

@@ -58,13 +58,13 @@ class _Alike:
     """The registers of a block that share type and order, as index and scaling arrays."""
 
     def __init__(self, block: Block, registers: Sequence[Register], places: list[int]) -> None:
-        one = registers[0]
-        self._dtype, self._is_float = _DTYPES[one.kind], one.kind.is_float
-        self._swaps = one.order.swaps_bytes
+        register = registers[0]
+        self._dtype, self._is_float = _DTYPES[register.kind], register.kind.is_float
+        self._swaps = register.order.swaps_bytes
         self._places = np.array(places)
         index = np.array([r.first - block.first for r in registers])[:, None]
-        steps = np.arange(one.kind.words)
-        self._index = index + (steps[::-1] if one.order.reverses_words else steps)
+        steps = np.arange(register.kind.words)
+        self._index = index + (steps[::-1] if register.order.reverses_words else steps)
         self._scale = np.array([r.scale for r in registers])
         self._offset = np.array([r.offset for r in registers])
         self._lowest = np.array([-np.inf if r.lowest is None else r.lowest for r in registers])

@@ -118,8 +118,8 @@ def _place(register: Register) -> tuple[int, str, int, int]:
     return register.unit_id, register.address.table.value, register.first, register.stop
 
 
-def _same_memory(one: Register, other: Register) -> bool:
-    return (one.unit_id, one.address.table) == (other.unit_id, other.address.table)
+def _same_memory(register: Register, other: Register) -> bool:
+    return (register.unit_id, register.address.table) == (other.unit_id, other.address.table)
 
 
 # After this long, blocks that were split are tried whole again: a device that is being programmed

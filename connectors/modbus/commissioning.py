@@ -81,8 +81,8 @@ async def try_map(device: Device) -> list[Tried]:
     tried: dict[str, Tried] = {}
     async with _opened(device.link) as line:
         for block in device.blocks():
-            for one in await _try_block(line, block):
-                tried[one.register.tag] = one
+            for answer in await _try_block(line, block):
+                tried[answer.register.tag] = answer
     return [tried[tag] for tag in device.tags]
 
 
@@ -92,7 +92,7 @@ async def _try_block(line: Connection, block: Block) -> list[Tried]:
     except ReadFault as fault:
         halves = block.halves() if fault.splits else None
         if halves is not None:
-            return [one for half in halves for one in await _try_block(line, half)]
+            return [tried for half in halves for tried in await _try_block(line, half)]
         if not await line.reopen():
             raise
         return [Tried(register, fault=fault.reason) for register in block.registers]
@@ -103,20 +103,20 @@ async def _try_block(line: Connection, block: Block) -> list[Tried]:
     return tried
 
 
-def other_orders(one: Tried) -> tuple[Meaning, ...]:
-    """The orders in which the words of ``one`` look likely though the map's own does not.
+def other_orders(tried: Tried) -> tuple[Meaning, ...]:
+    """The orders in which the words of ``tried`` look likely though the map's own does not.
 
     Empty where the map's order looks likely, or none does.
     """
-    kind, order = one.register.kind, one.register.order
-    if not one.words or kind.words == 1:
+    kind, order = tried.register.kind, tried.register.order
+    if not tried.words or kind.words == 1:
         return ()
-    found = [each for each in meanings(one.words) if each.kind is kind]
-    own = next(each for each in found if each.order is order)
+    orders = [each for each in meanings(tried.words) if each.kind is kind]
+    own = next(each for each in orders if each.order is order)
     tiny = kind.is_float and 0.0 < abs(own.value) < TINY
     if own.likely and not tiny:
         return ()
-    return tuple(each for each in found if each.likely and each.order is not order)
+    return tuple(each for each in orders if each.likely and each.order is not order)
 
 
 @asynccontextmanager

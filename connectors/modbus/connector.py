@@ -101,7 +101,7 @@ class ModbusConnector:
         running.cancel()
         await asyncio.wait([running])
         first, last = (moment - _EPOCH for moment in (start, stop))
-        return [one for one in batches if first <= int(one.at_us[0]) * _MICRO < last]
+        return [batch for batch in batches if first <= int(batch.at_us[0]) * _MICRO < last]
 
     def _recording(self, valve: ValveTags, batch: SampleBatch) -> Recording:
         every_us = round(self.device.every_s * 1e6)

@@ -268,8 +268,8 @@ def _invalid(table: RegisterTable) -> tuple[frozenset[float], frozenset[tuple[in
 
 
 def _words(text: str, kind: DataType) -> tuple[int, ...]:
-    found = _HEX_WORDS.fullmatch(text.strip())
-    digits = re.sub("[ _]", "", found[1]) if found else ""
+    match = _HEX_WORDS.fullmatch(text.strip())
+    digits = re.sub("[ _]", "", match[1]) if match else ""
     if len(digits) != 4 * kind.words:
         expected = f"{kind.words} words of 4 hexadecimal digits as they stand in the registers, "
         expected += f'such as "0x{" ".join(["7FFF", "FFFF", "FFFF", "FFFF"][: kind.words])}"'

@@ -182,9 +182,9 @@ class DevicePoller:
             await self._read(block, poll)
         if not self._line.connected:
             self._reconnect()
-        found = poll.columns
+        columns = poll.columns
         batch = one_instant(
-            self.device.name, self._tags, at_us, found.values, found.quality, found.reasons
+            self.device.name, self._tags, at_us, columns.values, columns.quality, columns.reasons
         )
         self._note(at_us, batch, poll.fault)
         return batch

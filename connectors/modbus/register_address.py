@@ -74,10 +74,10 @@ def parse_address(written: int | str, table: Table | None = None) -> RegisterAdd
         return _from_zero(written, table)
     if isinstance(written, str):
         text = written.strip()
-        if found := _HEX.fullmatch(text):
-            return _checked(int(found[1], 16), table, written)
-        if found := _LETTERED.fullmatch(text):
-            return _from_one(int(found[2]), _LETTERS[found[1].upper()], table, written)
+        if match := _HEX.fullmatch(text):
+            return _checked(int(match[1], 16), table, written)
+        if match := _LETTERED.fullmatch(text):
+            return _from_one(int(match[2]), _LETTERS[match[1].upper()], table, written)
         if text.isascii() and text.isdigit():
             return _modicon(text, table)
     raise AddressError(f"the address {written!r}", _WAYS)

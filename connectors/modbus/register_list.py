@@ -34,7 +34,7 @@ _NUMBERS = (
     "offset",
     "lowest",
     "highest",
-    *(f"{one}_{end}" for one in _PAIRS for end in ("low", "high")),
+    *(f"{pair}_{end}" for pair in _PAIRS for end in ("low", "high")),
 )
 _BETWEEN = "|"  # several invalid values in one cell
 

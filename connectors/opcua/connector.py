@@ -206,17 +206,17 @@ class OpcUaArchive:
         if window.start is not None:
             start = window.start - timedelta(seconds=self.address.before_s)
         stop = window.stop or _LAST
-        found: dict[str, History] = {}
+        histories: dict[str, History] = {}
         async with connected(self.address) as client:
             for tag in {mapping.tag for mapping in valve.tags.values()}:
                 try:
-                    found[tag] = await read_history(client, tag, start, stop, self.address)
+                    histories[tag] = await read_history(client, tag, start, stop, self.address)
                 except UnknownTag as error:
                     names = [node.tag for node in await browse(client)]
                     near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
                     shown = ", ".join(map(repr, near)) or "none: nothing has a history"
                     raise UnknownTag(f"{error}; the nearest are {shown}") from None
-        return found
+        return histories
 
     def _column(
         self, tag: str, role: Role, history: History, bounds: tuple[int | None, int | None]

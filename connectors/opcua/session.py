@@ -152,7 +152,7 @@ async def read_history(
         if len(history.times) == before:
             raise _stuck(tag, server)
         begin = history.times[-1]
-        held = sum(1 for one in history.times[-server.page :] if one == begin)
+        held = sum(1 for time in history.times[-server.page :] if time == begin)
 
 
 def _stuck(tag: str, server: OpcUaServer) -> ConnectorError:
@@ -163,13 +163,13 @@ def _stuck(tag: str, server: OpcUaServer) -> ConnectorError:
 
 
 def _take(history: History, page: Sequence[Any]) -> None:
-    for one in page:
-        time = one.SourceTimestamp or one.ServerTimestamp
+    for value in page:
+        time = value.SourceTimestamp or value.ServerTimestamp
         if time is None:
             continue
         history.times.append(time if time.tzinfo is not None else time.replace(tzinfo=UTC))
-        history.values.append(None if one.Value is None else one.Value.Value)
-        status = one.StatusCode
+        history.values.append(None if value.Value is None else value.Value.Value)
+        status = value.StatusCode
         code = 0 if status is None else int(status.value)
         history.statuses.append(code)
         if code not in history.names:
@@ -223,7 +223,7 @@ async def browse(client: Any) -> list[FoundNode]:
     """Variables below Objects whose history may be read, at most ``MOST_TAGS``."""
     from asyncua import ua
 
-    found: list[FoundNode] = []
+    nodes: list[FoundNode] = []
     seen: set[str] = set()
     level = [client.get_objects_node()]
     for _ in range(_DEPTH):
@@ -236,11 +236,11 @@ async def browse(client: Any) -> list[FoundNode]:
                 seen.add(tag)
                 below.append(client.get_node(child.NodeId))
                 if child.NodeClass == ua.NodeClass.Variable and await _historized(below[-1]):
-                    found.append(FoundNode(tag, child.DisplayName.Text or ""))
-                    if len(found) == MOST_TAGS:
-                        return found
+                    nodes.append(FoundNode(tag, child.DisplayName.Text or ""))
+                    if len(nodes) == MOST_TAGS:
+                        return nodes
         level = below
-    return found
+    return nodes
 
 
 async def _historized(node: Any) -> bool:

@@ -43,19 +43,19 @@ class Catalog:
 
     def _list(self) -> dict[tuple[str, int, Any], ArchiveFile]:
         filesystem, base, infos = _infos(self.path)
-        found: dict[tuple[str, int, Any], ArchiveFile] = {}
-        for info in sorted(infos, key=lambda one: str(one.path)):
+        files: dict[tuple[str, int, Any], ArchiveFile] = {}
+        for info in sorted(infos, key=lambda info: str(info.path)):
             if base and _hidden(str(info.path)[len(base) :].lstrip("/")):
                 continue
             version = (str(info.path), int(info.size), info.mtime_ns)
             known = self._files.get(version)
-            found[version] = known or ArchiveFile(filesystem, info.path, partition_keys(info.path))
-        if not found:
+            files[version] = known or ArchiveFile(filesystem, info.path, partition_keys(info.path))
+        if not files:
             raise UnreadableSource(
                 f"{self.path}: no Parquet file was found; expected a file, a folder with *.parquet "
                 "files in it, or a pattern such as archive/*.parquet"
             )
-        return found
+        return files
 
 
 def _infos(path: str) -> tuple[Any, str, list[Any]]:
@@ -75,7 +75,7 @@ def _infos(path: str) -> tuple[Any, str, list[Any]]:
     if info.type == fs.FileType.NotFound:
         return filesystem, base, []
     inside = filesystem.get_file_info(fs.FileSelector(base, recursive=True))
-    files = [one for one in inside if one.is_file and str(one.path).lower().endswith(ENDINGS)]
+    files = [info for info in inside if info.is_file and str(info.path).lower().endswith(ENDINGS)]
     return filesystem, base, files
 
 
@@ -116,10 +116,10 @@ def _span(keys: Mapping[str, str]) -> tuple[date, date] | None:
     for name in _DATES:
         if name in plain and len(plain[name]) >= 8:
             try:
-                one = date.fromisoformat(plain[name][:10])
+                of_partition = date.fromisoformat(plain[name][:10])
             except ValueError:
                 continue
-            return one, one
+            return of_partition, of_partition
     try:
         year = int(plain["year"])
         month = int(plain["month"]) if "month" in plain else None

@@ -173,7 +173,7 @@ class ParquetArchive:
         if not columns[op].file_ns.size:
             holds = ". ".join([self._holds(op), *notes.problems[:1]])
             raise nothing_in(self.path, op, window, holds)
-        layouts = {one.layout(self.options).kind for one in files if one.is_open}
+        layouts = {file.layout(self.options).kind for file in files if file.is_open}
         return ValveColumns(
             where=self.path,
             layout="; ".join(WORDS[kind] for kind in sorted(layouts)),
@@ -228,7 +228,7 @@ def is_parquet(path: str | os.PathLike[str]) -> bool:
         return place.name.lower().endswith(_ENDINGS)
     if not place.is_dir():
         return False
-    return any(one.name.lower().endswith(_ENDINGS) for one in place.rglob("*") if one.is_file())
+    return any(path.name.lower().endswith(_ENDINGS) for path in place.rglob("*") if path.is_file())
 
 
 def split_archives(sources: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -237,8 +237,10 @@ def split_archives(sources: Sequence[str]) -> tuple[list[str], list[str]]:
     A folder may hold both and is then in both lists; a pattern is taken by its ending.
     """
     archives = [
-        one
-        for one in sources
-        if is_parquet(one) or (one.lower().endswith(_ENDINGS) and not Path(one).exists())
+        source
+        for source in sources
+        if is_parquet(source) or (source.lower().endswith(_ENDINGS) and not Path(source).exists())
     ]
-    return archives, [one for one in sources if one not in archives or Path(one).is_dir()]
+    return archives, [
+        source for source in sources if source not in archives or Path(source).is_dir()
+    ]

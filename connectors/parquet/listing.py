@@ -9,7 +9,7 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
 from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.parquet.archive_file import ArchiveFile
-from stemwatch.connectors.parquet.column_layout import Layout
+from stemwatch.connectors.parquet.column_layout import ColumnLayout
 from stemwatch.connectors.parquet.reading import place_of, tags_of
 from stemwatch.models.recording import Role
 
@@ -41,19 +41,19 @@ def list_tags(files: Sequence[ArchiveFile], options: ReadOptions, stem: str) -> 
         raise broken[0]
     named = [(tag, units.get(tag, ""), "", None) for tag in samples]
     return [
-        _info(one, samples[one.tag], roles.get(one.tag))
-        for one in propose_roles(named, stem=stem, mv_is_output=False)
+        _info(candidate, samples[candidate.tag], roles.get(candidate.tag))
+        for candidate in propose_roles(named, stem=stem, mv_is_output=False)
     ]
 
 
-def _info(one: Candidate, samples: int, declared: tuple[Role, str] | None) -> TagInfo:
-    role, valve, remark = one.role, one.valve, one.remark
+def _info(candidate: Candidate, samples: int, declared: tuple[Role, str] | None) -> TagInfo:
+    role, valve, remark = candidate.role, candidate.valve, candidate.remark
     if declared is not None:
         role, valve = declared
         remark = f"the archive has it in the column {role.value} of valve {valve}"
     return TagInfo(
-        tag=one.tag,
-        unit=one.unit,
+        tag=candidate.tag,
+        unit=candidate.unit,
         samples=samples,
         proposed_role=role,
         proposed_valve=valve,
@@ -61,7 +61,7 @@ def _info(one: Candidate, samples: int, declared: tuple[Role, str] | None) -> Ta
     )
 
 
-def _counts(file: ArchiveFile, layout: Layout) -> dict[str, int]:
+def _counts(file: ArchiveFile, layout: ColumnLayout) -> dict[str, int]:
     """Values of each tag, where the footer alone can tell."""
     groups = file.groups(layout)
     counts: dict[str, int] = {}

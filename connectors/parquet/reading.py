@@ -20,7 +20,7 @@ from stemwatch.connectors.historian.values.columns import Column, convert
 from stemwatch.connectors.historian.values.units import canonical
 from stemwatch.connectors.parquet.archive_file import ArchiveFile, as_floats
 from stemwatch.connectors.parquet.catalog import may_hold
-from stemwatch.connectors.parquet.column_layout import SEPARATORS, Layout, is_number
+from stemwatch.connectors.parquet.column_layout import SEPARATORS, ColumnLayout, is_number
 from stemwatch.connectors.parquet.timestamps import (
     Stamps,
     file_bounds,
@@ -34,7 +34,7 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 @dataclass(frozen=True)
-class Place:
+class TagPlace:
     """Where a file keeps a tag: the key its rows bear (``None``: every row) and the column."""
 
     key: str | None
@@ -53,19 +53,19 @@ class Pieces:
     written: bool = False  # the times were texts or numbers
 
 
-def place_of(tag: str, layout: Layout) -> Place | None:
+def place_of(tag: str, layout: ColumnLayout) -> TagPlace | None:
     """Where a file of this layout would keep ``tag``."""
     if layout.kind == "wide":
-        return Place(None, layout.values[tag]) if tag in layout.values else None
+        return TagPlace(None, layout.values[tag]) if tag in layout.values else None
     if layout.kind == "narrow":
         column = next(iter(layout.values))
         if layout.key is None:
-            return Place(None, column) if tag == layout.fixed else None
-        return Place(tag, column)
+            return TagPlace(None, column) if tag == layout.fixed else None
+        return TagPlace(tag, column)
     for ending, column in layout.values.items():
         for sign in SEPARATORS:
             if tag.lower().endswith(sign + ending.lower()) and len(tag) > len(ending) + 1:
-                return Place(tag[: -len(ending) - 1], column)
+                return TagPlace(tag[: -len(ending) - 1], column)
     return None
 
 
@@ -81,20 +81,20 @@ def read_pieces(
     A file that cannot be read is noted as a problem and costs the others nothing. Raises
     ``UnreadableSource`` where no file at all could be read.
     """
-    found: dict[str, Pieces] = {}
+    pieces: dict[str, Pieces] = {}
     tried, broken = 0, []
     for file in files:
         if not may_hold(file.keys, bounds):
             continue
         tried += 1
         try:
-            _read_file(file, tags, bounds, options, notes, found)
+            _read_file(file, tags, bounds, options, notes, pieces)
         except UnreadableSource as error:
             broken.append(error)
             notes.problem(str(error))
     if broken and len(broken) == tried:
         raise broken[0]
-    return found
+    return pieces
 
 
 def _read_file(
@@ -103,7 +103,7 @@ def _read_file(
     bounds: Bounds,
     options: ReadOptions,
     notes: ReadingNotes,
-    found: dict[str, Pieces],
+    pieces: dict[str, Pieces],
 ) -> None:
     layout = file.layout(options)
     places = {tag: place for tag in tags if (place := place_of(tag, layout))}
@@ -121,10 +121,10 @@ def _read_file(
         for tag, place in places.items():
             rows = _rows(table, layout, place, groups.only(group))
             if rows is not False:
-                _add(found.setdefault(tag, Pieces()), table, stamps, rows, layout, place)
+                _add(pieces.setdefault(tag, Pieces()), table, stamps, rows, layout, place)
 
 
-def _columns(layout: Layout, places: Any, *, with_key: bool, file: ArchiveFile) -> list[str]:
+def _columns(layout: ColumnLayout, places: Any, *, with_key: bool, file: ArchiveFile) -> list[str]:
     names = [layout.time]
     for place in places:
         names += [place.column, layout.qualities.get(place.column, "")]
@@ -134,7 +134,7 @@ def _columns(layout: Layout, places: Any, *, with_key: bool, file: ArchiveFile) 
     return [name for name in dict.fromkeys(names) if name]
 
 
-def _rows(table: Any, layout: Layout, place: Place, only: str | None) -> Bools | bool:
+def _rows(table: Any, layout: ColumnLayout, place: TagPlace, only: str | None) -> Bools | bool:
     """Which rows are the place's: all (True), none (False) or a mask."""
     if place.key is None:
         return True
@@ -162,7 +162,12 @@ def rows_with(column: Any, key: str) -> Bools:
 
 
 def _add(
-    pieces: Pieces, table: Any, stamps: Stamps, rows: Bools | bool, layout: Layout, place: Place
+    pieces: Pieces,
+    table: Any,
+    stamps: Stamps,
+    rows: Bools | bool,
+    layout: ColumnLayout,
+    place: TagPlace,
 ) -> None:
     import pyarrow as pa
 
@@ -233,9 +238,9 @@ def column_of(
 
 def _instants(pieces: Pieces, options: ReadOptions, notes: ReadingNotes) -> Instants:
     stamps = Stamps(
-        ns=_joined([one.ns for one in pieces.stamps]),
-        ok=_joined([one.ok for one in pieces.stamps]),
-        naive=any(one.naive for one in pieces.stamps),
+        ns=_joined([stamp.ns for stamp in pieces.stamps]),
+        ok=_joined([stamp.ok for stamp in pieces.stamps]),
+        naive=any(stamp.naive for stamp in pieces.stamps),
     )
     return placed(stamps, pieces.written, options, notes)
 
@@ -285,7 +290,9 @@ def _encoded(code: Any, words: dict[str, int]) -> NDArray[np.int64]:
         code = pc.dictionary_encode(code)
     parts = []
     for chunk in code.chunks:
-        known = [words.setdefault(_word(one), len(words)) for one in chunk.dictionary.to_pylist()]
+        known = [
+            words.setdefault(_word(entry), len(words)) for entry in chunk.dictionary.to_pylist()
+        ]
         at = pc.fill_null(chunk.indices, len(known)).to_numpy(zero_copy_only=False)
         parts.append(np.array([*known, 0], dtype=np.int64)[at])
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
@@ -296,7 +303,7 @@ def _word(code: object) -> str:
 
 
 def _texts(array: Any) -> Iterator[str]:
-    return ("" if one is None else str(one) for one in array.to_pylist())
+    return ("" if cell is None else str(cell) for cell in array.to_pylist())
 
 
 def keys_in(files: Sequence[ArchiveFile], options: ReadOptions) -> Mapping[str, None]:
@@ -312,7 +319,7 @@ def keys_in(files: Sequence[ArchiveFile], options: ReadOptions) -> Mapping[str, 
     return tags
 
 
-def tags_of(layout: Layout, keys: Sequence[str]) -> list[str]:
+def tags_of(layout: ColumnLayout, keys: Sequence[str]) -> list[str]:
     """The tags of a file whose key column holds ``keys``."""
     if layout.kind == "wide":
         return list(layout.values)

@@ -67,7 +67,7 @@ def read_stamps(
 def _written(
     array: Any, name: str, options: ReadOptions, where: str, notes: ReadingNotes
 ) -> Stamps:
-    texts = ["" if one is None else str(one) for one in array.to_pylist()]
+    texts = ["" if cell is None else str(cell) for cell in array.to_pylist()]
     table = RawTable(
         layout="",
         times=RawTimes(texts=texts, name=name),
@@ -75,8 +75,8 @@ def _written(
         numbers=range(1, len(texts) + 1),
         separator=",",
     )
-    found = read_instants(table, options, where, notes)
-    return Stamps(ns=found.ns, ok=found.ok, naive=not found.known)
+    instants = read_instants(table, options, where, notes)
+    return Stamps(ns=instants.ns, ok=instants.ok, naive=not instants.known)
 
 
 def placed(stamps: Stamps, written: bool, options: ReadOptions, notes: ReadingNotes) -> Instants:

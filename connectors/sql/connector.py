@@ -82,7 +82,6 @@ def beside(url: str, folder: Path) -> str:
 LAYOUT = "a query for each tag"
 _FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
 _ALWAYS = (Role.OP, Role.MV)
-_TEXT_BOUNDS = "%Y-%m-%d %H:%M:%S"
 
 
 _URL = "a database URL such as postgresql://user@host/database"
@@ -300,7 +299,7 @@ class SqlArchive:
         first = samples.times[0] if samples.times else None
         if not isinstance(first, str) or not isinstance(start, str):
             return
-        shapes = [re.sub(r"\d", "0", one)[: len("2026-01-05 06:00:00")] for one in (first, start)]
+        shapes = [re.sub(r"\d", "0", text)[: len("2026-01-05 06:00:00")] for text in (first, start)]
         if shapes[0] != shapes[1]:
             raise ConnectorError(
                 f"{self.address}: times are kept as texts such as {first!r}, but were compared "

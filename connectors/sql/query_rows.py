@@ -80,9 +80,6 @@ def _bare(text: str) -> str:
     return _COMMENT.sub(" ", _QUOTED.sub(" '' ", text)).strip().rstrip(";").strip()
 
 
-_NAMES = ("time", "value", "quality")
-
-
 @dataclass
 class Samples:
     """What the query gave of one tag, as the driver gave it.
@@ -102,12 +99,12 @@ class Samples:
         time, value, quality = where
         self.times += [row[time] for row in rows]
         given = [row[value] for row in rows]
-        if self.texts is None and any(isinstance(one, str) for one in given):
-            self.texts = [_text(one) for part in self.values for one in part.tolist()]
+        if self.texts is None and any(isinstance(value, str) for value in given):
+            self.texts = [_text(value) for part in self.values for value in part.tolist()]
         if self.texts is not None:
-            self.texts += [_text(one) for one in given]
+            self.texts += [_text(value) for value in given]
         else:
-            self.values.append(np.array([_number(one) for one in given], dtype=np.float64))
+            self.values.append(np.array([_number(value) for value in given], dtype=np.float64))
         if quality is not None:
             self.has_quality = True
             codes = ("" if row[quality] is None else str(row[quality]).strip() for row in rows)
@@ -119,7 +116,7 @@ def places(names: Sequence[str], name: str) -> tuple[int, int, int | None]:
 
     Raises ``ConnectorError`` for fewer than two.
     """
-    lower = [one.lower() for one in names]
+    lower = [name.lower() for name in names]
     if "time" in lower and "value" in lower:
         quality = lower.index("quality") if "quality" in lower else None
         return lower.index("time"), lower.index("value"), quality
@@ -143,18 +140,18 @@ def instants_of(samples: Samples, options: ReadOptions, name: str, notes: Readin
     """The times of all rows. Datetimes with an offset are what they say; those without are local
     times of the zone that was given; texts and numbers are understood as in a text export."""
     times = samples.times
-    if not all(isinstance(one, datetime) for one in times):
+    if not all(isinstance(time, datetime) for time in times):
         table = RawTable(
             layout="",
-            times=RawTimes(texts=[_written(one) for one in times], name="time"),
+            times=RawTimes(texts=[_written(time) for time in times], name="time"),
             columns=(),
             numbers=range(1, len(times) + 1),
             separator=",",
         )
         return read_instants(table, options, name, notes)
-    ns = np.fromiter((_ns(one) for one in times), dtype=np.int64, count=len(times))
+    ns = np.fromiter((_ns(time) for time in times), dtype=np.int64, count=len(times))
     ok = np.ones(ns.size, dtype=bool)
-    if all(one.tzinfo is not None for one in times):
+    if all(time.tzinfo is not None for time in times):
         return Instants(ns=ns, ok=ok, known=True, zone="The database gives instants.")
     return local_instants(ns, ok, options, notes)
 

@@ -18,7 +18,7 @@ The equations stand in ``stem``.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numba import njit
@@ -73,6 +73,8 @@ _FULL = 1e200  # of a product of losses, before its logarithm is taken
 _AHEAD = 64  # samples of the forces that are laid out by lane at once
 _WIDTH = 4  # lanes of a vector; an odd lane would be done alone
 _U = np.uint64
+# Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
+_I = cast("type[int]", np.int64)
 # Rows of the lanes' array: the stem; what holds for a run; the levels; the reading and its loss.
 _ROWS = 30
 (_X, _Z, _SIDE, _MOVING, _BEFORE, _LEAVES, _RESTED) = [_U(i * LANES) for i in range(7)]
@@ -159,7 +161,7 @@ def _begin(
         s[_SPAN + i], s[_OFFSET + i] = q[stem_number.GAIN], 50.0 + q[stem_number.ZERO]
         s[_DRIFTS + i] = q[stem_number.DRIFT] / n
         s[_FRICTION + i], s[_RISE + i], s[_LOOKED_UP + i] = 0.0, 0.0, np.nan
-    _set_levels(s, _U(lanes), 0)
+    _set_levels(s, _U(lanes), _I(0))
 
 
 @njit(cache=True)
@@ -454,7 +456,7 @@ def follow(
     varied, timed = used(numbers)
     losses[:] = 0.0
     early_late[:, : 0 if window > 0.0 else n] = 0.0
-    k, current, full = 0, -1, 0
+    k, current, full = _I(0), _I(-1), _I(0)
     while k < n:
         if k % _AHEAD == 0:
             _keep(laid, k, lanes, out)

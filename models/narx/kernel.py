@@ -16,6 +16,8 @@ anything is written, and where a division need not raise (``error_model``).
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from numba import njit
 
@@ -25,6 +27,8 @@ from stemwatch.models.recording import Floats
 _Limits = tuple[float, float, float, float, float, float]
 _Frame = tuple[_Limits, float, float]  # limits, ratio, edge
 _U = np.uint64
+# Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
+_I = cast("type[int]", np.int64)
 _LANES = 16  # runs side by side at most
 _VECTOR = 4  # lanes that one instruction works on; an odd lane would be done alone
 # Rows of the lanes' array. First what one step is given and finds, ...
@@ -140,20 +144,20 @@ def normal_matrix(
     s = _laid_out(weights.reshape((1, size)), hidden)
     steps = 0
     for first in range(0, lengths.size, _LANES):
-        steps += lengths[first : first + _LANES].max()
+        steps += _longest(lengths[first : first + _LANES])
     kept = np.empty((steps, (_UNITS + hidden) * _LANES))
     if not _run_all(s, hidden, (level, move, position), runs, frame, most, kept):
         return False
     out[:, :] = 0.0
     together = max(_LANES, _ON_ONE_THREAD // (size + 1) ** 2)
     rows, carried = np.empty(together * (size + 1)), np.zeros(2 * _LANES * size)
-    step, filled = 0, 0
+    step, filled = _I(0), _I(0)
     for first in range(0, lengths.size, _LANES):
         beside = lengths[first : first + _LANES]
-        for age in range(beside.max()):
+        for age in range(_longest(beside)):
             if filled + beside.size > together:
                 _add_squares(rows, filled, out)
-                filled = 0
+                filled = _I(0)
             for at in range(kept.shape[1]):
                 s[at] = kept[step, at]
             _slopes(s, hidden, _whole_vectors(beside.size), frame)
@@ -173,6 +177,15 @@ def _laid_out(weights: Floats, hidden: int) -> Floats:
         for lane in range(_LANES):
             rows[at, lane] = weights[lane if lane < members else 0, at]
     return s
+
+
+@njit(cache=True)
+def _longest(lengths: Indices) -> int:
+    """The largest of ``lengths``, none negative; NumPy's own would take longer to compile."""
+    most = 0
+    for length in lengths:
+        most = max(most, length)
+    return most
 
 
 @njit(cache=True)
@@ -271,7 +284,7 @@ def _run_all(
         many, lanes = _U(beside.size), _whole_vectors(beside.size)
         for i in range(many):
             s[_BEFORE + i], s[_LAST + i] = position[starts[i] - 2], position[starts[i] - 1]
-        for age in range(beside.max()):
+        for age in range(_longest(beside)):
             for i in range(many):
                 if age < beside[i]:
                     s[_LEVEL + i], s[_MOVE + i] = level[starts[i] + age], move[starts[i] + age]
@@ -429,4 +442,7 @@ def _add_squares(rows: Floats, filled: int, out: Floats) -> None:
     """Add ``rows' rows`` of those that are filled to ``out``."""
     width = out.shape[0]
     part = rows[: filled * width].reshape((filled, width))
-    out += np.dot(part.T, part)
+    squares = np.dot(part.T, part)
+    for i in range(width):  # by hand: adding arrays compiles the words of an error as well
+        for j in range(width):
+            out[i, j] += squares[i, j]

@@ -26,6 +26,8 @@ change elsewhere.
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -63,6 +65,8 @@ _VECTOR = 4  # numbers in a vector: fewer lanes than a multiple of it are filled
 _STATE = 14 * LANES
 # Samples between two looks at the lanes' products, and what keeps these finite until then.
 _TOGETHER, _LARGE, _LARGEST = 16, 1e100, 1e12
+# Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
+_I = cast("type[int]", np.int64)
 
 
 @njit(cache=True)
@@ -211,10 +215,10 @@ def _score(
     """One group of lanes over the samples of ``block``, a few at a time."""
     scale, until = 1.0 / (delta * delta), block.size
     lanes = -(-candidates.shape[0] // _VECTOR) * _VECTOR
-    late = bool(np.any(candidates[:, DEAD_TIME_S] > 0.0))
-    k, first, current = 0, 0, -1
+    late = _any_above(candidates[:, DEAD_TIME_S], 0.0)
+    k, first, current = _I(0), _I(0), _I(-1)
     while k < until:
-        if block[k] != current or state[-LANES:].max() > _LARGE:
+        if block[k] != current or _any_above(state[-LANES:], _LARGE):
             _settle(state, losses, current, scale)
             current = block[k]
         weight = scale if current >= 0 else 0.0
@@ -236,6 +240,15 @@ def _score(
         _advance_lanes(mv[k:end], commands, weight, lanes, state)
         k = end
     _settle(state, losses, current, scale)
+
+
+@njit(cache=True)
+def _any_above(values: Floats, limit: float) -> bool:
+    """Whether one of ``values`` is above ``limit``; NumPy's own would take longer to compile."""
+    above = False
+    for value in values:
+        above |= value > limit
+    return above
 
 
 @njit(cache=True)

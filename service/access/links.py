@@ -77,14 +77,14 @@ def use_link(store: Store, secret: str, name: str, password: str, now: datetime)
     if link.kind is OneTimeLinkKind.PASSWORD:
         owner = store.accounts.get(link.user_id or 0)
         check_password(password, "" if owner is None else owner.name)
-        found = store.accounts.new_password_by_link(digest, hash_password(password), now)
+        user = store.accounts.new_password_by_link(digest, hash_password(password), now)
     else:
         name = check_name(name)
         check_password(password, name)
-        found = store.accounts.add_by_link(digest, name, hash_password(password), now)
-    if found is None:
+        user = store.accounts.add_by_link(digest, name, hash_password(password), now)
+    if user is None:
         raise LinkIsOver
-    return found
+    return user
 
 
 def check_name(name: str) -> str:

@@ -55,12 +55,12 @@ def sign_in(
 def check(store: Store, name: str, password: str, now: datetime) -> User | None:
     """The user whose name and password these are; ``None`` where there is none, or who is
     disabled. Takes the same time in either case. Raises ``Busy``."""
-    found = store.accounts.password_of(name)
+    known = store.accounts.password_of(name)
     password = password[: 4 * LONGEST]
-    right = matches(password, None if found is None else found[1])
-    if found is None or not right or found[0].disabled is not None:
+    right = matches(password, None if known is None else known[1])
+    if known is None or not right or known[0].disabled is not None:
         return None
-    user, stored = found
+    user, stored = known
     store.accounts.note_login(user.id, now, hash_password(password) if is_dated(stored) else None)
     return user
 
@@ -71,8 +71,8 @@ def confirm(store: Store, user: User, password: str, *, now: datetime, address: 
     until = store.attempts.begin(waits, now=now, forget=FORGET)
     if until is not None:
         raise TooMany(max(1, math.ceil((until - now).total_seconds())))
-    found = store.accounts.password_of(user.name)
-    if found is None or not matches(password[: 4 * LONGEST], found[1]):
+    known = store.accounts.password_of(user.name)
+    if known is None or not matches(password[: 4 * LONGEST], known[1]):
         return False
     store.attempts.succeeded(key_of_name(user.name), [key_of_address(address)])
     return True

@@ -101,4 +101,4 @@ class CurrentUser:
 
 def scopes_of(role: UserRole) -> tuple[Scope, ...]:
     """The scopes that a token of somebody with this role may have."""
-    return tuple(scope for one, scope in SCOPE_OF.items() if one.rank <= role.rank)
+    return tuple(scope for needed, scope in SCOPE_OF.items() if needed.rank <= role.rank)

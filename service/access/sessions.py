@@ -43,12 +43,12 @@ def user_of_cookie(
     """Who asks with this cookie; ``None`` where its session has ended. ``active`` is false for
     what a page asks for by itself, which keeps no session alive."""
     digest = digest_of(cookie)
-    found = store.web_sessions.find(digest, now=now, idle=IDLE)
-    if found is None:
+    session = store.web_sessions.find(digest, now=now, idle=IDLE)
+    if session is None:
         return None
-    if active and now - found.seen >= NOTED_EVERY:
+    if active and now - session.seen >= NOTED_EVERY:
         store.web_sessions.touch(digest, now)
-    user = found.user
+    user = session.user
     return CurrentUser(
         name=user.name,
         role=user.role,

@@ -44,7 +44,10 @@ def make_token(
     if not scopes or any(scope not in allowed for scope in scopes):
         words = ", ".join(allowed)
         raise BadToken(f"a token of a user who is {user.role} has scopes out of {words}")
-    if len([one for one in store.api_tokens.all(user.id) if one.is_open(now)]) >= MOST_OF_USER:
+    if (
+        len([token for token in store.api_tokens.all(user.id) if token.is_open(now)])
+        >= MOST_OF_USER
+    ):
         raise BadToken(f"at most {MOST_OF_USER} tokens of one user; revoke one first")
     secret = BEGINS + new_secret()
     store.api_tokens.add(

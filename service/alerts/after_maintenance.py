@@ -35,9 +35,19 @@ def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:
 
     ``screenings`` newest first. A window that the work lies in counts for neither side.
     """
-    judged = [one for one in screenings if one.verdict is not Verdict.UNDETERMINED]
-    after = [one for one in judged if one.window[0] is not None and one.window[0] >= work.at]
-    before = [one for one in judged if one.window[1] is not None and one.window[1] <= work.at]
+    judged = [
+        screening for screening in screenings if screening.verdict is not Verdict.UNDETERMINED
+    ]
+    after = [
+        screening
+        for screening in judged
+        if screening.window[0] is not None and screening.window[0] >= work.at
+    ]
+    before = [
+        screening
+        for screening in judged
+        if screening.window[1] is not None and screening.window[1] <= work.at
+    ]
     if not after or not before:
         return None
     was, now = before[0], after[-1]

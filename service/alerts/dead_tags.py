@@ -40,7 +40,7 @@ def dead_tags(
     A tag is dead where its samples of the last ``limit`` are all bad, one of now among them: while
     old samples still come from the spool nothing is known of it. Raises ``StoreError``.
     """
-    found: dict[str, list[DeadTag]] = defaultdict(list)
+    by_source: dict[str, list[DeadTag]] = defaultdict(list)
     for device in devices:
         dead = store.samples.dead_tags(device, limit, now)
         for valve in plant.valves.values() if dead else ():
@@ -49,9 +49,9 @@ def dead_tags(
             for role, tag in valve.tags.given().items():
                 number = dead.get(clean_text(tag.tag))
                 if number is not None:
-                    one = DeadTag(valve=valve.id, role=role.value, tag=tag.tag, number=number)
-                    found[valve.id].append(one)
-    return dict(found)
+                    dead_tag = DeadTag(valve=valve.id, role=role.value, tag=tag.tag, number=number)
+                    by_source[valve.id].append(dead_tag)
+    return dict(by_source)
 
 
 def raised_of(
@@ -68,7 +68,7 @@ def raised_of(
         by_device[plant.valves[valve].source].append(valve)
     raised: list[RaisedAlert] = []
     for device, valves in by_device.items():
-        on_it = sum(one.source == device for one in plant.valves.values())
+        on_it = sum(valve.source == device for valve in plant.valves.values())
         rules = plant.alerts
         if len(valves) >= rules.common_valves and len(valves) >= rules.common_share * on_it:
             raised.append(_many(plant, device, valves))
@@ -82,12 +82,12 @@ def raised_of(
 
 def _why(store: Store, tags: Sequence[DeadTag], now: datetime) -> dict[str, str]:
     """For each tag since when it is dead, and what its newest sample says."""
-    known = store.samples.last_good([one.number for one in tags], now - _LOOK_BACK)
+    known = store.samples.last_good([tag.number for tag in tags], now - _LOOK_BACK)
     said: dict[str, str] = {}
-    for one in tags:
-        good = known[one.number]
+    for tag in tags:
+        good = known[tag.number]
         when = "for more than a day" if good.at is None else f"since {good.at:%Y-%m-%d %H:%M} UTC"
-        said[one.tag] = f"{when} ({good.reason})" if good.reason else when
+        said[tag.tag] = f"{when} ({good.reason})" if good.reason else when
     return said
 
 
@@ -95,7 +95,7 @@ def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, st
     entry = plant.valves[valve]
     name = f"{valve} ({entry.description})" if entry.description else valve
     listed = "; ".join(
-        f"{one.role.upper()} {one.tag} {why.get(one.tag, '')}".strip() for one in tags
+        f"{tag.role.upper()} {tag.tag} {why.get(tag.tag, '')}".strip() for tag in tags
     )
     return RaisedAlert(
         cause=VALVE + valve,
@@ -107,7 +107,7 @@ def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, st
         ),
         valve=valve,
         source=entry.source,
-        evidence={"tags": [one.tag for one in tags]},
+        evidence={"tags": [tag.tag for tag in tags]},
     )
 
 
@@ -117,7 +117,7 @@ def _many(plant: Plant, device: str, valves: Sequence[str]) -> RaisedAlert:
     return RaisedAlert(
         cause=MANY + device,
         kind=AlertKind.NO_DATA,
-        severity=_severity(max(plant.valves[one].criticality for one in valves)),
+        severity=_severity(max(plant.valves[valve].criticality for valve in valves)),
         text=(
             f"{len(valves)} valves of {device} have signals without a good sample, while it "
             f"answers ({listed}{more}). Look first for what they share: a card, a gateway behind "

@@ -17,16 +17,16 @@ _LONGEST_SUBJECT = 200
 
 def tell(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
     """Queue messages about the open alerts that nobody was told of; whether there were any."""
-    alerts = sorted(store.deliveries.untold(), key=lambda one: _ORDER.index(one.severity))
+    alerts = sorted(store.deliveries.untold(), key=lambda alert: _ORDER.index(alert.severity))
     if not alerts:
         return False
     messages: dict[str, dict[str, Any]] = {}
     for notifier in plant.notifiers.values():
         least = _ORDER.index(AlertSeverity(notifier.least_severity))
-        wanted = [one for one in alerts if _ORDER.index(one.severity) <= least]
+        wanted = [alert for alert in alerts if _ORDER.index(alert.severity) <= least]
         if wanted:
             messages[notifier.name] = message_of(wanted, plant.name, run_id, plant.service.address)
-    numbers = sorted(one.id for one in alerts)
+    numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
     return store.deliveries.put(messages, key, numbers)
 
@@ -41,7 +41,7 @@ def message_of(
     where = f"{plant}: " if plant else ""
     first = alerts[0].text.split(". ")[0]
     many = f"{len(alerts)} new alerts, the first: " if len(alerts) > 1 else ""
-    lines = [_line(one, address) for one in alerts[:SHOWN]]
+    lines = [_line(alert, address) for alert in alerts[:SHOWN]]
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
     if address:
@@ -53,17 +53,17 @@ def message_of(
         "run": run_id,
         "alerts": [
             {
-                "id": one.id,
-                "kind": one.kind.value,
-                "severity": one.severity.value,
-                "valve": one.valve,
-                "source": one.source,
-                "text": one.text,
-                "link": _link(one, address),
-                "opened": one.opened.isoformat(),
-                "evidence": dict(one.evidence),
+                "id": alert.id,
+                "kind": alert.kind.value,
+                "severity": alert.severity.value,
+                "valve": alert.valve,
+                "source": alert.source,
+                "text": alert.text,
+                "link": _link(alert, address),
+                "opened": alert.opened.isoformat(),
+                "evidence": dict(alert.evidence),
             }
-            for one in alerts
+            for alert in alerts
         ],
     }
 

@@ -40,10 +40,10 @@ def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[Valv
 
 def awaiting_aftermath(store: Store, valves: Sequence[str]) -> list[str]:
     """Those of ``valves`` whose last maintenance no note compares with what followed yet."""
-    found: list[str] = []
+    waiting: list[str] = []
     for first in range(0, len(valves), AT_ONCE):
-        found += store.work_without_note(valves[first : first + AT_ONCE], WRITER)
-    return found
+        waiting += store.work_without_note(valves[first : first + AT_ONCE], WRITER)
+    return waiting
 
 
 def _facts(plant: Plant, valve: str) -> StoredValve:
@@ -88,15 +88,15 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     for valve in awaiting_aftermath(store, done):
         note_result_of_work(store, valve)
     groups = _groups(raised, plant)
-    common = [_common(group, found, run_id) for group, found in groups.items()]
-    still = {one.cause for one in common}
+    common = [_common(group, alerts, run_id) for group, alerts in groups.items()]
+    still = {alert.cause for alert in common}
     was = {cause for cause in open_before if cause.startswith(AlertKind.COMMON.value + ":")}
     over += sorted(_over(was - still, set(done), plant))
     for first in range(0, len(over), _AT_ONCE):
         store.alerts.clear(over[first : first + _AT_ONCE], CLEARED)
-    joined = {one.cause for found in groups.values() for one in found}
+    joined = {alert.cause for group in groups.values() for alert in group}
     # What was raised alone before and is part of a common cause now is told once, by that.
-    new = [one for one in raised if one.cause not in joined]
+    new = [alert for alert in raised if alert.cause not in joined]
     return store.alerts.raise_all([*common, *new])
 
 
@@ -106,14 +106,14 @@ def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[Ra
     for valve in plant.valves.values():
         for place in _places(plant, valve.id):
             sizes[place] += 1
-    found: dict[_Group, list[RaisedAlert]] = defaultdict(list)
-    for one in raised:
-        for what, name in _places(plant, one.valve or ""):
-            found[_Group(one.kind, what, name)].append(one)
+    groups: dict[_Group, list[RaisedAlert]] = defaultdict(list)
+    for alert in raised:
+        for what, name in _places(plant, alert.valve or ""):
+            groups[_Group(alert.kind, what, name)].append(alert)
     rules = plant.alerts
     large = {
         group: many
-        for group, many in found.items()
+        for group, many in groups.items()
         if len(many) >= rules.common_valves
         and len(many) >= rules.common_share * sizes[group.what, group.name]
         # Friction is each valve's own. That many name the same thing, or leave their baselines,
@@ -127,11 +127,11 @@ def _largest_first(groups: dict[_Group, list[RaisedAlert]]) -> dict[_Group, list
     """Each valve in one group only: an area and a source often hold the same valves."""
     taken: set[str] = set()
     chosen: dict[_Group, list[RaisedAlert]] = {}
-    for group, many in sorted(groups.items(), key=lambda one: (-len(one[1]), one[0].cause)):
-        left = [one for one in many if one.cause not in taken]
+    for group, many in sorted(groups.items(), key=lambda group: (-len(group[1]), group[0].cause)):
+        left = [alert for alert in many if alert.cause not in taken]
         if len(left) * 2 > len(many):
             chosen[group] = left
-            taken.update(one.cause for one in left)
+            taken.update(alert.cause for alert in left)
     return chosen
 
 
@@ -143,15 +143,15 @@ def _places(plant: Plant, valve: str) -> list[tuple[str, str]]:
     return [("area", entry.area), *places] if entry.area else places
 
 
-def _common(group: _Group, found: Sequence[RaisedAlert], run_id: int) -> RaisedAlert:
-    names = [one.valve or "" for one in found]
+def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> RaisedAlert:
+    names = [alert.valve or "" for alert in alerts]
     listed = ", ".join(names[:_NAMED])
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     words = {
         AlertKind.BASELINE: "move differently from their baselines",
         AlertKind.MISMATCH: "show something beside stiction",
     }
-    worst = min((one.severity for one in found), key=list(AlertSeverity).index)
+    worst = min((alert.severity for alert in alerts), key=list(AlertSeverity).index)
     return RaisedAlert(
         cause=group.cause,
         kind=AlertKind.COMMON,

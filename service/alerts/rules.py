@@ -15,7 +15,7 @@ from enum import Enum
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
-from stemwatch.service.presenter.finding import present_effect
+from stemwatch.service.presenter.finding import baseline_left, present_effect, stiction_grown
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -55,7 +55,7 @@ def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDe
     """
     if not present or present[0] is None:
         return AlertDecision.LEAVE
-    told = [one for one in present if one is not None]
+    told = [answer for answer in present if answer is not None]
     if told[0] and sum(told[: rules.of_runs]) >= rules.raise_after_runs:
         return AlertDecision.RAISE
     last = told[: rules.clear_after_runs]
@@ -66,11 +66,13 @@ def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDe
 
 def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert], list[str]]:
     """What to raise, and the causes to close, of one valve."""
-    judged = [one for one in seen.screenings if one.verdict is not Verdict.UNDETERMINED]
+    judged = [
+        screening for screening in seen.screenings if screening.verdict is not Verdict.UNDETERMINED
+    ]
     raised: list[RaisedAlert] = []
     closed: list[str] = []
     for kind, present, text in _findings(seen, rules):
-        told = [None if _worked_on(seen, one) else present(one) for one in judged]
+        told = [None if _worked_on(seen, screening) else present(screening) for screening in judged]
         verdict = alert_decision(told, rules)
         if verdict is AlertDecision.RAISE:
             raised.append(_raised(seen.valve, kind, text(judged[0]), judged[0]))
@@ -79,9 +81,9 @@ def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert]
     return raised, closed
 
 
-def _worked_on(seen: ValveRecord, one: JudgedScreening) -> bool:
+def _worked_on(seen: ValveRecord, judged: JudgedScreening) -> bool:
     """True where the window holds two valves: the one before the work and the one after it."""
-    start, end = one.window
+    start, end = judged.window
     if start is None or end is None:
         return False
     return any(start < at < end for at in seen.worked_at)
@@ -99,18 +101,20 @@ _Finding = tuple[
 
 def _findings(seen: ValveRecord, rules: AlertRules) -> list[_Finding]:
     return [
-        (AlertKind.STICKY, lambda one: one.verdict is Verdict.STICKY, _sticky),
+        (AlertKind.STICKY, lambda judged: judged.verdict is Verdict.STICKY, _sticky),
         (
             AlertKind.GROWN,
-            lambda one: has_grown(one.S, seen.at_baseline, rules.grown_S_percent),
-            lambda one: _grown(one, seen.at_baseline),
+            lambda judged: has_grown(judged.S, seen.at_baseline, rules.grown_S_percent),
+            lambda judged: f"{stiction_grown(seen.at_baseline, judged.S)} {judged.advice}",
         ),
         (
             AlertKind.BASELINE,
-            lambda one: seen.ratios[one.id] > seen.ratio_limit if one.id in seen.ratios else None,
-            lambda one: _departed(seen.ratios[one.id]),
+            lambda judged: (
+                seen.ratios[judged.id] > seen.ratio_limit if judged.id in seen.ratios else None
+            ),
+            lambda judged: baseline_left(seen.ratios[judged.id]),
         ),
-        (AlertKind.MISMATCH, lambda one: one.named, _mismatch),
+        (AlertKind.MISMATCH, lambda judged: judged.named, _mismatch),
     ]
 
 
@@ -124,37 +128,26 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
     return now.value - before.value >= least_percent and now.low > before.high
 
 
-def _sticky(one: JudgedScreening) -> str:
-    return f"{one.reason} {one.advice}".strip()
+def _sticky(judged: JudgedScreening) -> str:
+    return f"{judged.reason} {judged.advice}".strip()
 
 
-def _grown(one: JudgedScreening, before: Estimate | None) -> str:
-    return f"S has grown from {before} at its baseline to {one.S} of OP span. {one.advice}"
-
-
-def _departed(ratio: float) -> str:
-    return (
-        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
-        "was set: the valve moves differently. Look at its page for where it does."
-    )
-
-
-def _mismatch(one: JudgedScreening) -> str:
-    if one.mismatch is None or not one.mismatch.effects:
+def _mismatch(judged: JudgedScreening) -> str:
+    if judged.mismatch is None or not judged.mismatch.effects:
         return "Something beside stiction was found."
-    return present_effect(one.mismatch.effects[0]).in_short
+    return present_effect(judged.mismatch.effects[0]).in_short
 
 
-def _raised(valve: StoredValve, kind: AlertKind, text: str, one: JudgedScreening) -> RaisedAlert:
+def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreening) -> RaisedAlert:
     name = f"{valve.id} ({valve.description})" if valve.description else valve.id
     evidence = {
-        "S": one.S.value,
-        "S_low": one.S.low,
-        "S_high": one.S.high,
-        "J": one.J,
-        "severity": one.severity,
-        "screening": one.id,
-        "window": [None if end is None else end.isoformat() for end in one.window],
+        "S": judged.S.value,
+        "S_low": judged.S.low,
+        "S_high": judged.S.high,
+        "J": judged.J,
+        "severity": judged.severity,
+        "screening": judged.id,
+        "window": [None if end is None else end.isoformat() for end in judged.window],
     }
     return RaisedAlert(
         cause=cause(kind, valve.id),
@@ -162,7 +155,7 @@ def _raised(valve: StoredValve, kind: AlertKind, text: str, one: JudgedScreening
         severity=severity_of(kind, valve.criticality),
         text=f"{name}: {text}",
         valve=valve.id,
-        run_id=one.run_id,
+        run_id=judged.run_id,
         evidence=evidence,
     )
 

@@ -40,7 +40,7 @@ def watch_sources(
     if now - since > limit:
         dead = dead_tags(store, plant, alive, limit, now)
         raised += raised_of(store, plant, dead, open_now, now)
-    _close(store, plant, open_now, {one.cause for one in raised}, alive)
+    _close(store, plant, open_now, {alert.cause for alert in raised}, alive)
     return store.alerts.raise_all(raised)
 
 

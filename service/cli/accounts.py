@@ -139,10 +139,10 @@ def _store(plant: Path | None, db: str) -> Iterator[Store]:
 
 
 def _user(store: Store, name: str) -> User:
-    found = store.accounts.find(name)
-    if found is None:
+    user = store.accounts.find(name)
+    if user is None:
         raise typer.BadParameter(f"there is no user {name}", param_hint="NAME")
-    return found
+    return user
 
 
 def _role(word: str) -> UserRole:

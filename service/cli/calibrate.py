@@ -50,21 +50,21 @@ def calibrate_mismatch(
         scores = calibrate(
             cases, seed, choose_executor(workers), lambda done: progress.update(bar, completed=done)
         )
-    rows, one = term_nulls(scores, t, share), common(scores, t, share)
+    rows, together = term_nulls(scores, t, share), common(scores, t, share)
     views.out.print(_table(rows))
     views.out.print(
-        f"One limit for all terms: mean {one.mean_limit:.2f} with t {one.t_limit:.1f} lets through "
-        f"{one.passing} of {one.of} nulls (at most {one.share:.1%})",
+        f"One limit for all terms: mean {together.mean_limit:.2f} with t {together.t_limit:.1f} "
+        f"lets through {together.passing} of {together.of} nulls (at most {together.share:.1%})",
         highlight=False,
     )
     if json_file is not None:
-        found = {
+        limits = {
             "seed": seed,
-            "common": asdict(one),
+            "common": asdict(together),
             "terms": [asdict(row) for row in rows],
             "scores": scores,
         }
-        json_file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        json_file.write_text(json.dumps(limits, indent=1) + "\n", encoding="utf-8")
 
 
 def _table(rows: Sequence[TermNulls]) -> Table:

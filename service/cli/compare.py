@@ -170,7 +170,7 @@ def _table(comparison: Comparison) -> Table:
 
 def _parameters(row: ModelRow) -> str:
     named = row.parameters.items()
-    return ", ".join(f"{name} {one}" for name, one in named if one.value is not None)
+    return ", ".join(f"{name} {estimate}" for name, estimate in named if estimate.value is not None)
 
 
 def _marks(score: FitScore | None) -> tuple[str, str, str]:

@@ -50,9 +50,9 @@ def version(plant: PlantFile = None, db: Url = "") -> None:
 
     address = _address(plant, db)
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
-        found = current_revision(connection)
+        revision = current_revision(connection)
     views.say_result(
-        f"{address}: schema {found or 'none'}; this program writes {newest_revision()}"
+        f"{address}: schema {revision or 'none'}; this program writes {newest_revision()}"
     )
 
 

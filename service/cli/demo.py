@@ -66,11 +66,19 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.screen import screen_plant
     from stemwatch.service.cli.simulate import START, What, simulated
-    from stemwatch.service.studies.simulated_export import write_export
+    from stemwatch.service.executors import choose_executor
+    from stemwatch.service.process_lifecycle import expect_workers
 
     began = time.perf_counter()
     views.say("1/3  Simulating two hours of a plant with 15 valves ...")
-    written = write_export(simulated(What.DEMO, 0, seed), out, start=START, zone=ZONE)
+    executor = choose_executor(workers)
+    if executor.workers > 1:
+        expect_workers()  # its imports and ours side by side
+    from stemwatch.service.executors.compile_ahead import compile_ahead
+    from stemwatch.service.studies.simulated_export import write_export
+
+    with compile_ahead(executor):
+        written = write_export(simulated(What.DEMO, 0, seed), out, start=START, zone=ZONE)
     views.say(f"     wrote {written.files[0]} and {written.plant_toml}")
     views.say("2/3  Screening the export ...")
     screen_plant(written.plant_toml, out / "report", workers)

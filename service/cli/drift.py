@@ -75,14 +75,14 @@ def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
     from stemwatch.service.studies.drift import HEALTHY, ValveFate, auc, scores
 
     growing = scores(followed, ValveFate.GROWING)
-    found = {way.value: auc(scores(followed, way), growing) for way in HEALTHY}
-    found["both"] = auc(scores(followed, *HEALTHY), growing)
-    ranked = [(one.way, one.score or 0.0) for one in followed]
-    found["both, a refusal being no alarm"] = auc(
+    estimates = {way.value: auc(scores(followed, way), growing) for way in HEALTHY}
+    estimates["both"] = auc(scores(followed, *HEALTHY), growing)
+    ranked = [(valve.way, valve.score or 0.0) for valve in followed]
+    estimates["both, a refusal being no alarm"] = auc(
         [score for way, score in ranked if way in HEALTHY],
         [score for way, score in ranked if way is ValveFate.GROWING],
     )
-    return found
+    return estimates
 
 
 def limits(calibration: Sequence[Followed]) -> dict[str, float]:
@@ -91,8 +91,10 @@ def limits(calibration: Sequence[Followed]) -> dict[str, float]:
     from stemwatch.service.studies.drift import HEALTHY, calibrated_limit, scores
 
     healthy = scores(calibration, *HEALTHY)
-    found = {f"calibrated, {share:.0%}": calibrated_limit(healthy, share) for share in FALSE_ALARMS}
-    named = {name: limit for name, limit in found.items() if limit is not None}
+    limits = {
+        f"calibrated, {share:.0%}": calibrated_limit(healthy, share) for share in FALSE_ALARMS
+    }
+    named = {name: limit for name, limit in limits.items() if limit is not None}
     return {**named, "watch limit": Limits().baseline_ratio_watch}
 
 
@@ -101,13 +103,13 @@ def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, i
     from stemwatch.service.studies.drift import ValveFate, scores
 
     groups = [(way.value, scores(followed, way)) for way in ValveFate]
-    grown = [one for one in followed if one.way is ValveFate.GROWING]
+    grown = [valve for valve in followed if valve.way is ValveFate.GROWING]
     for low, high in _BANDS:
-        band = [one for one in grown if low <= round(one.S, 6) < high]
+        band = [followed for followed in grown if low <= round(followed.S, 6) < high]
         upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
         groups.append((f"growing, to S of {upto}", scores(band, ValveFate.GROWING)))
     counted = [(name, sum(score > limit for score in group), len(group)) for name, group in groups]
-    everyone = sum((one.score or 0.0) > limit for one in grown)
+    everyone = sum((followed.score or 0.0) > limit for followed in grown)
     return [*counted, ("growing, with those refused", everyone, len(grown))]
 
 
@@ -119,7 +121,7 @@ def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> di
 
     return {
         "target_auc": TARGET,
-        "auc": {name: asdict(one) for name, one in areas(followed).items()},
+        "auc": {name: asdict(area) for name, area in areas(followed).items()},
         "limits": {
             name: {
                 "ratio": limit,
@@ -130,8 +132,8 @@ def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> di
             }
             for name, limit in limits(calibration).items()
         },
-        "followed": [asdict(one) | {"score": one.score} for one in followed],
-        "calibration": [asdict(one) | {"score": one.score} for one in calibration],
+        "followed": [asdict(valve) | {"score": valve.score} for valve in followed],
+        "calibration": [asdict(followed) | {"score": followed.score} for followed in calibration],
     }
 
 
@@ -146,17 +148,17 @@ def show(followed: Sequence[Followed], calibration: Sequence[Followed]) -> None:
         "where there are two at least.",
         highlight=False,
     )
-    untrained = sum(bool(one.reason) for one in followed)
+    untrained = sum(bool(valve.reason) for valve in followed)
     if untrained:
         views.out.print(
             f"No baseline could be trained for {untrained} of {len(followed)} rows: "
-            f"{next(one.reason for one in followed if one.reason)}.",
+            f"{next(valve.reason for valve in followed if valve.reason)}.",
             highlight=False,
         )
-    found = areas(followed)
-    for name, area in found.items():
+    estimates = areas(followed)
+    for name, area in estimates.items():
         views.out.print(f"AUC, growing against {name}: {area}", highlight=False)
-    headline = found["both"].value
+    headline = estimates["both"].value
     if headline is not None:
         verdict = "met" if headline >= TARGET else "missed"
         views.out.print(f"Target: {TARGET:g} against both: {verdict}.", highlight=False)
@@ -179,9 +181,9 @@ def _ratio_table(followed: Sequence[Followed]) -> Table:
     for name in ("scored", "windows refused", "lowest", "median", "nine in ten", "highest"):
         table.add_column(name, justify="right")
     for way in ValveFate:
-        group = [one for one in followed if one.way is way]
+        group = [valve for valve in followed if valve.way is way]
         own = scores(followed, way)
-        refused = sum(one.refused for one in group)
+        refused = sum(followed.refused for followed in group)
         row = [way.value, f"{len(own)} of {len(group)}", f"{refused} of {WINDOWS * len(group)}"]
         if own:
             row += [f"{number:.2f}" for number in np.quantile(own, [0.0, 0.5, 0.9, 1.0])]

@@ -105,41 +105,41 @@ def _worked(
     from stemwatch.service.executors import choose_executor, map_items
     from stemwatch.service.explain.explained import Job, explain_one
 
-    jobs = [Job(asked=one, narx=narx, limits=limits) for one in wanted]
+    jobs = [Job(asked=task, narx=narx, limits=limits) for task in wanted]
     done: dict[int, Explained] = {}
     with Progress(console=views.err, transient=True) as progress:
         bar = progress.add_task("explaining", total=len(jobs))
-        for place, found in map_items(choose_executor(workers), explain_one, jobs):
-            done[place] = found
+        for place, explained in map_items(choose_executor(workers), explain_one, jobs):
+            done[place] = explained
             progress.update(bar, advance=1)
     return [done[place] for place in sorted(done)]
 
 
 def _report(
-    found: Sequence[Explained], request: Request, out: Path | None, json_file: Path | None
+    valves: Sequence[Explained], request: Request, out: Path | None, json_file: Path | None
 ) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.explanation import explanation, tally
 
-    for one in found:
-        views.out.print(explanation(one), highlight=False)
-    if len(found) > 1:
-        views.out.print(tally(found), highlight=False)
+    for explained in valves:
+        views.out.print(explanation(explained), highlight=False)
+    if len(valves) > 1:
+        views.out.print(tally(valves), highlight=False)
     if json_file is not None:
         from stemwatch.service.explain.explain_json import to_json
 
-        json_file.write_text(to_json(found), encoding="utf-8")
+        json_file.write_text(to_json(valves), encoding="utf-8")
     if out is not None:
-        where = str(_write(found, request, out).resolve())
+        where = str(_write(valves, request, out).resolve())
         views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
-    if not any(one.recording is not None for one in found):
-        for one in found[:MOST_REASONS]:
-            views.say_error(one.mismatch.sentence)
+    if not any(explained.recording is not None for explained in valves):
+        for explained in valves[:MOST_REASONS]:
+            views.say_error(explained.mismatch.sentence)
         views.say_error("nothing could be explained: no source could be read as it was asked for")
         raise typer.Exit(2)
 
 
-def _write(found: Sequence[Explained], request: Request, out: Path) -> Path:
+def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:
     """The page's folder; times in the plant's zone, else in the zone that was given, else UTC."""
     from datetime import UTC, datetime
 
@@ -155,4 +155,4 @@ def _write(found: Sequence[Explained], request: Request, out: Path) -> Path:
         zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
         command=masked_command(("stemwatch", *sys.argv[1:])),
     )
-    return write_pages(found, context, out).html
+    return write_pages(valves, context, out).html

@@ -35,47 +35,51 @@ MOST_HOT = 3  # hot places; the page has all
 INDENT = 2
 
 
-def explanation(one: Explained) -> RenderableType:
+def explanation(explained: Explained) -> RenderableType:
     """One valve: verdict and sentence, hot places, effects with what to check, numbers."""
-    found = one.mismatch
-    parts: list[RenderableType] = [Text.from_markup(_headline(one))]
-    parts += [_line(text) for text in _sentences(found)]
-    if found.finding is not Finding.NOT_TESTABLE:
-        parts.append(Padding(_numbers(found), (0, 0, 0, INDENT)))
+    mismatch = explained.mismatch
+    parts: list[RenderableType] = [Text.from_markup(_headline(explained))]
+    parts += [_line(text) for text in _sentences(mismatch)]
+    if mismatch.finding is not Finding.NOT_TESTABLE:
+        parts.append(Padding(_numbers(mismatch), (0, 0, 0, INDENT)))
     parts.append(Text(""))
     return Group(*parts)
 
 
-def tally(found: Sequence[Explained]) -> str:
+def tally(valves: Sequence[Explained]) -> str:
     """How many of each verdict, in one line."""
-    counted = Counter(one.mismatch.finding for one in found)
-    words = [f"{counted[one]} {effect_name(one.value)}" for one in Finding if counted[one]]
-    return f"[bold]{len(found)} recordings:[/] {', '.join(words)}"
+    counted = Counter(explained.mismatch.finding for explained in valves)
+    words = [
+        f"{counted[finding]} {effect_name(finding.value)}"
+        for finding in Finding
+        if counted[finding]
+    ]
+    return f"[bold]{len(valves)} recordings:[/] {', '.join(words)}"
 
 
-def _headline(one: Explained) -> str:
-    finding = one.mismatch.finding
+def _headline(explained: Explained) -> str:
+    finding = explained.mismatch.finding
     word = f"[{STYLE[finding]}]{FINDING_SYMBOL[finding]} {effect_name(finding.value)}[/]"
-    where = f"[dim]{views.escape(one.source)}[/]"
-    return f"{word}  [bold]{views.escape(one.valve)}[/]  {where}"
+    where = f"[dim]{views.escape(explained.source)}[/]"
+    return f"{word}  [bold]{views.escape(explained.valve)}[/]  {where}"
 
 
 def _line(markup: str) -> Padding:
     return Padding(Text.from_markup(markup), (0, 0, 0, INDENT))
 
 
-def _sentences(found: Mismatch) -> Iterator[str]:
-    yield views.escape(found.sentence)
-    for record in found.record_effects:
+def _sentences(mismatch: Mismatch) -> Iterator[str]:
+    yield views.escape(mismatch.sentence)
+    for record in mismatch.record_effects:
         name = effect_name(record.slug)
         yield f"[bold]In the record: {views.escape(name)}.[/] {views.escape(record.sentence)}"
-    if found.finding is not Finding.NONE:
-        for place in found.before.hot[:MOST_HOT]:
+    if mismatch.finding is not Finding.NONE:
+        for place in mismatch.before.hot[:MOST_HOT]:
             yield f"[dim]Where[/]  {views.escape(place.sentence)}"
-    for effect in present_effects(found):
-        yield from _effect(effect, found.sentence)
-    if found.not_testable:
-        names = views.escape(effect_names(one.slug for one in found.not_testable))
+    for effect in present_effects(mismatch):
+        yield from _effect(effect, mismatch.sentence)
+    if mismatch.not_testable:
+        names = views.escape(effect_names(untestable.slug for untestable in mismatch.not_testable))
         yield f"[dim]Not testable here: {names}[/]"
 
 
@@ -90,15 +94,15 @@ def _effect(effect: PresentedEffect, said: str) -> Iterator[str]:
     yield f"[dim]Evidence[/]  {views.escape(effect.evidence)}"
 
 
-def _numbers(found: Mismatch) -> Table:
+def _numbers(mismatch: Mismatch) -> Table:
     """S, J and the fit on samples that were not fitted, before and after."""
     table = Table(box=None, pad_edge=False)
     for name in ("", "S, %", "J, %", "fit, %", "rmse, %"):
         table.add_column(name, justify="right" if name else "left", no_wrap=bool(name))
-    held = found.heldout
+    held = mismatch.heldout
     rows = (
-        ("S and J alone", found.naive, held.fit_naive, held.rmse_naive),
-        ("restated", found.restated, held.fit_extended, held.rmse_extended),
+        ("S and J alone", mismatch.naive, held.fit_naive, held.rmse_naive),
+        ("restated", mismatch.restated, held.fit_extended, held.rmse_extended),
     )
     for name, stiction, fit, rmse in rows:
         table.add_row(name, _number(stiction.S), _number(stiction.J), figure(fit), figure(rmse, 2))

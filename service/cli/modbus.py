@@ -157,12 +157,12 @@ def _devices(file: Path, wanted: str) -> list[Device]:
     data, lines = read_toml(options.need_file(file, "--map"))
     tables = data.get("devices", [])
     tables = [table for table in tables if isinstance(table, dict)] if tables else []
-    found = read_devices(tables, lines.of, file.name, folder=file.absolute().parent)
-    for problem in found.problems:
+    devices = read_devices(tables, lines.of, file.name, folder=file.absolute().parent)
+    for problem in devices.problems:
         views.say_error(str(problem))
-    chosen = [one for one in found.devices if wanted in ("", one.name)]
+    chosen = [device for device in devices.devices if wanted in ("", device.name)]
     if not chosen:
-        names = ", ".join(one.name for one in found.devices) or "none that can be read"
+        names = ", ".join(device.name for device in devices.devices) or "none that can be read"
         what = f"no device {wanted!r}" if wanted else "no [[devices]] to try"
         raise typer.BadParameter(f"{what} in {file.name}; it has {names}", param_hint="--map")
     return chosen

@@ -38,9 +38,11 @@ def words_table(where: str, at: RegisterAddress, words: Sequence[int]) -> Grid:
     for name in ("address", "Modicon", "word", "UINT16", "INT16"):
         grid.add_column(name, justify="right")
     for place, word in enumerate(words):
-        one = RegisterAddress(at.table, at.offset + place)
+        register_address = RegisterAddress(at.table, at.offset + place)
         signed = word - 65_536 if word >= 32_768 else word
-        grid.add_row(str(one), one.modicon, f"0x{word:04X}", str(word), str(signed))
+        grid.add_row(
+            str(register_address), register_address.modicon, f"0x{word:04X}", str(word), str(signed)
+        )
     return grid
 
 
@@ -69,8 +71,8 @@ def map_table(device: Device, tried: Sequence[Tried]) -> Grid:
         grid.add_column(name, no_wrap=name != "tag", overflow="fold")
     grid.add_column("value", justify="right", no_wrap=True)
     grid.add_column("remark")
-    for one in tried:
-        register = one.register
+    for answer in tried:
+        register = answer.register
         kind = register.kind.value
         grid.add_row(
             escape(register.tag),
@@ -79,20 +81,20 @@ def map_table(device: Device, tried: Sequence[Tried]) -> Grid:
             register.address.modicon,
             str(register.unit_id),
             f"{kind} {register.order.value}" if register.kind.words > 1 else kind,
-            " ".join(f"{word:04X}" for word in one.words),
-            _value(one),
-            escape(one.fault or (one.reading.reason if one.reading else "")),
+            " ".join(f"{word:04X}" for word in answer.words),
+            _value(answer),
+            escape(answer.fault or (answer.reading.reason if answer.reading else "")),
         )
     return grid
 
 
 def doubts(tried: Sequence[Tried]) -> Iterator[str]:
     """One line for each register whose value looks likelier in another byte order."""
-    for one in tried:
-        if others := other_orders(one):
+    for answer in tried:
+        if others := other_orders(answer):
             shown = ", ".join(f"{each.order.value} {_number(each.value)}" for each in others)
             yield (
-                f"[yellow]{escape(one.register.tag)}[/]: {one.register.order.value} gives no "
+                f"[yellow]{escape(answer.register.tag)}[/]: {answer.register.order.value} gives no "
                 f"likely value; raw in other orders: {shown}"
             )
 
@@ -106,7 +108,7 @@ def _number(value: Number) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
-def _value(one: Tried) -> str:
-    if one.reading is None or one.reading.reason:
+def _value(tried: Tried) -> str:
+    if tried.reading is None or tried.reading.reason:
         return "-"
-    return escape(f"{one.reading.value:.6g} {one.register.unit}".strip())
+    return escape(f"{tried.reading.value:.6g} {tried.register.unit}".strip())

@@ -133,6 +133,6 @@ def _report(marks: Sequence[CaseMark], sealed: Seal, seed: int, json_file: Path 
         highlight=False,
     )
     if json_file is not None:
-        found: dict[str, Any] = as_json(marks, sealed, seed)
-        text = json.dumps(found, allow_nan=False, ensure_ascii=False, indent=1)
+        report: dict[str, Any] = as_json(marks, sealed, seed)
+        text = json.dumps(report, allow_nan=False, ensure_ascii=False, indent=1)
         json_file.write_text(text + "\n", encoding="utf-8")

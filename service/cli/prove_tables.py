@@ -85,40 +85,40 @@ def _rates(title: str, rates: Sequence[Rate]) -> Table:
     """Each group's name on a line of its own above its rates; empty groups are left out."""
     table = plain_table(title, ("rate",), ("count", "share", "95 %", "to reach", ""))
     group = ""
-    for one in rates:
-        if not one.of:
+    for rate in rates:
+        if not rate.of:
             continue
-        if one.group != group:
-            group = one.group
+        if rate.group != group:
+            group = rate.group
             table.add_row(f"[bold]{escape(group)}[/]")
-        low, high = one.interval
+        low, high = rate.interval
         table.add_row(
-            f"  {one.name}",
-            f"{one.hits} of {one.of}",
-            f"{one.hits / one.of:.1%}",
+            f"  {rate.name}",
+            f"{rate.hits} of {rate.of}",
+            f"{rate.hits / rate.of:.1%}",
             f"{low:.1%} to {high:.1%}",
-            _target(one),
-            _STATE[one.reached],
+            _target(rate),
+            _STATE[rate.reached],
         )
     return table
 
 
-def _target(one: Rate) -> str:
-    if one.target is None:
+def _target(rate: Rate) -> str:
+    if rate.target is None:
         return ""
-    return f"{'<=' if one.at_most else '>='} {one.target:.0%}"
+    return f"{'<=' if rate.at_most else '>='} {rate.target:.0%}"
 
 
 def _tallies(title: str, tallies: Sequence[Tally]) -> Table:
     names = ("cases", "exact", "class", "95 %", "wrong", "missed", "not\nexcited")
     table = plain_table(title, ("hidden",), names)
-    for one in tallies:
-        low, high = one.interval
+    for tally in tallies:
+        low, high = tally.interval
         table.add_row(
-            escape(one.group),
-            *(str(number) for number in (one.of, one.exact, one.by_class)),
-            f"{low:.0%} to {high:.0%}" if one.of else "",
-            *(str(number or "") for number in (one.wrong, one.missed, one.unexcited)),
+            escape(tally.group),
+            *(str(number) for number in (tally.of, tally.exact, tally.by_class)),
+            f"{low:.0%} to {high:.0%}" if tally.of else "",
+            *(str(number or "") for number in (tally.wrong, tally.missed, tally.unexcited)),
         )
     return table
 

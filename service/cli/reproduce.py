@@ -48,13 +48,13 @@ def reproduce(
     from stemwatch.service.executors import choose_executor, map_items
 
     tasks = [StudyTask(case=case, seeds=seeds) for case in CASES]
-    found: dict[int, CaseResult] = {}
+    finished: dict[int, CaseResult] = {}
     with Progress(console=views.err) as progress:
         bar = progress.add_task("cases", total=len(tasks))
         for place, result in map_items(choose_executor(workers), study_case, tasks):
-            found[place] = result
-            progress.update(bar, completed=len(found))
-    results = [found[place] for place in sorted(found)]
+            finished[place] = result
+            progress.update(bar, completed=len(finished))
+    results = [finished[place] for place in sorted(finished)]
     show(results, seeds)
     if json_file is not None:
         text = json.dumps(as_json(results, seeds), indent=1, allow_nan=False)
@@ -155,25 +155,25 @@ def _unseen_table(case: CaseResult, wide: bool) -> Table:
         f"network was trained on; {shown}"
     )
     table = Table(title=title, title_justify="left")
-    for name in ("network", *(one.family for one in families)):
+    for name in ("network", *(family.family for family in families)):
         table.add_column(name)
     for result in case.results:
-        table.add_row(result.network, *(_unseen_cell(one, wide) for one in result.unseen))
+        table.add_row(result.network, *(_unseen_cell(unseen, wide) for unseen in result.unseen))
     return table
 
 
-def _unseen_cell(one: Unseen, wide: bool) -> str:
+def _unseen_cell(unseen: Unseen, wide: bool) -> str:
     if not wide:
-        return _short(one.median)
-    return f"{_short(one.median)} | {_short(one.eightieth)} | {_short(one.largest)}"
+        return _short(unseen.median)
+    return f"{_short(unseen.median)} | {_short(unseen.eightieth)} | {_short(unseen.largest)}"
 
 
-def _print_targets(found: Sequence[Target]) -> None:
+def _print_targets(targets: Sequence[Target]) -> None:
     from stemwatch.service.cli import views
 
-    met = sum(target.met for target in found)
-    views.out.print(f"Targets of ours, fitted start: {met} of {len(found)} met.", highlight=False)
-    for target in found:
+    met = sum(target.met for target in targets)
+    views.out.print(f"Targets of ours, fitted start: {met} of {len(targets)} met.", highlight=False)
+    for target in targets:
         if not target.met:
             views.out.print(
                 f"Missed: {target.shape.value}, {target.what}: {_short(target.found)}, at most "

@@ -61,11 +61,11 @@ def robustness(
         )
     _print(list(rows(answers)))
     if json_file is not None:
-        objects = [{**asdict(one), "verdict": one.verdict.value} for one in answers]
+        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
 
 
-def _print(found: Sequence[Row]) -> None:
+def _print(rows: Sequence[Row]) -> None:
     from rich.table import Table
 
     from stemwatch.service.cli import views
@@ -74,7 +74,7 @@ def _print(found: Sequence[Row]) -> None:
     table.add_column("the same recording ...")
     for name in ("healthy", "sticking", "S", "J", "named"):
         table.add_column(name, justify="right")
-    for row in found:
+    for row in rows:
         table.add_row(
             row.way,
             f"{row.called_sticky}, {row.healthy_undetermined} of {row.healthy}",

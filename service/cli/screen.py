@@ -82,7 +82,7 @@ def screen(
         read_options=chosen,
     )
     screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
-    if fail_on is not None and any(one.verdict is fail_on for one in screenings):
+    if fail_on is not None and any(screening.verdict is fail_on for screening in screenings):
         raise typer.Exit(1)
 
 
@@ -152,8 +152,8 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         highlight=False,
         soft_wrap=True,
     )
-    if not any(one.seen is not None or one.still_seen for one in result.brief):
-        for one in result.brief[:MOST_REASONS]:
-            views.say_error(one.reason)
+    if not any(screening.seen is not None or screening.still_seen for screening in result.brief):
+        for screening in result.brief[:MOST_REASONS]:
+            views.say_error(screening.reason)
         views.say_error("nothing could be screened: no source could be read as it was asked for")
         raise typer.Exit(2)

@@ -99,7 +99,7 @@ def wear_of(
     if asked and "none" in asked:
         return {}
     known = [loop.tag for loop in loops]
-    found: dict[str, Wear] = {}
+    wears: dict[str, Wear] = {}
     for text in asked or [f"{known[0]}={USUAL}"]:
         read = WEAR.fullmatch(text)
         if read is None:
@@ -114,12 +114,12 @@ def wear_of(
                 param_hint="--wear",
             )
         try:
-            found[read["tag"]] = Wear(
+            wears[read["tag"]] = Wear(
                 S_percent=float(read["S"]), J_percent=float(read["J"] or 0.0), over_s=over_s
             )
         except ValueError as error:
             raise typer.BadParameter(str(error), param_hint="--wear") from error
-    return found
+    return wears
 
 
 def map_table(loops: Sequence[PlantLoop]) -> Table:

@@ -73,23 +73,23 @@ def _print(marked: Sequence[Marked]) -> None:
         share = f"{count / of:.1%}"
         table.add_row(group, verdict, f"{count} of {of}", share, f"{low:.1%} to {high:.1%}")
     views.out.print(table)
-    for one in accuracy(marked):
-        if one.of:
+    for line in accuracy(marked):
+        if line.of:
             views.out.print(
-                f"{one.name}: median error {one.median_error:.2f} % of span; the interval holds "
-                f"the truth in {one.within} of {one.of} ({one.within / one.of:.0%})",
+                f"{line.name}: median error {line.median_error:.2f} % of span; the interval holds "
+                f"the truth in {line.within} of {line.of} ({line.within / line.of:.0%})",
                 highlight=False,
             )
     right = "; ".join(f"{shape} {hits} of {of}" for shape, hits, of in shapes(marked) if of)
     if right:
         views.out.print(f"Shape named right: {right}", highlight=False)
-    seconds = sum(one.seconds for one in marked) / max(len(marked), 1)
+    seconds = sum(mark.seconds for mark in marked) / max(len(marked), 1)
     views.out.print(f"{seconds:.2f} s a valve", highlight=False)
 
 
 def _write(marked: Sequence[Marked], json_file: Path) -> None:
     objects = [
-        {**asdict(one), "truth": one.truth.as_json(), "verdict": one.verdict.value}
-        for one in marked
+        {**asdict(mark), "truth": mark.truth.as_json(), "verdict": mark.verdict.value}
+        for mark in marked
     ]
     json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")

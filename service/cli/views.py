@@ -59,7 +59,7 @@ def escape(text: str) -> str:
 
 def as_toml_escapes(text: str) -> str:
     """TOML whose control characters and invisible letters are written as its own escapes."""
-    return _UNPRINTABLE.sub(lambda found: f"\\U{ord(found[0]):08x}", text)
+    return _UNPRINTABLE.sub(lambda match: f"\\U{ord(match[0]):08x}", text)
 
 
 def say_error(text: str) -> None:
@@ -143,15 +143,15 @@ def summary(screenings: Sequence[Screening]) -> Table:
     if wide:  # in a narrow terminal the sentence would stand in a column of single words
         table.add_column("why")
     for valve in ranking[:SHOWN]:
-        one = valve.screening
-        shape = one.shape.value if one.shape else ""
-        beside = () if narrow else (valve.decision.state.value, shape, one.quality.grade)
+        screening = valve.screening
+        shape = screening.shape.value if screening.shape else ""
+        beside = () if narrow else (valve.decision.state.value, shape, screening.quality.grade)
         table.add_row(
             str(valve.rank),
-            escape(one.valve),
-            f"[{STYLE[one.verdict]}]{one.verdict.value}[/]",
-            _number(one.S),
-            _number(one.J),
+            escape(screening.valve),
+            f"[{STYLE[screening.verdict]}]{screening.verdict.value}[/]",
+            _number(screening.S),
+            _number(screening.J),
             *beside,
             *([escape(valve.said.reason)] if wide else []),
         )
@@ -160,16 +160,18 @@ def summary(screenings: Sequence[Screening]) -> Table:
 
 def _verdicts(screenings: Sequence[Screening]) -> str:
     """How many recordings there are of each verdict."""
-    count = {verdict: sum(one.verdict is verdict for one in screenings) for verdict in STYLE}
+    count = {
+        verdict: sum(screening.verdict is verdict for screening in screenings) for verdict in STYLE
+    }
     return ", ".join(f"{many} {verdict.value}" for verdict, many in count.items() if many)
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
     """One line for each reason why there is no verdict, with the valves it stopped."""
     by_reason: dict[str, list[str]] = {}
-    for one in screenings:
-        if one.verdict is Verdict.UNDETERMINED:
-            by_reason.setdefault(one.reason, []).append(one.valve)
+    for screening in screenings:
+        if screening.verdict is Verdict.UNDETERMINED:
+            by_reason.setdefault(screening.reason, []).append(screening.valve)
     for reason, valves in by_reason.items():
         names = ", ".join(dict.fromkeys(valves[:NAMED]))
         more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
@@ -235,14 +237,14 @@ def _facts(seen: Inspection) -> list[tuple[str, str]]:
 
 
 def _evidence(tag: TagInspection) -> list[str]:
-    found = []
+    said = []
     if tag.compressed:
-        found.append(f"compressed ({tag.line_share:.0%} on lines)")
+        said.append(f"compressed ({tag.line_share:.0%} on lines)")
     if tag.quantum:
-        found.append(f"steps of {tag.quantum:.3g}")
+        said.append(f"steps of {tag.quantum:.3g}")
     if tag.frozen and tag.role not in ("sp", "mode"):  # those are meant to rest
-        found.append(f"frozen up to {tag.longest_repeat_s:g} s")
-    return found
+        said.append(f"frozen up to {tag.longest_repeat_s:g} s")
+    return said
 
 
 def health_table(address: str, health: DatabaseHealth) -> Table:
@@ -253,9 +255,9 @@ def health_table(address: str, health: DatabaseHealth) -> Table:
     table.add_column("table")
     for name in ("rows", "size"):
         table.add_column(name, justify="right")
-    for one in health.tables:
-        size = "" if one.size_bytes is None else _size(one.size_bytes)
-        table.add_row(one.name, f"{one.rows}", size)
+    for table_size in health.tables:
+        size = "" if table_size.size_bytes is None else _size(table_size.size_bytes)
+        table.add_row(table_size.name, f"{table_size.rows}", size)
     table.add_row("all", "", _size(health.size_bytes))
     return table
 
@@ -266,8 +268,8 @@ def told_table(title: str, told: Mapping[str, TableDigest]) -> Table:
     table.add_column("table")
     table.add_column("rows", justify="right")
     table.add_column("digest")
-    for name, one in told.items():
-        table.add_row(name, str(one.rows), one.digest[:16])
+    for name, digest in told.items():
+        table.add_row(name, str(digest.rows), digest.digest[:16])
     return table
 
 

@@ -87,16 +87,16 @@ class Forwarder:
     def _next_group(self) -> list[Waiting]:
         group: list[Waiting] = []
         count = 0
-        for one in self._spool.waiting(self._place):
-            if group and count + len(one.batch) > MAX_SAMPLES:
+        for waiting in self._spool.waiting(self._place):
+            if group and count + len(waiting.batch) > MAX_SAMPLES:
                 break
-            group.append(one)
-            count += len(one.batch)
+            group.append(waiting)
+            count += len(waiting.batch)
         return group
 
     def _hand_over(self, group: list[Waiting]) -> None:
         by_source = attrgetter("source")
-        batches = sorted((one.batch for one in group), key=by_source)
+        batches = sorted((waiting.batch for waiting in group), key=by_source)
         for _, same in groupby(batches, key=by_source):
             run = list(same)
             try:

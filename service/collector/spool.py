@@ -144,11 +144,11 @@ class Spool:
         except FileNotFoundError:
             return  # dropped meanwhile, and counted
         stop = 0
-        for found in records(data):
-            if found.skipped:
-                self._report_damage(number, start + stop, found.skipped)
-            stop = found.stop
-            yield Waiting(found.batch, Position(number, start + stop))
+        for record in records(data):
+            if record.skipped:
+                self._report_damage(number, start + stop, record.skipped)
+            stop = record.stop
+            yield Waiting(record.batch, Position(number, start + stop))
         if stop < len(data) and finished:
             self._report_damage(number, start + stop, len(data) - stop)
 
@@ -194,7 +194,7 @@ class Spool:
         start = self._acknowledged.offset if oldest == self._acknowledged.segment else 0
         done = oldest < self._acknowledged.segment
         data = b"" if done else self._path(oldest).read_bytes()
-        lost = sum(found.samples for found in records(data, start))
+        lost = sum(record.samples for record in records(data, start))
         self._remove(oldest)
         self._acknowledged = max(self._acknowledged, Position(oldest + 1))
         self.lost_samples += lost
@@ -225,8 +225,8 @@ class Spool:
     def _read_cursor(self) -> tuple[Position, int]:
         path = self.folder / _CURSOR
         try:
-            found = json.loads(path.read_bytes())
-            return Position(int(found["segment"]), int(found["offset"])), int(found["lost"])
+            cursor = json.loads(path.read_bytes())
+            return Position(int(cursor["segment"]), int(cursor["offset"])), int(cursor["lost"])
         except FileNotFoundError:
             return Position(), 0
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -291,8 +291,8 @@ def backlog(folder: Path) -> Backlog:
 def _cursor(folder: Path) -> tuple[int, int, int]:
     """Up to where the store has it (file, byte), and how many samples were dropped."""
     try:
-        found = json.loads((folder / _CURSOR).read_bytes())
-        return int(found["segment"]), int(found["offset"]), int(found["lost"])
+        cursor = json.loads((folder / _CURSOR).read_bytes())
+        return int(cursor["segment"]), int(cursor["offset"]), int(cursor["lost"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0, 0, 0
 
@@ -307,7 +307,7 @@ def _first_instant(path: Path, start: int) -> datetime | None:
     with path.open("rb") as file:
         file.seek(start)
         data = file.read(_FIRST_BYTES)
-    for found in records(data):
-        if found.samples:
-            return _EPOCH + timedelta(microseconds=int(found.batch.at_us.min()))
+    for record in records(data):
+        if record.samples:
+            return _EPOCH + timedelta(microseconds=int(record.batch.at_us.min()))
     return None

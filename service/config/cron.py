@@ -46,23 +46,23 @@ class CronTimes:
         if self._offset(instant - _NEAR) == self._offset(instant + _NEAR):
             wall = self._next(self._wall(instant))
             while wall is not None:
-                found = self._instants(wall)[0]
-                if found > instant:
-                    return found
+                first = self._instants(wall)[0]
+                if first > instant:
+                    return first
                 wall = self._next(wall)
             return None
         return self._across_a_change(instant)
 
     def _across_a_change(self, instant: datetime) -> datetime | None:
         """The same near a change of clocks, where readings and instants differ in order."""
-        found: list[datetime] = []
+        instants: list[datetime] = []
         wall = self._next(self._wall(instant - _NEAR))
         while wall is not None:
-            found += [one for one in self._instants(wall) if one > instant]
-            if found and wall > self._wall(found[0] + _NEAR):
+            instants += [candidate for candidate in self._instants(wall) if candidate > instant]
+            if instants and wall > self._wall(instants[0] + _NEAR):
                 break
             wall = self._next(wall)
-        return min(found, default=None)
+        return min(instants, default=None)
 
     def _instants(self, wall: datetime) -> list[datetime]:
         """The instants at which the clock shows ``wall``: one, or two where it comes twice."""
@@ -78,8 +78,8 @@ class CronTimes:
 
     def _next(self, wall: datetime) -> datetime | None:
         later = (wall + _INSTANT).replace(tzinfo=UTC)
-        found: datetime | None = self._trigger.get_next_fire_time(None, later)
-        return None if found is None else found.replace(tzinfo=None)
+        fires: datetime | None = self._trigger.get_next_fire_time(None, later)
+        return None if fires is None else fires.replace(tzinfo=None)
 
 
 def _wall_trigger(expression: str) -> CronTrigger:
@@ -117,21 +117,21 @@ def _days_of_week(field: str) -> str:
         return field
     days: set[int] = set()
     for part in field.split(","):
-        found = _PART.fullmatch(part)
-        if found is None:
+        match = _PART.fullmatch(part)
+        if match is None:
             raise ValueError(f"day of week {part!r}; expected such as 1, mon, 1-5 or mon-fri")
-        first = 0 if found["first"] == "*" else _day(found["first"])
-        last = _last(first, found)
-        days.update(day % 7 for day in range(first, last + 1, int(found["step"] or 1) or 1))
+        first = 0 if match["first"] == "*" else _day(match["first"])
+        last = _last(first, match)
+        days.update(day % 7 for day in range(first, last + 1, int(match["step"] or 1) or 1))
     return ",".join(_DAYS[day] for day in sorted(days))
 
 
-def _last(first: int, found: re.Match[str]) -> int:
-    if found["first"] == "*":
+def _last(first: int, match: re.Match[str]) -> int:
+    if match["first"] == "*":
         return 6
-    if found["last"] is None:
-        return 6 if found["step"] else first
-    last = _day(found["last"])
+    if match["last"] is None:
+        return 6 if match["step"] else first
+    last = _day(match["last"])
     return last if last >= first else last + 7  # sat-mon goes over the week's end
 
 

@@ -18,13 +18,12 @@ from pydantic import BaseModel, Field, ValidationError, create_model
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.connector import TextExportSettings
-from stemwatch.connectors.settings import SourceSettings, TomlTable, either_of, nearest
+from stemwatch.connectors.settings import Problem, SourceSettings, TomlTable, either_of, nearest
 from stemwatch.models.limits import Limits
 from stemwatch.service.config.plant import Plant
 from stemwatch.service.config.problems import (
     Place,
     PlantFileError,
-    Problem,
     described,
     problems_of,
 )
@@ -156,58 +155,58 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
     top, top_problems = read_top(data, Place(file.name, "", lines.of))
     limits_place = Place(file.name, "limits", lambda path: lines.of(("limits", *path)))
     limits, limit_problems = read_limits(data.get("limits", {}), limits_place)
-    found = PlantReading(fatal=[*top_problems, *limit_problems])
-    _read_sources(data, file.name, lines, found)
-    read_device_tables(data, file, lines, found)
-    _read_valves(data, file.name, lines, found)
-    _read_list(data, file, found)
-    read_live(data, file.name, lines, found)
-    _report_orphans(found)
-    if found.fatal:
-        raise PlantFileError([*found.fatal, *found.problems])
+    reading = PlantReading(fatal=[*top_problems, *limit_problems])
+    _read_sources(data, file.name, lines, reading)
+    read_device_tables(data, file, lines, reading)
+    _read_valves(data, file.name, lines, reading)
+    _read_list(data, file, reading)
+    read_live(data, file.name, lines, reading)
+    _report_orphans(reading)
+    if reading.fatal:
+        raise PlantFileError([*reading.fatal, *reading.problems])
     variables = os.environ if environment is None else environment
     return Plant(
         file=file,
         name=top.plant.name,
         zone=top.plant.zone,
-        sources=found.sources,
-        valves=found.valves,
+        sources=reading.sources,
+        valves=reading.valves,
         limits=limits,
         storage=storage_address(top.storage.url, file, variables),
-        problems=tuple(found.problems),
-        devices=found.devices,
-        archives=found.archives,
-        schedules=tuple(found.schedules.values()),
-        notifiers=found.notifiers,
+        problems=tuple(reading.problems),
+        devices=reading.devices,
+        archives=reading.archives,
+        schedules=tuple(reading.schedules.values()),
+        notifiers=reading.notifiers,
         alerts=top.alerts,
         service=top.service,
     )
 
 
-def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, found: PlantReading) -> None:
+def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:
     for position, table in tables(data, "sources"):
         name = table.get("name")
         place = place_of(file, lines, "sources", position, name)
-        again = name_taken("name", name, place, found.source_places)
-        found.problems += again
-        model = _settings_model(table, place, found)
+        again = name_taken("name", name, place, reading.source_places)
+        reading.problems += again
+        model = _settings_model(table, place, reading)
         if model is None:
             continue
         try:
             source = model.model_validate(table)
         except ValidationError as error:
-            found.problems += problems_of(error, model, place)
+            reading.problems += problems_of(error, model, place)
             continue
         if again:
             continue
         if isinstance(source, TextExportSettings):
-            found.sources[source.name] = source
+            reading.sources[source.name] = source
         elif isinstance(source, ArchiveSettings):
-            found.archives[source.name] = source
+            reading.archives[source.name] = source
 
 
 def _settings_model(
-    table: dict[str, Any], place: Place, found: PlantReading
+    table: dict[str, Any], place: Place, reading: PlantReading
 ) -> type[SourceSettings] | None:
     """What the table must look like, as the connector of its kind says; ``None`` and a problem
     where there is no such connector, or none that can be used."""
@@ -221,76 +220,76 @@ def _settings_model(
         model = settings_of(kind) if isinstance(kind, str) else None
     except ConnectorError as error:
         expected = "a connector that can be used"
-        found.problems.append(place.problem(("kind",), f"{kind!r}: {error}", expected))
+        reading.problems.append(place.problem(("kind",), f"{kind!r}: {error}", expected))
         return None
     if model is not None:
         return model
     kinds = installed_connectors()
     expected = either_of(kinds) + "; without kind a source is a text export"
     expected += nearest(kind, kinds) if isinstance(kind, str) else ""
-    found.problems.append(place.problem(("kind",), described(kind), expected))
+    reading.problems.append(place.problem(("kind",), described(kind), expected))
     return None
 
 
-def _read_valves(data: dict[str, Any], file: str, lines: TomlLines, found: PlantReading) -> None:
+def _read_valves(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:
     for position, table in tables(data, "valves"):
         place = place_of(file, lines, "valves", position, table.get("id"))
-        _add_valve(table, place, found, strict=True)
+        _add_valve(table, place, reading, strict=True)
 
 
-def _read_list(data: dict[str, Any], file: Path, found: PlantReading) -> None:
+def _read_list(data: dict[str, Any], file: Path, reading: PlantReading) -> None:
     name = data.get("valve_list")
     if not isinstance(name, str) or not name.strip():
         return
     try:
         listed = read_valve_list(file.parent / name.strip(), shown_as=name.strip())
     except PlantFileError as error:
-        found.fatal += error.problems
+        reading.fatal += error.problems
         return
-    found.problems += listed.problems
+    reading.problems += listed.problems
     for row in listed.rows:
-        _add_valve(row.table, row.place, found, strict=False)
+        _add_valve(row.table, row.place, reading, strict=False)
 
 
-def _add_valve(table: dict[str, Any], place: Place, found: PlantReading, *, strict: bool) -> None:
+def _add_valve(table: dict[str, Any], place: Place, reading: PlantReading, *, strict: bool) -> None:
     """Keep the valve if nothing is wrong with it. ``strict`` is false for a CSV row, whose
     numbers are texts."""
-    again = name_taken("id", table.get("id"), place, found.valve_places)
-    found.problems += again
-    context = {"sources": found.source_places}
+    again = name_taken("id", table.get("id"), place, reading.valve_places)
+    reading.problems += again
+    context = {"sources": reading.source_places}
     try:
         valve = Valve.model_validate(table, strict=strict, context=context)
     except ValidationError as error:
-        found.problems += problems_of(error, Valve, place)
+        reading.problems += problems_of(error, Valve, place)
         return
-    if valve.source in found.devices:
-        missing = not_in_map(valve, found.devices[valve.source], place)
-        found.problems += missing
+    if valve.source in reading.devices:
+        missing = not_in_map(valve, reading.devices[valve.source], place)
+        reading.problems += missing
         if not again and not missing:
-            found.valves[valve.id] = valve
-    elif valve.source not in found.sources and valve.source not in found.archives:
-        found.orphans.setdefault(valve.source, []).append(valve.id)
+            reading.valves[valve.id] = valve
+    elif valve.source not in reading.sources and valve.source not in reading.archives:
+        reading.orphans.setdefault(valve.source, []).append(valve.id)
     elif not again:
-        found.valves[valve.id] = valve
+        reading.valves[valve.id] = valve
 
 
-def _report_orphans(found: PlantReading) -> None:
+def _report_orphans(reading: PlantReading) -> None:
     """One sentence for each faulty source, not one for each of its thousands of valves."""
-    for source, valves in found.orphans.items():
+    for source, valves in reading.orphans.items():
         shown = ", ".join(valves[:5]) + (", ..." if len(valves) > 5 else "")
-        problem = found.source_places[source].problem(
+        problem = reading.source_places[source].problem(
             (),
             f"a source that is wrong, so its {len(valves)} valves are left out ({shown})",
             "the mistakes in this source to be mended",
         )
-        found.problems.append(problem)
+        reading.problems.append(problem)
 
 
 Read = TypeVar("Read", bound=BaseModel)
 
 
 def read_device_tables(
-    data: dict[str, Any], file: Path, lines: TomlLines, found: PlantReading
+    data: dict[str, Any], file: Path, lines: TomlLines, reading: PlantReading
 ) -> None:
     """The ``[[devices]]``; their names are those of sources, their lists lie beside ``file``."""
     listed = tables(data, "devices")
@@ -303,8 +302,8 @@ def read_device_tables(
     for position, table in listed:
         name = table.get("name")
         place = place_of(file.name, lines, "devices", position, name)
-        again = name_taken("name", name, place, found.source_places)
-        found.problems += again
+        again = name_taken("name", name, place, reading.source_places)
+        reading.problems += again
         if not again:
             good.append((position, table))
     for position, table in good:
@@ -314,34 +313,29 @@ def read_device_tables(
             file.name,
             folder=file.parent,
         )
-        found.devices |= {device.name: device for device in read.devices}
-        found.problems += [
-            Problem(
-                file=one.file, line=one.line, key=one.key, found=one.found, expected=one.expected
-            )
-            for one in read.problems
-        ]
+        reading.devices |= {device.name: device for device in read.devices}
+        reading.problems += read.problems
 
 
-def read_live(data: dict[str, Any], file: str, lines: TomlLines, found: PlantReading) -> None:
+def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:
     """Schedules and notifiers; one that is wrong costs itself only."""
     places: dict[str, Place] = {}
     for position, table in tables(data, "schedules"):
         place = place_of(file, lines, "schedules", position, table.get("name"))
-        if read := _named(ScheduleTable, table, place, places, found):
-            found.schedules[read.name] = read.schedule()
-            found.problems += _unknown_valves(read, place, found)
+        if read := _named(ScheduleTable, table, place, places, reading):
+            reading.schedules[read.name] = read.schedule()
+            reading.problems += _unknown_valves(read, place, reading)
     places = {}
     for position, table in tables(data, "notifiers"):
         place = place_of(file, lines, "notifiers", position, table.get("name"))
-        if notifier := _named(NotifierTable, table, place, places, found):
-            found.notifiers[notifier.name] = notifier
+        if notifier := _named(NotifierTable, table, place, places, reading):
+            reading.notifiers[notifier.name] = notifier
 
 
-def _unknown_valves(read: ScheduleTable, place: Place, found: PlantReading) -> list[Problem]:
+def _unknown_valves(read: ScheduleTable, place: Place, reading: PlantReading) -> list[Problem]:
     """What a schedule names and the plant does not have; the rest of it holds."""
-    areas = {valve.area for valve in found.valves.values()}
-    asked = [("valves", name, found.valves) for name in read.valves]
+    areas = {valve.area for valve in reading.valves.values()}
+    asked = [("valves", name, reading.valves) for name in read.valves]
     asked += [("areas", name, areas) for name in read.areas]  # type: ignore[misc]
     return [
         place.problem((key,), f"the unknown {key[:-1]} {name!r}", "one that this file describes")
@@ -355,15 +349,15 @@ def _named(
     table: dict[str, Any],
     place: Place,
     places: dict[str, Place],
-    found: PlantReading,
+    reading: PlantReading,
 ) -> Read | None:
     """``table`` as ``model`` if nothing is wrong with it and its name is its own."""
     again = name_taken("name", table.get("name"), place, places)
-    found.problems += again
+    reading.problems += again
     try:
         read = model.model_validate(table)
     except ValidationError as error:
-        found.problems += problems_of(error, model, place)
+        reading.problems += problems_of(error, model, place)
         return None
     return None if again else read
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import ArchiveAddress, TagMapping, ValveTags
 from stemwatch.connectors.historian.connector import TextExportSettings
+from stemwatch.connectors.settings import Problem
 from stemwatch.models.limits import Limits
-from stemwatch.service.config.problems import Problem
 from stemwatch.service.config.schema import Tag, Valve
 from stemwatch.service.config.service_schema import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.store.database_url import DatabaseUrl
@@ -58,8 +58,8 @@ class Plant:
 
     def archive_of(self, valve: str | Valve) -> ArchiveAddress | None:
         """Where the archive is that a valve is read from; ``None`` for files and live sources."""
-        found = self.archives.get(self._valve(valve).source)
-        return None if found is None else found.address(self.file.parent, self.zone)
+        archive = self.archives.get(self._valve(valve).source)
+        return None if archive is None else archive.address(self.file.parent, self.zone)
 
     def beside(self, name: str) -> Path:
         """A path as the plant file means it: relative to the file itself."""
@@ -82,8 +82,8 @@ class Plant:
         if path is None:
             return ()
         pattern = self.beside(path)
-        found = (Path(name) for name in glob.glob(str(pattern), recursive=True))
-        return tuple(sorted(path for path in found if path.is_file()))
+        paths = (Path(name) for name in glob.glob(str(pattern), recursive=True))
+        return tuple(sorted(path for path in paths if path.is_file()))
 
     def read_options(self, source: str | TextExportSettings) -> dict[str, Any]:
         """The reading options of a source by name; the plant's zone where it names none."""
@@ -103,7 +103,7 @@ class Plant:
             "valves": {valve.id: _verdict_settings(valve) for valve in self.valves.values()},
             **self._archive_settings(),
             **(
-                {"devices": {name: repr(one) for name, one in sorted(self.devices.items())}}
+                {"devices": {name: repr(device) for name, device in sorted(self.devices.items())}}
                 if self.devices
                 else {}
             ),
@@ -115,8 +115,8 @@ class Plant:
         """Of archives what can change a verdict; nothing where there is none, so that the digest
         of a plant without them stays what it was."""
         dumps = [
-            one.model_dump(exclude={"url", "user", "secret_variable", "secret_file"})
-            for _, one in sorted(self.archives.items())
+            archive.model_dump(exclude={"url", "user", "secret_variable", "secret_file"})
+            for _, archive in sorted(self.archives.items())
         ]
         return {"archives": dumps} if dumps else {}
 
@@ -132,4 +132,7 @@ def _mapping(tag: Tag) -> TagMapping:
 
 
 def _verdict_settings(valve: Valve) -> dict[str, Any]:
-    return valve.model_dump(include={"source", "tags"})
+    settings = valve.model_dump(include={"source", "tags"})
+    if valve.stroke_curve is None:  # the digest of a plant without curves stays what it was
+        return settings
+    return {**settings, "stroke_curve": valve.stroke_curve}

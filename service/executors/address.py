@@ -43,8 +43,8 @@ def choose_executor(
             return InProcess()
         return LocalProcesses(workers, item_timeout_s, isolated)
     name, separator, _ = address.partition("://")
-    found = entry_points(group=GROUP, name=name) if separator else ()
-    for entry in found:
+    points = entry_points(group=GROUP, name=name) if separator else ()
+    for entry in points:
         executor: Executor = entry.load()(address)
         return executor
     raise UnknownExecutor(f"executor {address!r} is unknown; {EXPECTED}{_others()}")

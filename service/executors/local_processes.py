@@ -169,7 +169,7 @@ class _Pool(Generic[Item, Result]):
         """Workers with something to say, dead ones, and those whose time is over."""
         heard = wait([worker.pipe for worker in self._busy], timeout=_LOOK_S)
         now = time.monotonic()
-        return [one for one in self._busy if one.pipe in heard or now > one.until]
+        return [worker for worker in self._busy if worker.pipe in heard or now > worker.until]
 
     def _hear(self, worker: _Worker) -> Answer[Result] | None:
         """What a worker says of its batch; ``None`` where it only says that it is there."""

@@ -27,8 +27,11 @@ def to_object(explained: Explained, *, stands: bool | None = None) -> dict[str, 
     }
 
 
-def to_json(found: Sequence[Explained]) -> str:
+def to_json(valves: Sequence[Explained]) -> str:
     """All of them as a list, in the order in which they were asked for."""
-    standing = discoveries([one.mismatch for one in found]).standing
-    objects = [to_object(one, stands=stands) for one, stands in zip(found, standing, strict=True)]
+    standing = discoveries([explained.mismatch for explained in valves]).standing
+    objects = [
+        to_object(explained, stands=stands)
+        for explained, stands in zip(valves, standing, strict=True)
+    ]
     return json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1) + "\n"

@@ -32,7 +32,7 @@ class AllToExplain:
 
 def what_to_explain(request: Request) -> AllToExplain:
     """Everything that ``request`` names; a file that is named twice stands once."""
-    found: dict[tuple[Path, str, str], ToExplain] = {}
+    todo: dict[tuple[Path, str, str], ToExplain] = {}
     left_out: dict[str, str] = {}
     for source, planned in _planned(request):
         if isinstance(planned, str):
@@ -40,10 +40,10 @@ def what_to_explain(request: Request) -> AllToExplain:
         else:
             named = [_named(task, source) for task in planned.tasks]
             left_out.update(planned.not_read)
-        for one in named:
-            op = one.task.tags.tags[Role.OP].tag if one.task is not None else ""
-            found.setdefault((Path(one.source), one.valve, op), one)
-    return AllToExplain(valves=tuple(found.values()), left_out=tuple(left_out.items()))
+        for entry in named:
+            op = entry.task.tags.tags[Role.OP].tag if entry.task is not None else ""
+            todo.setdefault((Path(entry.source), entry.valve, op), entry)
+    return AllToExplain(valves=tuple(todo.values()), left_out=tuple(left_out.items()))
 
 
 def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:

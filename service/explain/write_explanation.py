@@ -35,10 +35,10 @@ class ExplainedEntry:
     view: MismatchView
 
 
-def entries(found: Sequence[Explained]) -> list[ExplainedEntry]:
+def entries(valves: Sequence[Explained]) -> list[ExplainedEntry]:
     """The explanations in their order, each with an anchor that no other has."""
     taken: Counter[str] = Counter()
-    return [_entry(one, place, taken) for place, one in enumerate(found)]
+    return [_entry(explained, place, taken) for place, explained in enumerate(valves)]
 
 
 def html_bytes(shown: Sequence[ExplainedEntry], context: ReportContext) -> bytes:
@@ -64,11 +64,12 @@ def change(before: float | None, after: float | None) -> str:
     return first if first == second else f"{first} → {second}"
 
 
-def _entry(one: Explained, place: int, taken: Counter[str]) -> ExplainedEntry:
-    recording = one.recording if place < MOST_PLOTTED else None
-    anchor = anchor_of(one.valve, taken)
+def _entry(explained: Explained, place: int, taken: Counter[str]) -> ExplainedEntry:
+    recording = explained.recording if place < MOST_PLOTTED else None
+    anchor = anchor_of(explained.valve, taken)
     return ExplainedEntry(
-        explained=one, view=mismatch_view(one.mismatch, recording, anchor, one.valve)
+        explained=explained,
+        view=mismatch_view(explained.mismatch, recording, anchor, explained.valve),
     )
 
 
@@ -89,20 +90,20 @@ class ExplanationFiles:
 
 
 def write_pages(
-    found: Sequence[Explained], context: ReportContext, folder: Path
+    valves: Sequence[Explained], context: ReportContext, folder: Path
 ) -> ExplanationFiles:
     """Write ``explain.html``, ``explain.json`` and ``maps/VALVE-before.svg``, ``-after.svg``.
 
     Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
     """
-    shown = entries(found)
+    shown = entries(valves)
     maps = {path: text for entry in shown for path, text in _maps(entry, folder / MAPS)}
     for parent in {folder, *(path.parent for path in maps)}:
         parent.mkdir(parents=True, exist_ok=True)
     pages = ExplanationFiles(html=folder / PAGE, json=folder / OBJECTS, maps=tuple(maps))
     put_all(
         {
-            pages.json: to_json(found).encode(),
+            pages.json: to_json(valves).encode(),
             **maps,
             pages.html: html_bytes(shown, context),
         }
@@ -111,10 +112,13 @@ def write_pages(
 
 
 def _maps(entry: ExplainedEntry, folder: Path) -> list[tuple[Path, bytes]]:
-    found, view = entry.explained.mismatch, entry.view
-    named = (("before", found.before), ("after", found.after))
+    mismatch, view = entry.explained.mismatch, entry.view
+    named = (("before", mismatch.before), ("after", mismatch.after))
     pictures = [
-        (f"{view.anchor}-{name}.svg", heat_map(one, view.top, f"{view.tag}, {name}", alone=True))
-        for name, one in named
+        (
+            f"{view.anchor}-{name}.svg",
+            heat_map(residuals, view.top, f"{view.tag}, {name}", alone=True),
+        )
+        for name, residuals in named
     ]
     return [(folder / name, str(svg).encode()) for name, svg in pictures if svg is not None]

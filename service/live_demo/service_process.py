@@ -88,8 +88,8 @@ class ServiceProcess:
         async for line in self._process.stdout:
             said = line.decode("utf-8", "replace").rstrip()
             self._say(said)
-            if (found := _ADDRESS.match(said)) and not self._address.done():
-                self._address.set_result(found[1])
+            if (match := _ADDRESS.match(said)) and not self._address.done():
+                self._address.set_result(match[1])
         if not self._address.done():
             self._address.set_exception(self._sentence(await self._process.wait()))
             self._address.exception()  # somebody may have left without waiting for it

@@ -27,24 +27,24 @@ class Technician:
 
     def look(self) -> list[str]:
         """The valves with maintenance that is new since the last look. Raises ``StoreError``."""
-        found = []
+        worn = []
         for valve, done in self._done.items():
             recorded = len(self._store.maintenance(valve))
             if recorded > done:
-                found.append(valve)
+                worn.append(valve)
             self._done[valve] = recorded
-        return found
+        return worn
 
     async def calls(self) -> AsyncIterator[str]:
         """The valves that have to be repaired, for ever; while the database is away it waits."""
         while True:
             await asyncio.sleep(_LOOK_S)
             try:
-                found = await asyncio.to_thread(self.look)
+                worn = await asyncio.to_thread(self.look)
             except StoreError as error:
                 log.warning("recorded maintenance cannot be read: %s", error)
                 continue
-            for valve in found:
+            for valve in worn:
                 yield valve
 
 

@@ -84,12 +84,12 @@ def hatching(area: DrawnArea) -> tuple[DrawnLine, ...]:
 
 def _crossings(points: tuple[Point, ...], level: float) -> list[float]:
     """Abscissae at which the polygon's edges cross the line x + y = ``level``."""
-    found = []
+    crossings = []
     for (x0, y0), (x1, y1) in zip(points, (*points[1:], points[0]), strict=True):
         here, there = x0 + y0 - level, x1 + y1 - level
         if (here < 0.0) != (there < 0.0):
-            found.append(x0 + (x1 - x0) * here / (here - there))
-    return found
+            crossings.append(x0 + (x1 - x0) * here / (here - there))
+    return crossings
 
 
 def svg_of(drawing: Drawing) -> Markup:
@@ -117,7 +117,11 @@ def _points(mark: DrawnLine | DrawnArea) -> str:
 
 
 def _line(line: DrawnLine) -> Markup:
-    dash = f' stroke-dasharray="{" ".join(f"{one:g}" for one in line.dash)}"' if line.dash else ""
+    dash = (
+        f' stroke-dasharray="{" ".join(f"{length:g}" for length in line.dash)}"'
+        if line.dash
+        else ""
+    )
     return Markup(
         f'<polyline points="{_points(line)}" fill="none" stroke="{_grey(line.grey)}" '
         f'stroke-width="{line.width:g}"{dash}/>'
@@ -213,7 +217,9 @@ class Panel:
 def span(*traces: Floats) -> tuple[float, float]:
     """The range of all finite values with a twentieth to spare; something to draw on where it is
     a point or nothing."""
-    known = np.concatenate([one[np.isfinite(one)] for one in traces]) if traces else np.zeros(0)
+    known = (
+        np.concatenate([trace[np.isfinite(trace)] for trace in traces]) if traces else np.zeros(0)
+    )
     if not known.size:
         return 0.0, 1.0
     low, high = float(known.min()), float(known.max())

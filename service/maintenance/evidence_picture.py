@@ -69,10 +69,10 @@ def picture_of(
 
 def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
     """The model's free run where it was kept, with what was left out where that was named."""
-    found = screening.mismatch
+    mismatch = screening.mismatch
     run = screening.traces.stiction
-    if found is not None and found.runs is not None and found.effects:
-        run = found.runs.extended
+    if mismatch is not None and mismatch.runs is not None and mismatch.effects:
+        run = mismatch.runs.extended
     return run if run is not None and run.shape == recording.op.values.shape else None
 
 
@@ -137,8 +137,8 @@ def _panel_over_time(
     )
     marks = panel.frame(what, printable(unit))
     picked = telling_samples([trace.values for trace in traces], POINTS * len(traces))
-    for one in traces:
-        marks += panel.lines(seconds[picked] / scale, one.values[picked], one.width, one.dash)
+    for drawn in traces:
+        marks += panel.lines(seconds[picked] / scale, drawn.values[picked], drawn.width, drawn.dash)
     return marks + _legend(traces, top)
 
 
@@ -152,10 +152,10 @@ def _from(recording: Recording, part: slice, zone: tzinfo) -> str:
 def _legend(traces: Sequence[DrawnTrace], top: float) -> list[Mark]:
     marks: list[Mark] = []
     x = LEFT + 20.0
-    for one in traces:
-        marks.append(DrawnLine(((x, top - 7.0), (x + 22.0, top - 7.0)), one.width, one.dash))
-        marks.append(DrawnText((x + 25.0, top - 4.7), one.name, 7.0))
-        x += 34.0 + 5.0 * len(one.name)
+    for trace in traces:
+        marks.append(DrawnLine(((x, top - 7.0), (x + 22.0, top - 7.0)), trace.width, trace.dash))
+        marks.append(DrawnText((x + 25.0, top - 4.7), trace.name, 7.0))
+        x += 34.0 + 5.0 * len(trace.name)
     return marks
 
 

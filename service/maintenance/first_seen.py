@@ -32,12 +32,12 @@ class FirstSeen:
 def first_seen(kind: str, earlier: Sequence[PreviousFinding]) -> FirstSeen:
     """How far back ``kind`` goes without a break. Screenings that allowed no verdict neither
     show nor deny anything of friction, and are passed over."""
-    judged = earlier if _of_signal(kind) else [one for one in earlier if _is_judged(one)]
+    judged = earlier if _of_signal(kind) else [before for before in earlier if _is_judged(before)]
     run: list[PreviousFinding] = []
-    for one in judged:
-        if not shows(kind, one):
-            return FirstSeen(count=1 + len(run), first=run[-1] if run else None, before=one)
-        run.append(one)
+    for before in judged:
+        if not shows(kind, before):
+            return FirstSeen(count=1 + len(run), first=run[-1] if run else None, before=before)
+        run.append(before)
     first = run[-1] if run else None
     return FirstSeen(count=1 + len(run), first=first, at_least=len(earlier) >= LOOK_BACK)
 
@@ -57,20 +57,20 @@ def shows(kind: str, past: PreviousFinding) -> bool:
     return kind in past.effects
 
 
-def sentence(found: FirstSeen, zone: tzinfo) -> str:
+def sentence(first_seen: FirstSeen, zone: tzinfo) -> str:
     """The same for a reader; dates in ``zone``."""
-    if found.first is None:
-        if found.before is None:
+    if first_seen.first is None:
+        if first_seen.before is None:
             return "First screening that is known of this valve: nothing to compare with."
-        return f"New in this screening; the one before, {_said(found.before, zone)}."
-    begins = "at least since" if found.at_least else "since"
+        return f"New in this screening; the one before, {_said(first_seen.before, zone)}."
+    begins = "at least since" if first_seen.at_least else "since"
     text = (
-        f"Seen {begins} {instant(found.first.at, zone)} (run {found.first.run}), in {found.count} "
-        "screenings on end"
+        f"Seen {begins} {instant(first_seen.first.at, zone)} (run {first_seen.first.run}), "
+        f"in {first_seen.count} screenings on end"
     )
-    if found.before is None:
-        return f"{text}; nothing earlier is stored." if not found.at_least else f"{text}."
-    return f"{text}; the one before, {_said(found.before, zone)}."
+    if first_seen.before is None:
+        return f"{text}; nothing earlier is stored." if not first_seen.at_least else f"{text}."
+    return f"{text}; the one before, {_said(first_seen.before, zone)}."
 
 
 def work_sentence(work: Sequence[Remark], began: datetime | None, zone: tzinfo) -> str:

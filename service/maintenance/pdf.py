@@ -83,10 +83,10 @@ def fonts() -> dict[str, Any]:
 
     rl_config.useA85 = 0  # no channel is of seven bits any more, and the text form takes long
     folder = files("stemwatch.service.maintenance").joinpath("fonts")
-    found = {name: TTFont(name, str(folder.joinpath(f"{name}.ttf"))) for name in (REGULAR, BOLD)}
-    for font in (*found.values(), UnicodeCIDFont(HAN), UnicodeCIDFont(HANGUL)):
+    faces = {name: TTFont(name, str(folder.joinpath(f"{name}.ttf"))) for name in (REGULAR, BOLD)}
+    for font in (*faces.values(), UnicodeCIDFont(HAN), UnicodeCIDFont(HANGUL)):
         pdfmetrics.registerFont(font)
-    return found
+    return faces
 
 
 @lru_cache(maxsize=20_000)
@@ -361,7 +361,9 @@ def _front(book: WorkList) -> list[Any]:
     story.append(Spacer(1, 6.0))
     if book.sheets:
         rows = [[t.text(name, bold=True) for name in HEADINGS]]
-        rows += [_row(t, number, one, context) for number, one in enumerate(book.sheets, start=1)]
+        rows += [
+            _row(t, number, sheet, context) for number, sheet in enumerate(book.sheets, start=1)
+        ]
         widths = [share * WIDTH for share in SHARES]
         story.append(LongTable(rows, colWidths=widths, repeatRows=1, style=_LIST))
     else:
@@ -369,11 +371,13 @@ def _front(book: WorkList) -> list[Any]:
     if book.others:
         many = "valve" if len(book.others) == 1 else "valves"
         story.append(t.heading(f"{len(book.others)} {many} without a page"))
-        rest = [_brief(t, one) for one in book.others]
+        rest = [_brief(t, other) for other in book.others]
         story.append(LongTable(rest, colWidths=[78.0, 118.0, WIDTH - 196.0], style=_BARE))
     if context.sources_not_read:
         story.append(t.heading("Remarks"))
-        story += [t.text(f"{one.source}: {one.reason}", 0.9) for one in context.sources_not_read]
+        story += [
+            t.text(f"{unread.source}: {unread.reason}", 0.9) for unread in context.sources_not_read
+        ]
     return [*story, t.text(f"{LEGEND} {HINT}", 0.86, spaceBefore=6.0)]
 
 
@@ -394,12 +398,12 @@ def _row(t: _Type, number: int, sheet: WorkSheet, context: ReportContext) -> lis
     ]
 
 
-def _brief(t: _Type, one: ValveWithoutPage) -> list[Any]:
-    verdict = f"{VERDICT_SYMBOL[one.verdict]} {one.verdict.value}"
+def _brief(t: _Type, valve: ValveWithoutPage) -> list[Any]:
+    verdict = f"{VERDICT_SYMBOL[valve.verdict]} {valve.verdict.value}"
     return [
         t.text(verdict, 0.9),
-        t.text(_cut(one.valve, LONGEST_NAME), 0.9, bold=True),
-        t.text(_cut(one.said, LONGEST_CELL), 0.9),
+        t.text(_cut(valve.valve, LONGEST_NAME), 0.9, bold=True),
+        t.text(_cut(valve.said, LONGEST_CELL), 0.9),
     ]
 
 
@@ -415,10 +419,10 @@ def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:
 def _height(story: Sequence[Any]) -> float:
     """How much room ``story`` takes."""
     tall, after = 0.0, 0.0
-    for at, one in enumerate(story):
-        before = one.getSpaceBefore() if at else 0.0
-        tall += max(before, after) + one.wrap(WIDTH, 10_000.0)[1]
-        after = one.getSpaceAfter()
+    for at, part in enumerate(story):
+        before = part.getSpaceBefore() if at else 0.0
+        tall += max(before, after) + part.wrap(WIDTH, 10_000.0)[1]
+        after = part.getSpaceAfter()
     return tall
 
 
@@ -463,7 +467,7 @@ def _head(t: _Type, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     title = f"{VERDICT_SYMBOL[screening.verdict]} {sheet.title} ({screening.verdict.value})"
     left = [
         t.text(_cut(screening.valve, LONGEST_NAME), 1.75, bold=True),
-        t.text(_cut(" · ".join(one for one in about if one), LONGEST_CELL), 0.92),
+        t.text(_cut(" · ".join(text for text in about if text), LONGEST_CELL), 0.92),
         t.text(title, 1.25, bold=True, spaceBefore=1.0),
     ]
     if not is_whole(screening.valve + facts.description):
@@ -506,9 +510,9 @@ def _sizes(t: _Type, sheet: WorkSheet, width: float) -> list[Any]:
 
 
 def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> list[Any]:
-    found = [t.heading("Since when"), t.text(" ".join(sheet.since_said))]
+    parts = [t.heading("Since when"), t.text(" ".join(sheet.since_said))]
     if not sheet.past:
-        return found
+        return parts
     rows = [
         ["Before", *[_day(past.at, context) for past in sheet.past]],
         ["", *[_verdict(past.verdict) for past in sheet.past]],
@@ -518,7 +522,7 @@ def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> 
     small = _Type(0.76 * t.size)
     cells = [[small.text(cell, bold=at == 0) for at, cell in enumerate(row)] for row in rows]
     widths = [28.0, *[step] * len(sheet.past)]
-    return [*found, Table(cells, colWidths=widths, style=_BARE, hAlign="LEFT")]
+    return [*parts, Table(cells, colWidths=widths, style=_BARE, hAlign="LEFT")]
 
 
 def _verdict(verdict: Verdict) -> str:

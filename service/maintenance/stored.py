@@ -45,8 +45,10 @@ def facts_of(
     """What plant file and store say of the valves, and what was found of them before."""
     known = {valve.id: valve for valve in store.valves()}
     return {
-        one.valve: _facts(known.get(one.valve), plant, one.valve, store.previous_finding(one))
-        for one in screenings
+        screening.valve: _facts(
+            known.get(screening.valve), plant, screening.valve, store.previous_finding(screening)
+        )
+        for screening in screenings
     }
 
 
@@ -98,14 +100,14 @@ def report_of_store(
     there is no such run, or none of a valve that was named.
     """
     every = store.latest_screenings() if run is None else store.screenings_of_run(run)
-    known = {one.valve for one in every}
+    known = {screening.valve for screening in every}
     if unknown := sorted(set(valves) - known):
         where = "the store" if run is None else f"run {run}"
         raise StoreError(
             f"{store.address}: {where} has no screening of {', '.join(map(repr, unknown))}; "
             f"it has {len(known)} valves, such as {', '.join(sorted(known)[:5]) or 'none'}"
         )
-    chosen = [one for one in every if not valves or one.valve in valves]
+    chosen = [screening for screening in every if not valves or screening.valve in valves]
     context = ReportContext(
         started=datetime.now(UTC) if run is None else store.run(run).started,
         plant=plant.name if plant is not None else "",
@@ -119,5 +121,5 @@ def report_of_store(
 
 def _p_elsewhere(every: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
     """The p values of the valves that were tested and are not in the report."""
-    others = [one.mismatch for one in every if valves and one.valve not in valves]
-    return tuple(one.p_value for one in others if tested(one))
+    others = [screening.mismatch for screening in every if valves and screening.valve not in valves]
+    return tuple(other.p_value for other in others if tested(other))

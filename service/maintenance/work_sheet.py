@@ -136,9 +136,9 @@ class WorkSheet:
 
 
 def work_sheet_of(
-    valve: RankedValve, found: Discoveries, background: ValveHistory, zone: tzinfo
+    valve: RankedValve, discoveries: Discoveries, background: ValveHistory, zone: tzinfo
 ) -> WorkSheet:
-    """The page of ``valve``; ``found`` is what stands in the whole run, times are in ``zone``."""
+    """The page of ``valve``; ``discoveries`` says what stands in the run."""
     screening, said = valve.screening, valve.said
     kinds = said.decision.kinds
     earlier = background.earlier(screening)
@@ -158,7 +158,7 @@ def work_sheet_of(
         since=seen,
         since_said=_since(seen, screening, background, zone),
         past=tuple(earlier[:MOST_PAST]),
-        sure=how_sure(screening, valve.stands, found, seen),
+        sure=how_sure(screening, valve.stands, discoveries, seen),
         priority=priority(
             finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
         ),
@@ -202,7 +202,7 @@ def _since(
     began = seen.first.at if seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
     said = (s.sentence(seen, zone), s.work_sentence(work, began, zone))
-    return tuple(one for one in said if one)
+    return tuple(sentence for sentence in said if sentence)
 
 
 def brief_of(valve: RankedValve) -> str:
@@ -216,16 +216,16 @@ def brief_of(valve: RankedValve) -> str:
 
 
 def how_sure(
-    screening: Screening, stands: bool | None, found: Discoveries, seen: FirstSeen
+    screening: Screening, stands: bool | None, discoveries: Discoveries, seen: FirstSeen
 ) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
     said = [_confidence(screening), _seen_often(seen), _wrong_of_sticky(screening)]
     if stands is not None:
-        said.append(_standing(stands, found))
+        said.append(_standing(stands, discoveries))
         said.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
         said.append(_rate("the same with a stickband that scatters", *FALSE_EFFECT_SCATTERED))
     said.append(_data(screening))
-    return tuple(one for one in said if one)
+    return tuple(sentence for sentence in said if sentence)
 
 
 def _confidence(screening: Screening) -> str:
@@ -252,9 +252,9 @@ def _rate(what: str, count: int, of: int, interval: str) -> str:
     )
 
 
-def _standing(stands: bool, found: Discoveries) -> str:
+def _standing(stands: bool, discoveries: Discoveries) -> str:
     if not stands:
-        return found.remark
+        return discoveries.remark
     return (
         f"What is named beside friction stands among all valves of the run: of such findings at "
         f"most {LEVEL_PERCENT} are expected to be due to chance."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import multiprocessing
 import signal
 from collections.abc import Mapping, Sequence
@@ -22,8 +21,6 @@ from stemwatch.service.modbus_plant.simulated_ahead import (
 )
 from stemwatch.service.modbus_plant.wear import Wear
 from stemwatch.service.process_lifecycle import begin_child, quiet_start
-
-log = logging.getLogger(__name__)
 
 STRETCH_S = 1800.0
 REPAIR_S = 5.0  # of plant time, in which a valve that is worked on shows no value
@@ -91,11 +88,11 @@ class LivePlant:
     @property
     def loops(self) -> tuple[PlantLoop, ...]:
         """The loops as they were at the beginning."""
-        return tuple(one.loop for one in self._running.values())
+        return tuple(running.loop for running in self._running.values())
 
     def rows(self, plant_s: float) -> list[Floats]:
         """OP, MV, PV, SP and mode of each loop at ``plant_s``; sees to it that there is more."""
-        return [self._row(one, plant_s) for one in self._running.values()]
+        return [self._row(running, plant_s) for running in self._running.values()]
 
     def repair(self, tag: str, plant_s: float, *, lasting: bool = False) -> None:
         """The valve of loop ``tag`` is worked on at ``plant_s``. For ``REPAIR_S`` it is out of
@@ -104,40 +101,49 @@ class LivePlant:
 
         Raises ``KeyError`` for a tag that is not there.
         """
-        one = self._running[tag]
-        one.ahead.append(Stretch(plant_s, one.loop.archive.interval_s, np.empty((0, len(ROLES)))))
-        one.new_since_s = plant_s + REPAIR_S
+        running = self._running[tag]
+        running.ahead.append(
+            Stretch(plant_s, running.loop.archive.interval_s, np.empty((0, len(ROLES))))
+        )
+        running.new_since_s = plant_s + REPAIR_S
         if lasting:
-            one.wear = None
-        one.coming = self._simulate(one, one.new_since_s)
+            running.wear = None
+        running.coming = self._simulate(running, running.new_since_s)
 
     def begin_wear(self, tag: str, wear: Wear, plant_s: float) -> None:
         """The valve of loop ``tag``, as new until now, wears from ``plant_s`` on.
 
         Raises ``KeyError`` for a tag that is not there.
         """
-        one = self._running[tag]
-        one.wear, one.new_since_s = wear, plant_s
-        one.coming = self._simulate(one, plant_s)
+        running = self._running[tag]
+        running.wear, running.new_since_s = wear, plant_s
+        running.coming = self._simulate(running, plant_s)
 
     def close(self) -> None:
         """Stop simulating."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def _row(self, one: _Running, plant_s: float) -> Floats:
-        if one.coming is not None and one.coming.done():
-            one.ahead.append(one.coming.result())
-            one.coming = None
-        if one.coming is None and one.ahead.stop_s - plant_s < self._stretch_s / 2:
-            one.coming = self._simulate(one, max(one.ahead.stop_s, plant_s))
-        return one.ahead.row(plant_s)
+    def _row(self, running: _Running, plant_s: float) -> Floats:
+        if running.coming is not None and running.coming.done():
+            running.ahead.append(running.coming.result())
+            running.coming = None
+        if running.coming is None and running.ahead.stop_s - plant_s < self._stretch_s / 2:
+            running.coming = self._simulate(running, max(running.ahead.stop_s, plant_s))
+        return running.ahead.row(plant_s)
 
-    def _simulate(self, one: _Running, start_s: float) -> Future[Stretch]:
-        worn_s = start_s - one.new_since_s
-        length_s = _length_s(one.wear, worn_s, self._stretch_s)
-        before = one.ahead.before(start_s)
+    def _simulate(self, running: _Running, start_s: float) -> Future[Stretch]:
+        worn_s = start_s - running.new_since_s
+        length_s = _length_s(running.wear, worn_s, self._stretch_s)
+        before = running.ahead.before(start_s)
         return self._pool.submit(
-            simulate_stretch, one.loop, one.wear, start_s, worn_s, length_s, one.seed, before
+            simulate_stretch,
+            running.loop,
+            running.wear,
+            start_s,
+            worn_s,
+            length_s,
+            running.seed,
+            before,
         )
 
 

@@ -111,7 +111,7 @@ class SimulatedAhead:
 
     def append(self, stretch: Stretch) -> None:
         """Go on with ``stretch`` from its start; what was simulated beyond that is forgotten."""
-        kept = [one for one in self._stretches if one.start_s < stretch.start_s]
+        kept = [earlier for earlier in self._stretches if earlier.start_s < stretch.start_s]
         self._stretches = [*kept, stretch]
 
     def before(self, plant_s: float) -> Floats:

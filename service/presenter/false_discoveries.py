@@ -12,6 +12,7 @@ from typing import TypeGuard
 
 from stemwatch.models.false_discovery import LEVEL, significant
 from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.service.presenter.wording import valves_counted
 
 LEVEL_PERCENT = f"{100.0 * LEVEL:g} %"
 
@@ -35,7 +36,7 @@ class Discoveries:
         """The whole run in one or two sentences; empty where no valve could be tested."""
         if not self.tested:
             return ""
-        said = f"Hidden physics named on {self.named} of {_valves(self.tested)} tested"
+        said = f"Hidden physics named on {self.named} of {valves_counted(self.tested)} tested"
         if self.named:
             said += (
                 f"; at most {LEVEL_PERCENT} of such findings are expected to be due to chance "
@@ -46,7 +47,7 @@ class Discoveries:
         many = self.held_back > 1
         return (
             f"{said}. {self.held_back} {'more ' if self.named else ''}{'are' if many else 'is'} "
-            f"held back: across {_valves(self.tested)} chance alone may have named "
+            f"held back: across {valves_counted(self.tested)} chance alone may have named "
             f"{'them' if many else 'it'}."
         )
 
@@ -54,7 +55,7 @@ class Discoveries:
     def remark(self) -> str:
         """What stands beside a finding that is held back."""
         return (
-            f"Held back: across {_valves(self.tested)} chance alone may have named this. "
+            f"Held back: across {valves_counted(self.tested)} chance alone may have named this. "
             "Plan no work on it alone; see whether the next recording names it again."
         )
 
@@ -68,12 +69,14 @@ def discoveries(
     was not fitted or not testable (``tested``) had no chance to name anything and does not count.
     An effect without a p value, as an older version stored it, is held back.
     """
-    p_values = [one.p_value for one in mismatches if tested(one)]
+    p_values = [mismatch.p_value for mismatch in mismatches if tested(mismatch)]
     verdicts = iter(significant([*p_values, *elsewhere]))
-    standing = tuple(_named(one, next(verdicts)) if tested(one) else None for one in mismatches)
+    standing = tuple(
+        _named(mismatch, next(verdicts)) if tested(mismatch) else None for mismatch in mismatches
+    )
     # The verdicts that are left are those of ``elsewhere``.
     others = [stood for stood, p in zip(verdicts, elsewhere, strict=True) if p is not None]
-    said = [one for one in standing if one is not None] + others
+    said = [stands for stands in standing if stands is not None] + others
     return Discoveries(
         standing=standing,
         tested=len(p_values) + len(elsewhere),
@@ -89,7 +92,3 @@ def tested(mismatch: Mismatch | None) -> TypeGuard[Mismatch]:
 
 def _named(mismatch: Mismatch, stood: bool) -> bool | None:
     return stood if mismatch.effects else None
-
-
-def _valves(count: int) -> str:
-    return f"{count} valve" if count == 1 else f"{count} valves"

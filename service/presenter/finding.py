@@ -5,10 +5,12 @@ HTML, PDF, work orders, tables, JSON, mail and terminal lay these texts out; non
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, term_words
@@ -27,12 +29,10 @@ from stemwatch.service.presenter.work_decision import WorkDecision, decide
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
 
-# Below a tenth of the sampling interval a time is not seen in samples but guessed between them,
-# and below a tenth of a second nobody at a control valve asks.
+# Below a tenth of the sampling interval a time is not seen in samples but guessed between them.
 LEAST_SHARE_OF_INTERVAL = 0.1
-SMALLEST_TIME_S = 0.1
-# A stem that crosses its travel in five seconds is no slow one.
-FASTEST_PERCENT_PER_S = 20.0
+# A stem that crosses its travel in five seconds is no slow one, on a faster record in five samples.
+FASTEST_PERCENT = 20.0
 ALIKE_SHARE = 0.2  # two directions closer than this are said once
 NAIVE_SHARE = 1 / 3
 SMALLEST_NAIVE_STEP_PERCENT = 0.2
@@ -100,7 +100,7 @@ def present(
     all of it.
     """
     decision = decide(screening, stands=stands)
-    found = screening.mismatch
+    mismatch = screening.mismatch
     return PresentedFinding(
         decision=decision,
         title=advice_for(decision.kinds[0]).title,
@@ -109,17 +109,19 @@ def present(
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
         beside_friction=" ".join(
-            one for one in (beside_friction(screening), without_them(screening)) if one
+            sentence
+            for sentence in (beside_friction(screening), without_them(screening))
+            if sentence
         ),
-        effects=() if found is None else present_effects(found),
-        otherwise=_otherwise(found, decision.kinds, stands),
+        effects=() if mismatch is None else present_effects(mismatch),
+        otherwise=_otherwise(mismatch, decision.kinds, stands),
         held_back=run.remark if run is not None and stands is False else "",
     )
 
 
 def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
     """The effects of a mismatch in words, strongest first."""
-    return tuple(present_effect(one) for one in mismatch.effects)
+    return tuple(present_effect(effect) for effect in mismatch.effects)
 
 
 def present_effect(effect: Effect) -> PresentedEffect:
@@ -142,19 +144,21 @@ def present_effect(effect: Effect) -> PresentedEffect:
 
 def _evidence(effect: Effect) -> str:
     """What speaks for the effect: how much it removes where nothing was fitted."""
-    found = effect.evidence
-    t = "" if finite(found.t) is None else f" (t {figure(found.t, 2)})"
-    removed = f"It removes {share(found.share)} of the squared residual on blocks it was not fitted"
-    return f"{removed} to{t}. {found.note}".rstrip()
+    evidence = effect.evidence
+    t = "" if finite(evidence.t) is None else f" (t {figure(evidence.t, 2)})"
+    removed = (
+        f"It removes {share(evidence.share)} of the squared residual on blocks it was not fitted"
+    )
+    return f"{removed} to{t}. {evidence.note}".rstrip()
 
 
 def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
     """The screening's reason, and each effect that stands."""
     said = [screening.reason]
-    said += beyond((one.sentence for one in decision.effects), screening.reason)
-    found = screening.mismatch
-    if found is not None and found.finding is Finding.UNKNOWN:
-        said += beyond([found.sentence], screening.reason)
+    said += beyond((effect.sentence for effect in decision.effects), screening.reason)
+    mismatch = screening.mismatch
+    if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
+        said += beyond([mismatch.sentence], screening.reason)
     return tuple(said)
 
 
@@ -167,21 +171,23 @@ def _next_step(screening: Screening, decision: WorkDecision) -> str:
 
 
 def _otherwise(
-    found: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
+    mismatch: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
 ) -> tuple[str, ...]:
     """What else it could be: what looks alike, what this recording cannot tell apart, what was
     held back, what it could not have shown."""
     said = list(advice_for(kinds[0]).otherwise)
-    if found is None:
+    if mismatch is None:
         return tuple(said)
-    for effect in present_effects(found):
+    for effect in present_effects(mismatch):
         said += _alternatives(effect, held_back=stands is False)
-    if found.not_testable:
-        named = effect_names(one.slug for one in found.not_testable[:MOST_UNTESTABLE])
-        more = len(found.not_testable) - MOST_UNTESTABLE
+    if mismatch.not_testable:
+        named = effect_names(
+            untestable.slug for untestable in mismatch.not_testable[:MOST_UNTESTABLE]
+        )
+        more = len(mismatch.not_testable) - MOST_UNTESTABLE
         said.append(
             f"Not testable in this recording: {named}{f' and {more} more' if more > 0 else ''}; "
-            f"the first because {found.not_testable[0].reason.rstrip('.')}."
+            f"the first because {mismatch.not_testable[0].reason.rstrip('.')}."
         )
     return tuple(said)
 
@@ -197,7 +203,7 @@ def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
 
 def beside_friction(screening: Screening) -> str:
     """One sentence on what delays or slows the stem; empty where nothing but friction was seen."""
-    said = [one for one in (_late(screening), _lag(screening), _speed(screening)) if one]
+    said = [clause for clause in (_late(screening), _lag(screening), _speed(screening)) if clause]
     return f"Beside friction: {'; '.join(said)}." if said else ""
 
 
@@ -216,40 +222,66 @@ def _value(screening: Screening, name: str) -> float | None:
     return None if indicator is None else finite(indicator.value)
 
 
+def _interval_s(screening: Screening) -> float:
+    return 1.0 if screening.seen is None else screening.seen.interval_s
+
+
 def _time(screening: Screening, name: str) -> float | None:
     """The time where the recording is fine enough to have shown it."""
-    seen = screening.seen
-    interval_s = 0.0 if seen is None else seen.interval_s
     value = _value(screening, name)
-    if value is None or value < max(LEAST_SHARE_OF_INTERVAL * interval_s, SMALLEST_TIME_S):
+    if value is None or value < LEAST_SHARE_OF_INTERVAL * _interval_s(screening):
         return None
     return value
 
 
+def _time_said(screening: Screening, value: float) -> str:
+    interval_s = _interval_s(screening)
+    return duration(value / interval_s, interval_s, ".1f")
+
+
 def _late(screening: Screening) -> str:
     dead = _time(screening, "dead_time_s")
-    return "" if dead is None else f"command arrives {dead:.1f} s late"
+    return "" if dead is None else f"command arrives {_time_said(screening, dead)} late"
 
 
 def _lag(screening: Screening) -> str:
     times = _time(screening, "lag_rising_s"), _time(screening, "lag_falling_s")
-    return _two_ways(*times, "s", "follows with a lag of")
+    return _two_ways(*times, lambda time: _time_said(screening, time), "follows with a lag of")
 
 
 def _speed(screening: Screening) -> str:
+    interval_s = _interval_s(screening)
     names = ("speed_rising_percent_per_s", "speed_falling_percent_per_s")
-    found = [_value(screening, name) for name in names]
-    slow = [one if one is not None and one <= FASTEST_PERCENT_PER_S else None for one in found]
-    return _two_ways(slow[0], slow[1], "%/s", "moves at most")
+    fastest = FASTEST_PERCENT / min(interval_s, 1.0)
+    speeds = [_value(screening, name) for name in names]
+    slow = [speed if speed is not None and speed <= fastest else None for speed in speeds]
+
+    def said(speed: float) -> str:
+        return rate(speed * interval_s, interval_s)
+
+    return _two_ways(slow[0], slow[1], said, "moves at most")
 
 
-def _two_ways(rising: float | None, falling: float | None, unit: str, what: str) -> str:
-    if rising is None and falling is None:
-        return ""
+def _two_ways(
+    rising: float | None, falling: float | None, said: Callable[[float], str], what: str
+) -> str:
     if rising is None:
-        return f"{what} {falling:.1f} {unit} when position falls"
+        return "" if falling is None else f"{what} {said(falling)} when position falls"
     if falling is None:
-        return f"{what} {rising:.1f} {unit} when position rises"
+        return f"{what} {said(rising)} when position rises"
     if abs(rising - falling) <= ALIKE_SHARE * max(rising, falling):
-        return f"{what} {(rising + falling) / 2:.1f} {unit}"
-    return f"{what} {rising:.1f} {unit} rising and {falling:.1f} {unit} falling"
+        return f"{what} {said((rising + falling) / 2)}"
+    return f"{what} {said(rising)} rising and {said(falling)} falling"
+
+
+def stiction_grown(before: Estimate | None, now: Estimate) -> str:
+    """That S is larger than at the valve's baseline, each with its interval."""
+    return f"S has grown from {before} at its baseline to {now} of OP span."
+
+
+def baseline_left(ratio: float) -> str:
+    """That the position follows its baseline network worse than it did, ``ratio`` times."""
+    return (
+        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
+        "was set: the valve moves differently. Look at its page for where it does."
+    )

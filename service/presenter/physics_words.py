@@ -55,7 +55,7 @@ def others(effect: Effect) -> tuple[str, ...]:
 
 def left_out(mismatch: Mismatch) -> str:
     """What a spreadsheet says: slugs strongest first, members of a class joined by ``|``."""
-    return ", ".join("|".join((one.slug, *others(one))) for one in mismatch.effects)
+    return ", ".join("|".join((effect.slug, *others(effect))) for effect in mismatch.effects)
 
 
 def facet_title(facet: str) -> str:

@@ -99,7 +99,7 @@ def prose(text: str) -> str:
 def beyond(sentences: Iterable[str], said: str) -> list[str]:
     """Those of ``sentences`` that ``said`` does not already contain, word for word."""
     known = said.casefold()
-    return [one for one in sentences if one.strip(" .").casefold() not in known]
+    return [sentence for sentence in sentences if sentence.strip(" .").casefold() not in known]
 
 
 def duration(seconds: float) -> str:
@@ -123,3 +123,8 @@ def window(start: datetime | None, end: datetime | None, zone: tzinfo, zone_name
     if first[:10] == last[:10]:
         last = last[11:]
     return f"{first} to {last} ({zone_name})"
+
+
+def valves_counted(count: int) -> str:
+    """``"1 valve"``, ``"15 valves"``."""
+    return f"{count} valve" if count == 1 else f"{count} valves"

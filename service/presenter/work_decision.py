@@ -16,7 +16,7 @@ from enum import StrEnum
 from stemwatch.models.mismatch.findings import Effect, Finding
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.presenter.wording import finite
+from stemwatch.service.presenter.wording import finite, valves_counted
 
 # A kind of finding is a key of the advice: stiction by its shape, an effect by its slug, a way in
 # which the position cannot be trusted.
@@ -97,14 +97,14 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
     ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
     named): effects that are held back are no finding.
     """
-    found = screening.mismatch
-    effects = () if found is None or stands is False else found.effects
+    mismatch = screening.mismatch
+    effects = () if mismatch is None or stands is False else mismatch.effects
     kinds = kinds_of(
         screening.verdict,
         shape=screening.shape,
         reason=screening.reason,
         named=tuple(effect.slug for effect in effects),
-        finding=None if found is None else found.finding,
+        finding=None if mismatch is None else mismatch.finding,
     )
     return WorkDecision(
         state=work_state(screening.verdict, named=bool(effects)),
@@ -210,7 +210,7 @@ class WorkCounts:
     def headline(self) -> str:
         """How many valves need work: "4 of 15 valves need work"."""
         needs = "needs" if self.needs_work <= 1 else "need"
-        return f"{self.needs_work or 'None'} of {_valves(self.valves)} {needs} work"
+        return f"{self.needs_work or 'None'} of {valves_counted(self.valves)} {needs} work"
 
     @property
     def rest(self) -> str:
@@ -246,12 +246,14 @@ def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
     states: dict[str, WorkState] = {}
     ordered: set[str] = set()
     recordings = 0
-    for valve, one in decided:
+    for valve, decision in decided:
         recordings += 1
-        states[valve] = min(states.get(valve, one.state), one.state, key=rank.index)
-        if one.has_order and not one.needs_work:
+        states[valve] = min(states.get(valve, decision.state), decision.state, key=rank.index)
+        if decision.has_order and not decision.needs_work:
             ordered.add(valve)
-    many = {state: [v for v, one in states.items() if one is state] for state in WorkState}
+    many = {
+        state: [v for v, its_state in states.items() if its_state is state] for state in WorkState
+    }
     return WorkCounts(
         recordings=recordings,
         needs_work=len(many[WorkState.NEEDS_WORK]),
@@ -260,7 +262,3 @@ def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
         no_work=len(many[WorkState.NO_WORK]),
         orders=len(ordered.intersection(many[WorkState.NOT_JUDGED])),
     )
-
-
-def _valves(count: int) -> str:
-    return f"{count} valve" if count == 1 else f"{count} valves"

@@ -31,49 +31,51 @@ ALONE = Markup(
 
 def largest(*maps: ResidualMap) -> float:
     """The largest rms of several maps in percent of span: the end of their common scale."""
-    known = [number for one in maps for row in one.grid for number in _finite(row)]
+    known = [number for residuals in maps for row in residuals.grid for number in _finite(row)]
     return max(known, default=0.0)
 
 
-def heat_map(found: ResidualMap, top: float, name: str, *, alone: bool = False) -> Markup | None:
-    """``found`` as SVG, ``None`` where it has no cells.
+def heat_map(
+    residuals: ResidualMap, top: float, name: str, *, alone: bool = False
+) -> Markup | None:
+    """``residuals`` as SVG, ``None`` where it has no cells.
 
     ``top`` is the rms in percent of span that has the full colour, ``name`` what a screen reader
     says first. ``alone``: a file of its own, with its name space and colours.
     """
-    if not found.grid or not found.columns:
+    if not residuals.grid or not residuals.columns:
         return None
-    width = LEFT + CELL_WIDTH * len(found.columns)
-    height = TOP + CELL_HEIGHT * len(found.grid) + BOTTOM
+    width = LEFT + CELL_WIDTH * len(residuals.columns)
+    height = TOP + CELL_HEIGHT * len(residuals.grid) + BOTTOM
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     space = ' xmlns="http://www.w3.org/2000/svg"' if alone else ""
     parts = [
         Markup(f'<svg class="map"{space} {size} role="img" aria-label="')
-        + escape(printable(_spoken(found, name)))
+        + escape(printable(_spoken(residuals, name)))
         + Markup('">'),
         ALONE if alone else Markup(""),
-        *[_column(at, label) for at, label in enumerate(found.columns)],
-        *[_row(found, row, top) for row in range(len(found.grid))],
+        *[_column(at, label) for at, label in enumerate(residuals.columns)],
+        *[_row(residuals, row, top) for row in range(len(residuals.grid))],
         Markup("</svg>"),
     ]
     return Markup("\n").join(part for part in parts if part)
 
 
 def _finite(row: Sequence[float | None]) -> list[float]:
-    return [number for one in row if (number := finite(one)) is not None]
+    return [number for value in row if (number := finite(value)) is not None]
 
 
-def _spoken(found: ResidualMap, name: str) -> str:
+def _spoken(residuals: ResidualMap, name: str) -> str:
     known = [
         (number, column, row)
-        for row, cells in enumerate(found.grid)
-        for column, cell in zip(found.columns, cells, strict=False)
+        for row, cells in enumerate(residuals.grid)
+        for column, cell in zip(residuals.columns, cells, strict=False)
         if (number := finite(cell)) is not None
     ]
     if not known:
         return f"{name}: no samples."
     worst, column, row = max(known)
-    where = f"{column}, {_travel(found.travel_edges, row)}".rstrip(", ")
+    where = f"{column}, {_travel(residuals.travel_edges, row)}".rstrip(", ")
     return f"{name}: the largest rms, {figure(worst, 2)} % of span, is at {where}."
 
 
@@ -103,12 +105,12 @@ def _column(at: int, label: str) -> Markup:
     )
 
 
-def _row(found: ResidualMap, row: int, top: float) -> Markup:
+def _row(residuals: ResidualMap, row: int, top: float) -> Markup:
     """One row of cells; the highest travel is drawn uppermost."""
-    y = TOP + CELL_HEIGHT * (len(found.grid) - 1 - row)
+    y = TOP + CELL_HEIGHT * (len(residuals.grid) - 1 - row)
     middle = y + CELL_HEIGHT / 2 + 4
-    parts = [_text(LEFT - 6, middle, _travel(found.travel_edges, row), "axis", "end")]
-    for at, cell in enumerate(found.grid[row][: len(found.columns)]):
+    parts = [_text(LEFT - 6, middle, _travel(residuals.travel_edges, row), "axis", "end")]
+    for at, cell in enumerate(residuals.grid[row][: len(residuals.columns)]):
         x, number = LEFT + CELL_WIDTH * at, finite(cell)
         box = f'x="{x + 1}" y="{y + 1}" width="{CELL_WIDTH - 2}" height="{CELL_HEIGHT - 2}" rx="3"'
         if number is None:

@@ -80,15 +80,15 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
 
 def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
     counts = count_verdicts(valve.screening for valve in ranked)
-    found = discovered(ranked, context)
+    discoveries = discovered(ranked, context)
     page = environment(context, template).get_template("report.html")
     return page.generate(
         context=context,
         counts=counts,
         work=counted(ranked),
         ranked=ranked,
-        valves=_plotted(ranked, counts, found.remark),
-        discovered=found.sentence,
+        valves=_plotted(ranked, counts, discoveries.remark),
+        discovered=discoveries.sentence,
         told=told_limit(counts),
         areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
         gauge_top=gauge_top(valve.screening for valve in ranked),
@@ -132,10 +132,10 @@ def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
 
 
 def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> MismatchView | None:
-    found, tag = valve.screening.mismatch, valve.screening.valve
-    if found is None:
+    mismatch, tag = valve.screening.mismatch, valve.screening.valve
+    if mismatch is None:
         return None
-    return mismatch_view(found, None, valve.anchor, tag, held_back, overlay)
+    return mismatch_view(mismatch, None, valve.anchor, tag, held_back, overlay)
 
 
 class _Compiled(BytecodeCache):

@@ -48,11 +48,13 @@ def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[s
     return {
         "verdict": mismatch.finding.value,
         "sentence": printable(mismatch.sentence),
-        "effects": [_effect(one) for one in mismatch.effects],
-        "record_effects": [_record_effect(one) for one in mismatch.record_effects],
+        "effects": [_effect(effect) for effect in mismatch.effects],
+        "record_effects": [
+            _record_effect(record_effect) for record_effect in mismatch.record_effects
+        ],
         "not_testable": [
-            {"slug": printable(one.slug), "reason": printable(one.reason)}
-            for one in mismatch.not_testable
+            {"slug": printable(untestable.slug), "reason": printable(untestable.reason)}
+            for untestable in mismatch.not_testable
         ],
         "stiction": {
             "naive": _stiction(mismatch.naive),
@@ -79,6 +81,7 @@ def _stroke_curve(curve: StrokeCurve | None) -> dict[str, Any] | None:
         "slope": curve.slope,
         "slope_known": curve.slope_known,
         "sentence": printable(curve.sentence()),
+        "proposal": printable(curve.proposal()),
     }
 
 
@@ -106,7 +109,8 @@ def _effect(effect: Effect) -> dict[str, Any]:
         "check": printable(said.check),
         "decide": printable(effect.decide),
         "parameters": {
-            printable(name): estimate_object(one) for name, one in effect.parameters.items()
+            printable(name): estimate_object(parameter)
+            for name, parameter in effect.parameters.items()
         },
         "evidence": {
             "mean": finite(evidence.mean),
@@ -122,7 +126,9 @@ def _record_effect(effect: RecordEffect) -> dict[str, Any]:
     return {
         "slug": printable(effect.slug),
         "sentence": printable(effect.sentence),
-        "parameters": {printable(name): finite(one) for name, one in effect.parameters.items()},
+        "parameters": {
+            printable(name): finite(parameter) for name, parameter in effect.parameters.items()
+        },
     }
 
 
@@ -137,13 +143,13 @@ def _heldout(heldout: HeldOutFit) -> dict[str, float | None]:
 def _hot(places: Sequence[HotPlace]) -> list[dict[str, Any]]:
     return [
         {
-            "facet": printable(one.facet),
-            "label": printable(one.label),
-            "share": finite(one.share),
-            "z": finite(one.z),
-            "sentence": printable(one.sentence),
+            "facet": printable(place.facet),
+            "label": printable(place.label),
+            "share": finite(place.share),
+            "z": finite(place.z),
+            "sentence": printable(place.sentence),
         }
-        for one in places
+        for place in places
     ]
 
 
@@ -156,9 +162,10 @@ def to_contracts(screenings: Sequence[Screening]) -> list[dict[str, Any]]:
 
     Whether a valve's effects stand depends on all the others.
     """
-    standing = discoveries([one.mismatch for one in screenings]).standing
+    standing = discoveries([screening.mismatch for screening in screenings]).standing
     return [
-        to_contract(one, stands=stands) for one, stands in zip(screenings, standing, strict=True)
+        to_contract(screening, stands=stands)
+        for screening, stands in zip(screenings, standing, strict=True)
     ]
 
 
@@ -167,7 +174,7 @@ def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str
 
     ``stands`` says whether its effects stand among all valves of the run.
     """
-    found, said = screening.mismatch, present(screening, stands=stands)
+    mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,
@@ -190,7 +197,7 @@ def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str
             printable(name): _indicator(indicator)
             for name, indicator in screening.indicators.items()
         },
-        "mismatch": None if found is None else mismatch_object(found, stands=stands),
+        "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),

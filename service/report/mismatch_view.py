@@ -52,24 +52,24 @@ class LeftOver:
 
 
 def mismatch_view(
-    found: Mismatch,
+    mismatch: Mismatch,
     recording: Recording | None,
     anchor: str,
     tag: str,
     held_back: str = "",
     overlay: Chart | None = None,
 ) -> MismatchView:
-    """The view of ``found``; without ``recording`` it has the ``overlay`` that is given, if any."""
-    top = largest(found.before, found.after)
+    """The view of ``mismatch``; without ``recording`` with the ``overlay`` given, if any."""
+    top = largest(mismatch.before, mismatch.after)
     return MismatchView(
-        found=found,
+        found=mismatch,
         anchor=anchor,
         tag=tag,
-        before=heat_map(found.before, top, f"Residual of S and J alone, {tag}"),
-        after=heat_map(found.after, top, f"Residual of the extended model, {tag}"),
+        before=heat_map(mismatch.before, top, f"Residual of S and J alone, {tag}"),
+        after=heat_map(mismatch.after, top, f"Residual of the extended model, {tag}"),
         top=top,
-        facets=tuple(facet_bars(found)),
-        overlay=overlay_of(recording, found.runs) or overlay,
+        facets=tuple(facet_bars(mismatch)),
+        overlay=overlay_of(recording, mismatch.runs) or overlay,
         held_back=held_back,
     )
 
@@ -129,12 +129,12 @@ def facet_bars(mismatch: Mismatch) -> list[FacetBars]:
     hot = {(place.facet, place.label) for place in mismatch.before.hot}
     every = [finite(cell.rms) or 0.0 for cell in (*before, *after.values())]
     top = max(every, default=0.0)
-    found: dict[str, list[PlaceBar]] = {}
+    bars: dict[str, list[PlaceBar]] = {}
     for cell in before:
         key = (cell.facet, cell.label)
-        found.setdefault(cell.facet, []).append(_place(cell, after.get(key), key in hot, top))
+        bars.setdefault(cell.facet, []).append(_place(cell, after.get(key), key in hot, top))
     return [
-        FacetBars(title=facet_title(facet), places=tuple(places)) for facet, places in found.items()
+        FacetBars(title=facet_title(facet), places=tuple(places)) for facet, places in bars.items()
     ]
 
 

@@ -74,18 +74,18 @@ class Ranking(Sequence[RankedValve]):
         evidence: Callable[[int], ValvePlots | None] = lambda _: None,
     ) -> None:
         self._screenings, self._context, self._evidence = screenings, context, evidence
-        notes = [light(one) for one in screenings]
-        found = discoveries([one.mismatch for one in notes], context.p_elsewhere)
+        notes = [light(screening) for screening in screenings]
+        run = discoveries([note.mismatch for note in notes], context.p_elsewhere)
         decided = [
-            decide(one, stands=stands) for one, stands in zip(notes, found.standing, strict=True)
+            decide(note, stands=stands) for note, stands in zip(notes, run.standing, strict=True)
         ]
-        keys = [_key(one, of_it) for one, of_it in zip(notes, decided, strict=True)]
+        keys = [_key(note, of_it) for note, of_it in zip(notes, decided, strict=True)]
         self._order = sorted(range(len(notes)), key=lambda place: keys[place])
         self.discovered: Discoveries = replace(
-            found, standing=tuple(found.standing[place] for place in self._order)
+            run, standing=tuple(run.standing[place] for place in self._order)
         )
         self.counts = count_valves(
-            (one.valve, of_it) for one, of_it in zip(notes, decided, strict=True)
+            (note.valve, of_it) for note, of_it in zip(notes, decided, strict=True)
         )
         taken: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[place].valve, taken) for place in self._order]
@@ -102,7 +102,7 @@ class Ranking(Sequence[RankedValve]):
     def __getitem__(self, at: int | slice) -> RankedValve | list[RankedValve]:
         """The valve of rank ``at + 1``, or those of a slice."""
         if isinstance(at, slice):
-            return [self._valve(one) for one in range(*at.indices(len(self)))]
+            return [self._valve(rank) for rank in range(*at.indices(len(self)))]
         return self._valve(range(len(self))[at])
 
     def _valve(self, at: int) -> RankedValve:
@@ -146,11 +146,11 @@ def counted(ranked: Sequence[RankedValve]) -> WorkCounts:
 
 def light(screening: Screening) -> Screening:
     """As much of a screening as it takes to rank it and to say which effects stand."""
-    found = screening.mismatch
-    if found is not None:
+    mismatch = screening.mismatch
+    if mismatch is not None:
         nothing = ResidualMap()
-        found = replace(found, before=nothing, after=nothing, runs=None, not_testable=())
-    return replace(screening.without_samples(), mismatch=found, indicators={})
+        mismatch = replace(mismatch, before=nothing, after=nothing, runs=None, not_testable=())
+    return replace(screening.without_samples(), mismatch=mismatch, indicators={})
 
 
 def count_verdicts(screenings: Iterable[Screening]) -> dict[Verdict, int]:

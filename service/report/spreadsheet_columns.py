@@ -56,10 +56,11 @@ def header_and_rows(
 ) -> tuple[list[SpreadsheetColumn], Iterator[list[Cell]]]:
     """The columns and, valve by valve as they are asked for, their cells, every text printable."""
     shown = columns(context)
-    return shown, ([_clean(column.read(valve)) for column in shown] for valve in ranked)
+    return shown, ([clean_cell(column.read(valve)) for column in shown] for valve in ranked)
 
 
-def _clean(cell: Cell) -> Cell:
+def clean_cell(cell: Cell) -> Cell:
+    """A cell as every table shows it: printable text, a number that is one, or nothing."""
     if isinstance(cell, str):
         return printable(cell)
     return finite(cell) if isinstance(cell, float) else cell
@@ -114,16 +115,16 @@ def _stiction() -> list[SpreadsheetColumn]:
         "S": "deadband plus stickband, percent of OP span",
         "J": "slip jump, percent of OP span",
     }
-    found = []
+    columns = []
     for name, meaning in meanings.items():
         for part, note in (("value", meaning), ("low", "95 % interval"), ("high", "95 % interval")):
             header = f"{name} (%)" if part == "value" else f"{name} {part} (%)"
-            found.append(
+            columns.append(
                 SpreadsheetColumn(header=header, meaning=note, read=_estimate(name, part), width=10)
             )
         why = f"why there is no {name}"
-        found.append(_text(f"{name} remark", why, _estimate(name, "reason"), 24))
-    return found
+        columns.append(_text(f"{name} remark", why, _estimate(name, "reason"), 24))
+    return columns
 
 
 def _estimate(name: str, part: str) -> Callable[[RankedValve], Cell]:
@@ -150,8 +151,8 @@ def _residuals(model: str, label: str) -> list[SpreadsheetColumn]:
 def _mismatch() -> list[SpreadsheetColumn]:
     def fit(part: str) -> Callable[[RankedValve], Cell]:
         def read(valve: RankedValve) -> Cell:
-            found = valve.screening.mismatch
-            return None if found is None else getattr(found.heldout, part)
+            mismatch = valve.screening.mismatch
+            return None if mismatch is None else getattr(mismatch.heldout, part)
 
         return read
 
@@ -174,18 +175,18 @@ def _mismatch() -> list[SpreadsheetColumn]:
 
 
 def _mismatch_word(valve: RankedValve) -> Cell:
-    found = valve.screening.mismatch
-    return None if found is None else found.finding.value
+    mismatch = valve.screening.mismatch
+    return None if mismatch is None else mismatch.finding.value
 
 
 def _left_out(valve: RankedValve) -> Cell:
-    found = valve.screening.mismatch
-    return None if found is None else left_out(found)
+    mismatch = valve.screening.mismatch
+    return None if mismatch is None else left_out(mismatch)
 
 
 def _p_value(valve: RankedValve) -> Cell:
-    found = valve.screening.mismatch
-    return None if found is None else found.p_value
+    mismatch = valve.screening.mismatch
+    return None if mismatch is None else mismatch.p_value
 
 
 def _recording(context: ReportContext) -> list[SpreadsheetColumn]:

@@ -93,8 +93,8 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
     """The contract objects, worst valve first, as UTF-8 JSON without NaN; one at a time."""
     between = "[\n "
     for valve in ranked:
-        found = to_contract(valve.screening, stands=valve.stands)
-        text = json.dumps(found, allow_nan=False, ensure_ascii=False, indent=1)
+        contract = to_contract(valve.screening, stands=valve.stands)
+        text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
         file.write((between + text.replace("\n", "\n ")).encode())
         between = ",\n "
     file.write(b"\n]" if len(ranked) else b"[]")

@@ -120,7 +120,7 @@ def _colours(book: Any, sheet: Any, titles: list[str], rows: int) -> None:
 
 def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
     sheet = book.add_worksheet("Indicators")
-    found = (
+    indicators = (
         (screening.valve, indicator)
         for screening in (valve.screening for valve in ranked)
         for indicator in screening.indicators.values()
@@ -130,10 +130,10 @@ def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
     sheet.freeze_panes(1, 2)
     styles: dict[type, Any] = {str: book.add_format({"text_wrap": True, "valign": "top"})}
     styles[float] = book.add_format({"num_format": "0.000", "valign": "top"})
-    for line, (valve, one) in enumerate(found, start=1):
-        numbers = [finite(one.value), finite(one.low), finite(one.high)]
-        texts = [one.unit, _WORSE.get(one.worse, "neither"), one.meaning]
-        for index, cell in enumerate([valve, one.name, *numbers, *texts]):
+    for line, (valve, measured) in enumerate(indicators, start=1):
+        numbers = [finite(measured.value), finite(measured.low), finite(measured.high)]
+        texts = [measured.unit, _WORSE.get(measured.worse, "neither"), measured.meaning]
+        for index, cell in enumerate([valve, measured.name, *numbers, *texts]):
             cell = printable(cell) if isinstance(cell, str) else cell
             write_cell(sheet, line, index, cell, styles)
 
@@ -170,7 +170,7 @@ def _read_me_parts(
         ("Settings digest", context.settings_digest),
     ]
     physics = discovered(ranked, context).sentence
-    not_read = [(one.source, one.reason) for one in context.sources_not_read]
+    not_read = [(unread.source, unread.reason) for unread in context.sources_not_read]
     return [
         (printable(context.title), run),
         ("Work", [("all valves", counted(ranked).sentence)]),

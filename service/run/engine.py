@@ -93,7 +93,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     assert report is not None  # a run of the command line has one, or an error
     return RunResult(
         screenings=executed.results,
-        brief=tuple(in_brief(one) for one in executed.results),
+        brief=tuple(in_brief(result) for result in executed.results),
         report=report,
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),
@@ -113,7 +113,7 @@ def work_off(
     executed = execute(run, planned.tasks, stop, over=over)
     shown = run.store.worst_of_run(run.number, run.shown or 0)
     known = run.plant.valves if run.plant else {}
-    gone = tuple(one for one in shown if one not in executed.previous and one in known)
+    gone = tuple(valve for valve in shown if valve not in executed.previous and valve in known)
     if gone and not stop.is_set():
         again = make_plan(replace(request, valves=gone), look)
         add_unsaved(run, executed, again.tasks, stop)

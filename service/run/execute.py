@@ -17,7 +17,11 @@ from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.html_page import MOST_PLOTTED
-from stemwatch.service.run.saving import Found, Saving, with_baselines
+from stemwatch.service.run.saving import (
+    PlacedScreening,
+    Saving,
+    with_what_was_found,
+)
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import Task, given_up, screen_packed
 from stemwatch.service.store.store import Store
@@ -29,6 +33,9 @@ T = TypeVar("T")
 # Valves that one worker takes at a time. Their networks train together, which is quicker; but every
 # worker should have some, and progress should be seen.
 CHUNK = 16
+# So many valves take far longer to fit than a worker to start and a file of so many bytes to parse.
+WORTH_PARTING, PARTED_UP_TO = 8, 32 * 2**20
+
 Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
 Over = Callable[[str, str], None]  # all of a valve is saved: it, and why it was given up if it was
 
@@ -117,7 +124,7 @@ def execute(
     the valves and a run that is cut short loses what was not begun, no more. A task on which
     workers hung or died has a screening with that reason. Ends early when ``stop`` is set.
     """
-    tasks = with_baselines(tasks, run.store)
+    tasks = with_what_was_found(tasks, run.store)
     results = ResultSpill(MOST_PLOTTED)
     saving = Saving(
         run.store,
@@ -129,33 +136,52 @@ def execute(
         over=over,
     )
     for done in _screened(run, tasks, stop):
-        found = [_put(results, outcome) for outcome in done]
-        saving.take(found, results)
-        for nth, one in enumerate(found, start=len(results) - len(found) + 1):
-            tell(one.screening, nth, len(tasks))
+        arrived = [_put(results, outcome) for outcome in done]
+        saving.take(arrived, results)
+        for nth, result in enumerate(arrived, start=len(results) - len(arrived) + 1):
+            tell(result.screening, nth, len(tasks))
     return Executed(results=results, previous=saving.previous, not_saved=tuple(saving.not_saved))
 
 
 def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:
     """Screen tasks again whose results are in the store, for their plots; nothing is saved."""
     first = len(executed.results)
-    for done in _screened(run, with_baselines(tasks, run.store), stop):
+    for done in _screened(run, with_what_was_found(tasks, run.store), stop):
         for outcome in done:
-            one = _put(executed.results, outcome, first)
-            found = run.store.previous_finding(one.screening, run.started)
-            executed.previous[one.screening.valve] = found
+            result = _put(executed.results, outcome, first)
+            before = run.store.previous_finding(result.screening, run.started)
+            executed.previous[result.screening.valve] = before
 
 
 def _screened(
     run: Run, tasks: Sequence[Task], stop: threading.Event
 ) -> Iterator[list[Outcome[Task, tuple[Screening, ValvePlots]]]]:
-    chunks = make_chunks(tasks, run.executor.workers, CHUNK, parsed=lambda task: task.text_file)
-    return outcomes(run.executor, partial(screen_packed, run.limits, os.getcwd()), chunks, stop)
+    batches = make_batches(tasks, run.executor.workers)
+    return outcomes(run.executor, partial(screen_packed, run.limits, os.getcwd()), batches, stop)
+
+
+def make_batches(tasks: Sequence[Task], workers: int) -> list[tuple[Task, ...]]:
+    """``tasks`` as they are dealt to ``workers``: valves of one file to one of them, unless others
+    would have nothing to do meanwhile."""
+    whole = not _worth_parting(tasks, workers)
+    return make_chunks(tasks, workers, CHUNK, lambda task: task.text_file if whole else None)
+
+
+def _worth_parting(tasks: Sequence[Task], workers: int) -> bool:
+    """Whether several workers had better parse the same files: many valves in fewer files than
+    there are workers, each soon read and small enough to be in the memory of every worker."""
+    files = {task.text_file for task in tasks}
+    if len(tasks) < WORTH_PARTING or len(files) >= workers:
+        return False
+    try:
+        return sum(Path(file).stat().st_size for file in files if file) <= PARTED_UP_TO
+    except OSError:  # whoever reads it says why
+        return False
 
 
 def _put(
     results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
-) -> Found:
+) -> PlacedScreening:
     """The outcome of a task on the disk, and what is saved of it."""
     place = first + outcome.place
     if outcome.result is None:
@@ -163,4 +189,4 @@ def _put(
     else:
         screening, evidence = outcome.result
     results.add(place, screening, evidence)
-    return Found(place=place, screening=screening, given_up=outcome.reason)
+    return PlacedScreening(place=place, screening=screening, given_up=outcome.reason)

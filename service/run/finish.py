@@ -34,24 +34,30 @@ def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
 
     Doing it again changes nothing. Raises ``StoreError``.
     """
-    found = store.tested_of_run(run_id)
-    stood = significant([one.p_value for one in found])
-    named = sum(one.named and stand for one, stand in zip(found, stood, strict=True))
+    tested = store.tested_of_run(run_id)
+    stood = significant([tested.p_value for tested in tested])
+    named = sum(tested.named and stand for tested, stand in zip(tested, stood, strict=True))
     held = [
-        one.screening for one, stand in zip(found, stood, strict=True) if one.named and not stand
+        tested.screening
+        for tested, stand in zip(tested, stood, strict=True)
+        if tested.named and not stand
     ]
-    remark = Discoveries(standing=(), tested=len(found), named=named, held_back=len(held)).remark
+    remark = Discoveries(standing=(), tested=len(tested), named=named, held_back=len(held)).remark
     marks = {
-        one.screening: remark if one.screening in set(held) else "" for one in found if one.named
+        tested.screening: remark if tested.screening in set(held) else ""
+        for tested in tested
+        if tested.named
     }
     store.note_held_back(run_id, marks)
-    return found
+    return tested
 
 
-def p_elsewhere(found: Sequence[TestedScreening], shown: Sequence[str]) -> tuple[float | None, ...]:
+def p_elsewhere(
+    tested: Sequence[TestedScreening], shown: Sequence[str]
+) -> tuple[float | None, ...]:
     """The p values of the valves that a report of ``shown`` leaves out."""
     there = set(shown)
-    return tuple(one.p_value for one in found if one.valve not in there)
+    return tuple(tested.p_value for tested in tested if tested.valve not in there)
 
 
 def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles | None:
@@ -101,7 +107,7 @@ def _write_worst(
     run: Run, worst: Worst, context: ReportContext, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
     """The report of the worst valves only, which says what it leaves out."""
-    shown = [one.valve for one in worst]
+    shown = [screening.valve for screening in worst]
     notes = context.sources_not_read
     more = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(shown))
     if more:
@@ -119,7 +125,11 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
     every: Sequence[Screening] = executed.results
     if run.queued:
         here = executed.previous
-        rest = [one for one in run.store.screenings_of_run(run.number) if one.valve not in here]
+        rest = [
+            screening
+            for screening in run.store.screenings_of_run(run.number)
+            if screening.valve not in here
+        ]
         if rest:
             every = [*executed.results, *rest]
             facts = stored_maintenance.facts_of(run.store, run.plant, rest)
@@ -134,7 +144,10 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         aside = run.store.queue.set_aside(run.number)
         notes += [SourceNotRead(source=valve, reason=why) for valve, why in aside]
     if plant is not None:
-        notes += [SourceNotRead(source=str(one.file), reason=str(one)) for one in plant.problems]
+        notes += [
+            SourceNotRead(source=str(problem.file), reason=str(problem))
+            for problem in plant.problems
+        ]
     return ReportContext(
         started=run.started,
         plant=plant.name if plant else "",

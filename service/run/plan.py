@@ -83,25 +83,36 @@ def look_with(executor: Executor, stop: threading.Event) -> Look:
 
     def look(files: Sequence[TextFile]) -> Sequence[Looked]:
         work = partial(tags_of_files, os.getcwd())
-        found: dict[int, Looked] = {}
+        looked: dict[int, Looked] = {}
         for (outcome,) in outcomes(executor, work, [[file] for file in files], stop):
             why = f"{outcome.item.path}: {outcome.reason}"
-            found[outcome.place] = why if outcome.result is None else outcome.result
-        return [found.get(place, "it was not looked at") for place in range(len(files))]
+            looked[outcome.place] = why if outcome.result is None else outcome.result
+        return [looked.get(place, "it was not looked at") for place in range(len(files))]
 
     return look
 
 
 def make_plan(request: Request, look: Look = look_here) -> Plan:
-    """The tasks of a request. Raises ``UnreadableSource`` where a source names nothing."""
+    """The tasks of a request, with the curves from OP to stroke that the plant file gives.
+
+    Raises ``UnreadableSource`` where a source names nothing.
+    """
+    plan = _plan(request, look)
+    valves = {} if request.plant is None else request.plant.valves
+    given = {valve.id: valve.given_curve for valve in valves.values()}
+    tasks = [replace(task, given_curve=given.get(task.tags.valve)) for task in plan.tasks]
+    return replace(plan, tasks=tuple(tasks))
+
+
+def _plan(request: Request, look: Look) -> Plan:
     if request.plant is not None and not request.sources:
         return _of_plant(request, request.plant, look)
     archives, others = split_archives(request.sources)
-    found = find_sources(others)
+    sources = find_sources(others)
     tasks = [task for path in archives for task in _of_archive(request, path)]
-    for path in found.paths:
+    for path in sources.paths:
         tasks += _of_file(request, str(path), look)
-    skipped = tuple((str(path), reason) for path, reason in found.skipped)
+    skipped = tuple((str(path), reason) for path, reason in sources.skipped)
     return Plan(tasks=tuple(tasks), not_read=skipped)
 
 
@@ -174,14 +185,14 @@ def _tags_in(
     wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
     if not valves:
         return [frozenset() for _ in files]
-    found: dict[str, Looked] = {}
+    tags: dict[str, Looked] = {}
     for path in files:
         if named := header_tags(path, wanted):
-            found[path] = frozenset(named)
-    unknown = [path for path in files if path not in found]
+            tags[path] = frozenset(named)
+    unknown = [path for path in files if path not in tags]
     parsed = look([TextFile(path=path, options=options) for path in unknown])
-    found |= dict(zip(unknown, parsed, strict=True))
-    return [found[path] for path in files]
+    tags |= dict(zip(unknown, parsed, strict=True))
+    return [tags[path] for path in files]
 
 
 def _present(valve: ValveTags, there: Set[str]) -> ValveTags:

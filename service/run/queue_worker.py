@@ -173,7 +173,9 @@ class QueueWorker:
         """The valves that the run is about: those asked for, else its schedule's, else all."""
         if stored.asked:
             return list(stored.asked)
-        kept = {one.schedule.name: one.schedule for one in self._store.schedules.all()}
+        kept = {
+            schedule.schedule.name: schedule.schedule for schedule in self._store.schedules.all()
+        }
         schedule = kept.get(stored.schedule or "")
         if schedule is None or not (schedule.areas or schedule.valves):
             return list(self._plant.valves)

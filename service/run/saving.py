@@ -13,30 +13,39 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.records import EarlierCurve
 from stemwatch.service.store.store import Store
 
 JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
 
 
-def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
-    """Each task with its valve's baseline network, where the store has one."""
-    found: dict[str, StoredBaseline | None] = {}
+def with_what_was_found(tasks: Sequence[Task], store: Store) -> list[Task]:
+    """Each task with its valve's baseline network, where the store has one, and with the curves
+    from OP to stroke of its last windows, where nobody gave one."""
+    curves: dict[str, tuple[EarlierCurve, ...]] = {}
+    baselines: dict[str, StoredBaseline | None] = {}
     for task in tasks:
         valve = task.tags.valve
-        if valve not in found:
+        if valve not in baselines:
             kept = store.baseline(valve)
-            found[valve] = (
+            baselines[valve] = (
                 None
                 if kept is None
                 else StoredBaseline(
                     network=kept.network, note=kept.note, window=kept.window, id=kept.id
                 )
             )
-    return [replace(task, baseline=found[task.tags.valve]) for task in tasks]
+        if valve not in curves:
+            given = task.given_curve is not None
+            curves[valve] = () if given else tuple(store.earlier_curves(valve))
+    return [
+        replace(task, baseline=baselines[task.tags.valve], earlier_curves=curves[task.tags.valve])
+        for task in tasks
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class PlacedScreening:
     """A screening at its place among the tasks; ``given_up`` is why the work on it was."""
 
     place: int
@@ -81,41 +90,41 @@ class Saving:
         self.previous: dict[str, PreviousFinding | None] = {}
         self.not_saved: list[tuple[str, str]] = []
 
-    def take(self, found: Sequence[Found], spill: ResultSpill) -> None:
+    def take(self, arrived: Sequence[PlacedScreening], spill: ResultSpill) -> None:
         """Save screenings, which ``spill`` has at their places, and what they make complete."""
-        for one in found:
-            if self._to_come[one.screening.valve][0] == one.place:
-                self._note_previous(one.screening)
-            if one.given_up:
-                self._given_up[one.screening.valve] = one.given_up
-        self._save(found)
-        for one in found:
-            self._waiting.add(one.place)
-            self._go_on(one, spill)
+        for result in arrived:
+            if self._to_come[result.screening.valve][0] == result.place:
+                self._note_previous(result.screening)
+            if result.given_up:
+                self._given_up[result.screening.valve] = result.given_up
+        self._save(arrived)
+        for result in arrived:
+            self._waiting.add(result.place)
+            self._go_on(result, spill)
 
-    def _save(self, found: Sequence[Found]) -> None:
-        many = [one.screening for one in found]
+    def _save(self, arrived: Sequence[PlacedScreening]) -> None:
+        many = [result.screening for result in arrived]
         report = self._store.save_many(many, self._number, self._compared)
         reasons = {failure.valve: failure.reason for failure in report.failures}
-        for one in found:
-            reason = reasons.get(one.screening.valve, "")
+        for result in arrived:
+            reason = reasons.get(result.screening.valve, "")
             if reason and self._must_save:
                 self._store.run(self._number)  # raises while the database is away
-                again = self._store.save_many([one.screening], self._number, self._compared)
+                again = self._store.save_many([result.screening], self._number, self._compared)
                 reason = "".join(failure.reason for failure in again.failures)
             if reason:
-                self._unsaved.add(one.place)
-                self._left_out(one.screening.valve, f"not saved: {reason}")
+                self._unsaved.add(result.place)
+                self._left_out(result.screening.valve, f"not saved: {reason}")
 
-    def _go_on(self, one: Found, spill: ResultSpill) -> None:
+    def _go_on(self, result: PlacedScreening, spill: ResultSpill) -> None:
         """What is due of the valve, in the order of its windows."""
-        valve = one.screening.valve
+        valve = result.screening.valve
         to_come = self._to_come[valve]
         while to_come and to_come[0] in self._waiting:
             first = to_come.pop(0)
             self._waiting.remove(first)
-            screening = one.screening
-            if first != one.place:
+            screening = result.screening
+            if first != result.place:
                 screening = spill.at_place(first)
                 self._note_previous(screening)
             if first not in self._unsaved:

@@ -24,7 +24,9 @@ from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Provenance, Recording
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.stickslip.stroke_curve import KnownCurve
 from stemwatch.service.store import DatabaseUrl, StoreError
+from stemwatch.service.store.screenings.records import EarlierCurve
 
 if TYPE_CHECKING:
     from stemwatch.service.report.charts.valve_plots import ValvePlots
@@ -67,6 +69,8 @@ class Task:
     read_options: ReadOptions = field(default_factory=ReadOptions)
     window: Window = WHOLE
     baseline: StoredBaseline | None = None
+    given_curve: KnownCurve | None = None  # from OP to stroke, by the plant file
+    earlier_curves: tuple[EarlierCurve, ...] = ()  # found in the valve's last windows
     reason: str = ""  # why there is nothing to screen, and what to do about it
     seen: tuple[str, ...] = ()  # what can be said of a readable file all the same
 
@@ -152,27 +156,27 @@ def screen_packed(
 
     _stand_in(folder)
     screenings = screen_tasks(tasks, limits)
-    found = []
+    screened = []
     while screenings:  # the samples of one are let go before the next is drawn
-        found.append(plots_instead_of_samples(screenings.pop(0)))
-    return found
+        screened.append(plots_instead_of_samples(screenings.pop(0)))
+    return screened
 
 
 def tags_of_files(folder: str, files: Sequence[TextFile]) -> list[frozenset[str] | str]:
     """The tags in each file, or the reason why it cannot be read: what a worker looks up for a
     plan, as parsing a file may take long and may end the process."""
     _stand_in(folder)
-    found: list[frozenset[str] | str] = []
+    headers: list[frozenset[str] | str] = []
     for file in files:
         try:
             tags = open_file(file.path, file.options).tags()
         except ConnectorError as error:
-            found.append(str(error))
+            headers.append(str(error))
         except (OSError, ValueError, MemoryError) as error:
-            found.append(f"{file.path}: {type(error).__name__}: {error}")
+            headers.append(f"{file.path}: {type(error).__name__}: {error}")
         else:
-            found.append(frozenset(info.tag for info in tags))
-    return found
+            headers.append(frozenset(info.tag for info in tags))
+    return headers
 
 
 def _stand_in(folder: str) -> None:
@@ -225,18 +229,36 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:
         return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
+    known = known_curve(task, recording)
     if task.baseline is None:
-        return Case(recording=recording)
+        return Case(recording=recording, known_curve=known)
     if recording.start is not None and task.baseline.window == (recording.start, recording.end):
-        return Case(recording=recording, baseline_note="This window is the baseline.")
+        note = "This window is the baseline."
+        return Case(recording=recording, baseline_note=note, known_curve=known)
     from stemwatch.models.narx.network import NarxNetwork
 
     try:
         network = NarxNetwork.from_bytes(task.baseline.network)
     except ValueError as error:
         note = f"{task.baseline.note} It cannot be read ({error}); set a new one."
-        return Case(recording=recording, baseline_note=note)
-    return Case(recording=recording, baseline=network, baseline_note=task.baseline.note)
+        return Case(recording=recording, baseline_note=note, known_curve=known)
+    return Case(
+        recording=recording,
+        baseline=network,
+        baseline_note=task.baseline.note,
+        known_curve=known,
+    )
+
+
+def known_curve(task: Task, recording: Recording) -> KnownCurve | None:
+    """What is known of OP and stroke: what the plant file says, else the curve of the window before
+    this one. A recording without dates has none before it."""
+    if task.given_curve is not None or recording.start is None or recording.end is None:
+        return task.given_curve
+    before = [one for one in task.earlier_curves if one.end <= recording.end]
+    others = [one for one in before if (one.start, one.end) != (recording.start, recording.end)]
+    last = max(others, key=lambda one: one.end, default=None)
+    return None if last is None else KnownCurve(last.curve)
 
 
 def _unread(task: Task, reason: str) -> Screening:

@@ -42,17 +42,17 @@ def due_between(
 ) -> Missed | None:
     """The instants in (``after``, ``until``], or ``None`` where there are none."""
     if schedule.every_s is not None:
-        first, last = (_number(schedule, one, zone) for one in (after, until))
+        first, last = (_number(schedule, instant, zone) for instant in (after, until))
         if last <= first:
             return None
         return Missed(last=_instant(schedule, last, zone), count=last - first)
     begin = max(after, until - _LOOK_BACK)
-    found = _count(schedule, begin, until, zone)
+    missed = _count(schedule, begin, until, zone)
     if begin > after:
-        if found is not None:
-            return Missed(last=found.last, count=found.count, at_least=True)
+        if missed is not None:
+            return Missed(last=missed.last, count=missed.count, at_least=True)
         return _count(schedule, after, until, zone)  # a schedule as rare as that is soon counted
-    return found
+    return missed
 
 
 def jitter(schedule: ScreeningSchedule, due: datetime) -> timedelta:

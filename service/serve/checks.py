@@ -32,33 +32,33 @@ def checks(
     the store, the scheduler, threads that must not end, the collector's process."""
     from stemwatch.service.web.site import Check
 
-    found = [_scheduler(scheduler)]
-    found += [
-        Check(name=one.name, ok=False, says="it has ended; the log says why", vital=True)
-        for one in working
-        if not one.is_alive()
+    checks = [_scheduler(scheduler)]
+    checks += [
+        Check(name=thread.name, ok=False, says="it has ended; the log says why", vital=True)
+        for thread in working
+        if not thread.is_alive()
     ]
     try:
         states = {state.source: state for state in store.sources.states()}
         going = store.queue.going()
     except StoreError:
         says = "the database does not answer"
-        return [*found, Check(name="store", ok=False, says=says, vital=True)]
-    found.append(Check(name="store", ok=True, vital=True))
+        return [*checks, Check(name="store", ok=False, says=says, vital=True)]
+    checks.append(Check(name="store", ok=True, vital=True))
     late = [run for run in going if run.heartbeat and _old(run.heartbeat)]
     to_do = f"{len(going)} {'run' if len(going) == 1 else 'runs'} to do"
     says = f"run {late[0].id} has been silent for a while" if late else to_do
-    found.append(Check(name="runs", ok=not late, says=says))
+    checks.append(Check(name="runs", ok=not late, says=says))
     if plant.devices:
-        found.append(_collector([states[name] for name in plant.devices if name in states]))
+        checks.append(_collector([states[name] for name in plant.devices if name in states]))
     for name in plant.devices:
         state = states.get(name)
         if state is None or _old(state.updated):
-            found.append(Check(name=f"device {name}", ok=False, says=_NOT_HEARD))
+            checks.append(Check(name=f"device {name}", ok=False, says=_NOT_HEARD))
         else:
             says = _FAULTY if state.fault else ""  # a fault may hold the device's address
-            found.append(Check(name=f"device {name}", ok=not says, says=says))
-    return found
+            checks.append(Check(name=f"device {name}", ok=not says, says=says))
+    return checks
 
 
 def _scheduler(scheduler: Scheduler) -> Check:

@@ -191,14 +191,16 @@ class BoundedConnection(H11Protocol):
             self.most,
         )
         waiting = [
-            one
-            for one in self.connections
-            if isinstance(one, BoundedConnection) and one is not self and one.waits
+            connection
+            for connection in self.connections
+            if isinstance(connection, BoundedConnection)
+            and connection is not self
+            and connection.waits
         ]
         if not waiting:
             self._close_with(_FULL)
             return
-        min(waiting, key=lambda one: one._since)._close_with(_FULL)
+        min(waiting, key=lambda connection: connection._since)._close_with(_FULL)
 
     def _close_with(self, answer: bytes) -> None:
         """Say why, where this connection has asked for nothing yet, and close."""

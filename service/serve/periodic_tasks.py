@@ -29,18 +29,18 @@ def periodic_tasks(store: Store, plant: Plant, owner: str) -> list[tuple[str, fl
     """(name, seconds between two times, what is done) of each task."""
     sender = Sender(store, notifiers_of(plant))
     since = datetime.now(UTC)
-    found: list[tuple[str, float, PeriodicTask]] = [
+    tasks: list[tuple[str, float, PeriodicTask]] = [
         ("lease", LEASE_S, lambda: store.leases.hold(LEASE, owner, LEASE_FOR)),
         ("messages", MESSAGES_S, sender.send_due),
         ("old samples", OLD_S, lambda: remove_old(store, plant)),
     ]
     if plant.devices:
-        found.append(("sources", SOURCES_S, lambda: _sources(store, plant, since)))
+        tasks.append(("sources", SOURCES_S, lambda: _sources(store, plant, since)))
     for source in plant.sources.values():
         if source.folder is not None:
             folder = WatchedFolder(plant, source.name, store)
-            found.append((f"folder {source.name}", FOLDERS_S, folder.look))
-    return found
+            tasks.append((f"folder {source.name}", FOLDERS_S, folder.look))
+    return tasks
 
 
 def repeat(name: str, every_s: float, task: PeriodicTask, stop: threading.Event) -> None:

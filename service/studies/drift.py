@@ -117,7 +117,7 @@ def run_drift(
     for place, followed in map_items(executor, follow_batch, batches):
         done[place] = followed
         tell(sum(map(len, done.values())) // len(ways))
-    return [one for place in sorted(done) for one in done[place]]
+    return [followed for place in sorted(done) for followed in done[place]]
 
 
 def follow_batch(batch: DriftBatch) -> list[Followed]:
@@ -255,7 +255,7 @@ def _score(baseline: NarxNetwork, window: PlantLoop, chance: int) -> BaselineSco
 
 def scores(followed: Sequence[Followed], *ways: ValveFate) -> list[float]:
     """The scores of the valves that went one of ``ways`` and have one."""
-    return [one.score for one in followed if one.way in ways and one.score is not None]
+    return [valve.score for valve in followed if valve.way in ways and valve.score is not None]
 
 
 _NORMAL_95 = 1.959964
@@ -273,12 +273,12 @@ def auc(healthy: Sequence[float], growing: Sequence[float]) -> Estimate:
     if not healthy or not growing:
         return Estimate.unknown("no valve of one group could be scored; follow more valves")
     above = np.subtract.outer(np.asarray(growing), np.asarray(healthy))
-    found = float(np.mean((above > 0) + 0.5 * (above == 0)))
-    low, high = _newcombe(found, len(healthy), len(growing))
-    return Estimate(value=found, low=low, high=high)
+    area = float(np.mean((above > 0) + 0.5 * (above == 0)))
+    low, high = _newcombe(area, len(healthy), len(growing))
+    return Estimate(value=area, low=low, high=high)
 
 
-def _newcombe(found: float, m: int, n: int) -> tuple[float, float]:
+def _newcombe(rate: float, m: int, n: int) -> tuple[float, float]:
     from scipy.optimize import brentq
 
     larger = (m + n) / 2 - 1
@@ -288,12 +288,12 @@ def _newcombe(found: float, m: int, n: int) -> tuple[float, float]:
         return area * (1 - area) * spread / (m * n)
 
     def excess(area: float) -> float:
-        return (found - area) ** 2 - _NORMAL_95**2 * variance(area)
+        return (rate - area) ** 2 - _NORMAL_95**2 * variance(area)
 
-    # The excess is below zero next to ``found``, above it at the far end, and 0 at ``found`` itself
+    # The excess is below zero next to ``rate``, above it at the far end, and 0 at ``rate`` itself
     # where that is 0 or 1: the search begins beside it.
-    low = 0.0 if found <= 0.0 else float(brentq(excess, 0.0, found - _BESIDE))
-    high = 1.0 if found >= 1.0 else float(brentq(excess, found + _BESIDE, 1.0))
+    low = 0.0 if rate <= 0.0 else float(brentq(excess, 0.0, rate - _BESIDE))
+    high = 1.0 if rate >= 1.0 else float(brentq(excess, rate + _BESIDE, 1.0))
     return low, high
 
 
@@ -305,5 +305,5 @@ def calibrated_limit(healthy: Sequence[float], share: float) -> float | None:
     """
     if not healthy:
         return None
-    found = float(np.quantile(healthy, 1.0 - share, method="higher"))
-    return float(np.ceil(10.0 * found - 1e-9) / 10.0)
+    limit = float(np.quantile(healthy, 1.0 - share, method="higher"))
+    return float(np.ceil(10.0 * limit - 1e-9) / 10.0)

@@ -236,40 +236,40 @@ def answer_batch(batch: RobustnessBatch) -> list[Answer]:
         recording = simulate_loop(valve.case.loop, valve.case.seed).recording
         for way in batch.ways:
             stored = WAYS[way].change(recording)
-            (found,) = screen([Case(recording=stored)], Options(narx=False))
+            (screening,) = screen([Case(recording=stored)], Options(narx=False))
             scale = _op_per_travel(recording, stored) if WAYS[way].strokes else 1.0
-            answers.append(_answer(way, valve, found, scale))
+            answers.append(_answer(way, valve, screening, scale))
     return answers
 
 
 def _op_per_travel(recording: Recording, stored: Recording) -> float:
     """Percent of stored OP for a percent of travel, over the part of OP that was used."""
     before, after = (
-        np.subtract(*np.percentile(one.op.values[one.op.usable], (99.5, 0.5)))
-        for one in (recording, stored)
+        np.subtract(*np.percentile(form.op.values[form.op.usable], (99.5, 0.5)))
+        for form in (recording, stored)
     )
     return float(after / before)
 
 
-def _answer(way: str, valve: Valve, found: Screening, scale: float) -> Answer:
+def _answer(way: str, valve: Valve, screening: Screening, scale: float) -> Answer:
     numbers = [
         None
         if estimate.value is None or estimate.low is None or estimate.high is None
         else (estimate.value, estimate.low, estimate.high)
-        for estimate in (found.S, found.J)
+        for estimate in (screening.S, screening.J)
     ]
-    effects = found.mismatch.effects if found.mismatch is not None else ()
+    effects = screening.mismatch.effects if screening.mismatch is not None else ()
     return Answer(
         way=way,
         sticking=valve.sticking,
-        verdict=found.verdict,
-        reason=found.reason,
+        verdict=screening.verdict,
+        reason=screening.reason,
         S=numbers[0],
         J=numbers[1],
         true_S=scale * valve.S,
         true_J=scale * valve.J,
         named=tuple(effect.slug for effect in effects),
-        seconds=found.seconds,
+        seconds=screening.seconds,
     )
 
 
@@ -317,24 +317,24 @@ def rows(answers: Sequence[Answer]) -> Iterator[Row]:
 
 
 def _row(way: str, answers: Sequence[Answer]) -> Row:
-    healthy = [one for one in answers if not one.sticking]
-    sticking = [one for one in answers if one.sticking]
-    S = [(one.true_S, *one.S) for one in sticking if one.S is not None]
-    J = [(one.true_J, *one.J) for one in sticking if one.J is not None]
+    healthy = [answer for answer in answers if not answer.sticking]
+    sticking = [answer for answer in answers if answer.sticking]
+    S = [(answer.true_S, *answer.S) for answer in sticking if answer.S is not None]
+    J = [(answer.true_J, *answer.J) for answer in sticking if answer.J is not None]
     return Row(
         way=way,
         healthy=len(healthy),
-        called_sticky=sum(one.verdict is Verdict.STICKY for one in healthy),
-        healthy_undetermined=sum(one.verdict is Verdict.UNDETERMINED for one in healthy),
+        called_sticky=sum(answer.verdict is Verdict.STICKY for answer in healthy),
+        healthy_undetermined=sum(answer.verdict is Verdict.UNDETERMINED for answer in healthy),
         sticking=len(sticking),
-        missed=sum(one.verdict not in (Verdict.STICKY, Verdict.WATCH) for one in sticking),
+        missed=sum(answer.verdict not in (Verdict.STICKY, Verdict.WATCH) for answer in sticking),
         with_numbers=len(S),
         S_error=_median([abs(value - truth) for truth, value, _, _ in S]),
         J_error=_median([abs(value - truth) for truth, value, _, _ in J]),
         S_held=sum(low <= truth <= high for truth, _, low, high in S),
         J_held=sum(low <= truth <= high for truth, _, low, high in J),
         S_width=_median([high - low for _, _, low, high in S]),
-        named=sum(bool(one.named) for one in answers),
+        named=sum(bool(answer.named) for answer in answers),
     )
 
 

@@ -9,7 +9,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -118,7 +118,7 @@ def write_archive(
             tell(done, plan.valves)
     plant = folder / "plant.toml"
     plant.write_text("\n".join(_plant_toml(plan)) + "\n", encoding="utf-8", newline="\n")
-    ordered = [one for place in sorted(truths) for one in truths[place]]
+    ordered = [truth for place in sorted(truths) for truth in truths[place]]
     whole = {"start": plan.start.isoformat(), "interval_s": plan.interval_s, "valves": ordered}
     (folder / "truth.json").write_text(json.dumps(whole) + "\n", encoding="utf-8")
     return plant
@@ -178,12 +178,12 @@ def _simulated(plan: ArchivePlan, at: int) -> _Loop:
 
     loop = _loop(plan, at)
     archive = replace(loop.archive, interval_s=plan.interval_s)
-    found = simulate_loop(
+    simulated = simulate_loop(
         replace(loop, archive=archive, duration_s=3600.0 * plan.hours), plan.seed + at
     )
-    signals = found.recording.signals
+    signals = simulated.recording.signals
     return _Loop(
-        {role: signals[role].values for role in ROLES if role in signals}, found.truth.as_json()
+        {role: signals[role].values for role in ROLES if role in signals}, simulated.truth.as_json()
     )
 
 
@@ -199,15 +199,15 @@ def _loop(plan: ArchivePlan, at: int) -> PlantLoop:
 
 def _columns(plan: ArchivePlan, loop: _Loop, place: int) -> dict[Role, Floats]:
     """The signals in percent, OP and MV always, rounded as an archive rounds."""
-    found = loop.signals
+    signals = loop.signals
     again = place // plan.loops
     if again:
         rng = np.random.default_rng([plan.seed, place])
-        shift = int(rng.integers(found[Role.OP].size))
-        found = {role: np.roll(values, shift) for role, values in found.items()}
-        noise = rng.standard_normal(found[Role.OP].size)
-        found[Role.MV] = found[Role.MV] + REUSED_NOISE_PERCENT * noise
-    return {role: np.round(values, DECIMALS) for role, values in found.items()}
+        shift = int(rng.integers(signals[Role.OP].size))
+        signals = {role: np.roll(values, shift) for role, values in signals.items()}
+        noise = rng.standard_normal(signals[Role.OP].size)
+        signals[Role.MV] = signals[Role.MV] + REUSED_NOISE_PERCENT * noise
+    return {role: np.round(values, DECIMALS) for role, values in signals.items()}
 
 
 def _clock(plan: ArchivePlan, samples: int) -> np.ndarray[Any, np.dtype[np.datetime64]]:
@@ -288,8 +288,3 @@ def _plant_toml(plan: ArchivePlan) -> Iterator[str]:
         yield f'\n[[valves]]\nid = "{tag}"\narea = "Area {place % AREAS + 1}"\nsource = "archive"'
         for role in ROLES:
             yield f'tags.{role.value} = {{ tag = "{tag}.{role.value}", unit = "%" }}'
-
-
-def end_of(plan: ArchivePlan) -> datetime:
-    """The time just after the last sample."""
-    return plan.start + timedelta(hours=plan.hours)

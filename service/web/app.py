@@ -110,7 +110,9 @@ def _say_errors(app: FastAPI, deps: Dependencies) -> None:
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
-        said = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]
+        said = [
+            f"{'.'.join(map(str, mistake['loc']))}: {mistake['msg']}" for mistake in error.errors()
+        ]
         return _failure(deps, request, 422, "; ".join(said))
 
     @app.exception_handler(Refused)

@@ -46,8 +46,8 @@ class Dependencies:
 
 
 def _dependencies(request: Request) -> Dependencies:
-    found: Dependencies = request.app.state.deps
-    return found
+    deps: Dependencies = request.app.state.deps
+    return deps
 
 
 Deps = Annotated[Dependencies, Depends(_dependencies)]

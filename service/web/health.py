@@ -39,10 +39,10 @@ def _answer(checks: list[CheckAnswer], response: Response) -> HealthAnswer:
 
 
 def _checks(deps: Dependencies, *, vital: bool) -> list[CheckAnswer]:
-    found = deps.site.checks()
-    wanted = [one for one in found if one.vital or not vital]
+    checks = deps.site.checks()
+    wanted = [check for check in checks if check.vital or not vital]
     return [_database(deps)] + [
-        CheckAnswer(name=one.name, ok=one.ok, says=one.says) for one in wanted
+        CheckAnswer(name=check.name, ok=check.ok, says=check.says) for check in wanted
     ]
 
 

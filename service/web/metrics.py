@@ -90,38 +90,47 @@ def _known_devices(deps: Dependencies, states: list[SourceState]) -> list[Source
     """The devices that the plant file names; what it named once is no series for ever."""
     plant = deps.site.plant
     return [
-        one
-        for one in states
-        if one.kind != "folder" and (plant is None or one.source in plant.devices)
+        state
+        for state in states
+        if state.kind != "folder" and (plant is None or state.source in plant.devices)
     ]
 
 
 def _of_devices(devices: list[SourceState], now: datetime) -> Iterator[Metric]:
     samples = _counter("samples", "Samples polled since the collector started, by quality")
-    for one in devices:
+    for device in devices:
         for quality in ("good", "bad"):
-            _add(samples, {"device": one.source, "quality": quality}, one.figures.get(quality, 0))
+            _add(
+                samples,
+                {"device": device.source, "quality": quality},
+                device.figures.get(quality, 0),
+            )
     yield samples
     for key, name, says in _DEVICE_COUNTS:
         counter = _counter(name, says)
-        for one in devices:
-            _add(counter, {"device": one.source}, one.figures.get(key, 0))
+        for device in devices:
+            _add(counter, {"device": device.source}, device.figures.get(key, 0))
         yield counter
     for key, name, says in _DEVICE_GAUGES:
-        known = [one for one in devices if key in one.figures]
-        yield _gauge(name, says, [({"device": one.source}, one.figures[key]) for one in known])
-    up = [({"device": one.source}, float(one.connected and not one.fault)) for one in devices]
+        known = [device for device in devices if key in device.figures]
+        yield _gauge(
+            name, says, [({"device": state.source}, state.figures[key]) for state in known]
+        )
+    up = [
+        ({"device": device.source}, float(device.connected and not device.fault))
+        for device in devices
+    ]
     yield _gauge("device_up", "1 where the device answers without a fault", up)
-    ages = [(one.source, one.last_good) for one in devices]
+    ages = [(device.source, device.last_good) for device in devices]
     yield _gauge(
         "device_last_good_age_seconds",
         "Since the last poll with a good sample",
         [({"device": name}, _age_s(at, now)) for name, at in ages if at is not None],
     )
-    heard = [({"device": one.source}, _age_s(one.updated, now)) for one in devices]
+    heard = [({"device": device.source}, _age_s(device.updated, now)) for device in devices]
     yield _gauge("device_heard_age_seconds", "Since the collector spoke of the device", heard)
-    dropped = max((one.figures.get("dropped", 0.0) for one in devices), default=0.0)
-    refused = max((one.figures.get("store_refused", 0.0) for one in devices), default=0.0)
+    dropped = max((device.figures.get("dropped", 0.0) for device in devices), default=0.0)
+    refused = max((device.figures.get("store_refused", 0.0) for device in devices), default=0.0)
     yield _counter("samples_dropped", "Samples that neither disk nor memory held", dropped)
     yield _counter("samples_refused", "Samples that the store refused for good", refused)
 
@@ -131,7 +140,7 @@ def _of_runs(figures: StoreFigures) -> Iterator[Metric]:
     for state in _OVER:
         _add(runs, {"outcome": state.value}, figures.runs.get(state.value, 0))
     yield runs
-    going = [({"state": one.value}, float(figures.runs.get(one.value, 0))) for one in _GOING]
+    going = [({"state": state.value}, float(figures.runs.get(state.value, 0))) for state in _GOING]
     yield _gauge("queue_runs", "Runs that wait or go on", going)
     yield _one("queue_valves", "Valves that these still have to do", figures.valves_to_do)
     yield _counter("valves_set_aside", "Valves of all runs without a result", figures.set_aside)
@@ -169,7 +178,7 @@ def _of_alerts(deps: Dependencies, figures: StoreFigures) -> Iterator[Metric]:
 
 def _of_parts(deps: Dependencies) -> Iterator[Metric]:
     """The vital parts as ``/ready`` sees them."""
-    parts = [({"part": one.name}, float(one.ok)) for one in deps.site.checks() if one.vital]
+    parts = [({"part": check.name}, float(check.ok)) for check in deps.site.checks() if check.vital]
     yield _gauge("part_up", "1 where a vital part of the service works", parts)
 
 

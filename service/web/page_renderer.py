@@ -101,7 +101,7 @@ def valve_link(valve: str) -> str:
 def _template(name: str) -> str:
     """A template of this package, or the report's of the same name."""
     for place in ("web/templates", "report/templates"):
-        found = files("stemwatch.service").joinpath(place, name)
-        if found.is_file():
-            return found.read_text("utf-8")
+        resource = files("stemwatch.service").joinpath(place, name)
+        if resource.is_file():
+            return resource.read_text("utf-8")
     raise FileNotFoundError(f"no template {name}")

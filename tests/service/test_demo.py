@@ -17,7 +17,7 @@ from stemwatch.service.config import load_plant
 def demo(tmp_path_factory: pytest.TempPathFactory, stemwatch) -> Path:
     """The folder that one run of the demonstration leaves."""
     folder = tmp_path_factory.mktemp("demo") / "plant"
-    outcome = stemwatch("demo", "--out", folder, "--workers", 1)
+    outcome = stemwatch("demo", "--out", folder, "--workers", 2)
     assert outcome.status == 0, outcome.said
     assert "Open the report in a browser" in outcome.said
     return folder

@@ -31,8 +31,8 @@ class Layout(Protocol):
 def layouts() -> tuple[Layout, ...]:
     """Every layout in this package, the most particular first."""
     names = sorted(module.name for module in iter_modules(__path__))
-    found: list[Layout] = [import_module(f"{__name__}.{name}").LAYOUT for name in names]
-    return tuple(sorted(found, key=lambda layout: (layout.order, layout.name)))
+    layouts: list[Layout] = [import_module(f"{__name__}.{name}").LAYOUT for name in names]
+    return tuple(sorted(layouts, key=lambda layout: (layout.order, layout.name)))
 
 
 def parse_source(source: LayoutInput) -> RawTable:

@@ -39,11 +39,11 @@ class LayoutInput:
             return self.options.separator
         lines = self.document.lines[skip:]
         step = max(1, len(lines) // _SAMPLE)
-        found = sniff_separator(lines[:_HEAD] + lines[_HEAD::step])
-        if found is not None:
-            shown = {"\t": "a tab"}.get(found, f"{found!r}")
+        separator = sniff_separator(lines[:_HEAD] + lines[_HEAD::step])
+        if separator is not None:
+            shown = {"\t": "a tab"}.get(separator, f"{separator!r}")
             self.notes.decide(f"The separator is {shown}.")
-        return found or ","
+        return separator or ","
 
     def rows(self, separator: str, first: int = 0) -> Rows:
         """All rows from line ``first + 1`` on."""

@@ -121,11 +121,11 @@ def _series(
     n = len(columns[where.value])
     if where.tag is None:
         return {source.document.path.stem.split(".")[0]: np.arange(n, dtype=np.int64)}
-    found: dict[str, list[int]] = {}
+    by_tag: dict[str, list[int]] = {}
     for row, tag in enumerate(columns[where.tag]):
-        found.setdefault(tag, []).append(row)
+        by_tag.setdefault(tag, []).append(row)
     merged: dict[str, list[int]] = {}
-    for tag, rows in found.items():
+    for tag, rows in by_tag.items():
         merged.setdefault(tag.strip(), []).extend(rows)
     return {tag: np.sort(np.array(rows, dtype=np.int64)) for tag, rows in merged.items() if tag}
 

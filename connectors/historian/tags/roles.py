@@ -51,40 +51,44 @@ def propose_roles(
     ``stem`` names the valve where tags are nothing but OP, PV, SP. ``mv_is_output``: the layout
     itself uses MV for the manipulated variable, which the description must confirm.
     """
-    found = [
+    candidates = [
         Candidate(tag=t, unit=u, description=d, own_interval_s=i, name=parse_tag(t))
         for t, u, d, i in tags
     ]
-    found = [_propose(one, found, stem, mv_is_output) for one in found]
-    found = _pair_positions(found)
-    found = _pair_transmitters(found)
-    return _one_per_role(found)
+    candidates = [_propose(candidate, candidates, stem, mv_is_output) for candidate in candidates]
+    candidates = _pair_positions(candidates)
+    candidates = _pair_transmitters(candidates)
+    return _one_per_role(candidates)
 
 
 def _propose(
-    one: Candidate, everyone: Sequence[Candidate], stem: str, mv_is_output: bool
+    candidate: Candidate, everyone: Sequence[Candidate], stem: str, mv_is_output: bool
 ) -> Candidate:
-    name = one.name
+    name = candidate.name
     if not name.word:
-        return replace(one, remark="nothing in tag or description says what it is to a valve")
+        return replace(candidate, remark="nothing in tag or description says what it is to a valve")
     valve = name.loop or stem
-    described = described_role(one.description)
+    described = described_role(candidate.description)
     if name.word == "mv":
-        return _propose_mv(replace(one, valve=valve), described, mv_is_output)
+        return _propose_mv(replace(candidate, valve=valve), described, mv_is_output)
     if name.word == "cv":
-        return _propose_cv(replace(one, valve=valve), everyone)
+        return _propose_cv(replace(candidate, valve=valve), everyone)
     role = name.role
     if role is None:
-        return replace(one, remark=f"{name.word!r} of this block has no part in a control loop")
+        return replace(
+            candidate, remark=f"{name.word!r} of this block has no part in a control loop"
+        )
     if described not in (None, role):
         return replace(
-            one,
+            candidate,
             valve=valve,
-            remark=f"the tag says {role.value} but the description {one.description!r} does not",
+            remark=(
+                f"the tag says {role.value} but the description {candidate.description!r} does not"
+            ),
         )
     confirmed = ", as its description says" if described is role else ""
     remark = f"by its name {name.word.upper()!r}{confirmed}"
-    return replace(one, role=role, valve=valve, remark=remark)
+    return replace(candidate, role=role, valve=valve, remark=remark)
 
 
 def described_role(description: str) -> Role | None:
@@ -98,59 +102,61 @@ def described_role(description: str) -> Role | None:
     return hits.pop() if len(hits) == 1 else None
 
 
-def _propose_mv(one: Candidate, described: Role | None, mv_is_output: bool) -> Candidate:
+def _propose_mv(candidate: Candidate, described: Role | None, mv_is_output: bool) -> Candidate:
     if described is Role.OP:
         where = "by the layout and " if mv_is_output else "by "
-        remark = f"MV is the controller output here, {where}its description {one.description!r}"
-        return replace(one, role=Role.OP, remark=remark)
-    return replace(one, remark=_ASK_MV)
+        remark = (
+            f"MV is the controller output here, {where}its description {candidate.description!r}"
+        )
+        return replace(candidate, role=Role.OP, remark=remark)
+    return replace(candidate, remark=_ASK_MV)
 
 
-def _propose_cv(one: Candidate, everyone: Sequence[Candidate]) -> Candidate:
-    beside = {other.name.role for other in everyone if other.name.loop == one.name.loop}
-    if one.unit == PERCENT and beside & {Role.MV, Role.PV} and Role.OP not in beside:
+def _propose_cv(candidate: Candidate, everyone: Sequence[Candidate]) -> Candidate:
+    beside = {other.name.role for other in everyone if other.name.loop == candidate.name.loop}
+    if candidate.unit == PERCENT and beside & {Role.MV, Role.PV} and Role.OP not in beside:
         remark = "CV in percent beside the same loop's position or PV: the controller output"
-        return replace(one, role=Role.OP, remark=remark)
-    return replace(one, remark=_ASK_CV)
+        return replace(candidate, role=Role.OP, remark=remark)
+    return replace(candidate, remark=_ASK_CV)
 
 
-def _pair_positions(found: list[Candidate]) -> list[Candidate]:
+def _pair_positions(candidates: list[Candidate]) -> list[Candidate]:
     """``ZT-101`` belongs to the one loop that has an OP and the same number."""
-    outputs = {one.valve for one in found if one.role is Role.OP}
+    outputs = {candidate.valve for candidate in candidates if candidate.role is Role.OP}
     out = []
-    for one in found:
-        if one.role is Role.MV and one.valve not in outputs:
-            same = [valve for valve in outputs if number(valve) == number(one.valve) != ""]
+    for candidate in candidates:
+        if candidate.role is Role.MV and candidate.valve not in outputs:
+            same = [valve for valve in outputs if number(valve) == number(candidate.valve) != ""]
             if len(same) == 1:
                 remark = f"position transmitter with the number of {same[0]}"
-                one = replace(one, valve=same[0], remark=remark)
-        out.append(one)
+                candidate = replace(candidate, valve=same[0], remark=remark)
+        out.append(candidate)
     return out
 
 
-def _pair_transmitters(found: list[Candidate]) -> list[Candidate]:
+def _pair_transmitters(candidates: list[Candidate]) -> list[Candidate]:
     """``FIT-400B/AI1/OUT`` is the measurement of ``FIC-400B``."""
-    outputs = {one.valve for one in found if one.role is Role.OP}
+    outputs = {candidate.valve for candidate in candidates if candidate.role is Role.OP}
     by_instrument: dict[str, list[str]] = {}
     for valve in outputs:
         by_instrument.setdefault(instrument(valve), []).append(valve)
     out = []
-    for one in found:
-        same = by_instrument.get(instrument(one.valve), [])
-        if one.role is Role.PV and one.valve not in outputs and len(same) == 1:
-            one = replace(one, valve=same[0], remark=f"the measurement of {same[0]}")
-        out.append(one)
+    for candidate in candidates:
+        same = by_instrument.get(instrument(candidate.valve), [])
+        if candidate.role is Role.PV and candidate.valve not in outputs and len(same) == 1:
+            candidate = replace(candidate, valve=same[0], remark=f"the measurement of {same[0]}")
+        out.append(candidate)
     return out
 
 
-def _one_per_role(found: list[Candidate]) -> list[Candidate]:
+def _one_per_role(candidates: list[Candidate]) -> list[Candidate]:
     """Of several tags for one role of one valve the one with the quickest own rate is proposed;
     a controller's own copy (PID block) is the last choice."""
     groups: dict[tuple[str, Role], list[int]] = {}
-    for i, one in enumerate(found):
-        if one.role is not None:
-            groups.setdefault((one.valve, one.role), []).append(i)
-    out = list(found)
+    for i, candidate in enumerate(candidates):
+        if candidate.role is not None:
+            groups.setdefault((candidate.valve, candidate.role), []).append(i)
+    out = list(candidates)
     for members in groups.values():
         if len(members) > 1:
             _choose(out, members)

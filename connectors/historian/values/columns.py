@@ -56,7 +56,9 @@ def sharing_times(columns: Mapping[Role, Column]) -> dict[Role, Column]:
     known: list[Timeline] = []
     shared: dict[Role, Column] = {}
     for role, column in columns.items():
-        same = next((one for one in known if np.array_equal(one.ns, column.ns)), None)
+        same = next(
+            (timeline for timeline in known if np.array_equal(timeline.ns, column.ns)), None
+        )
         if same is None:
             known.append(column.times)
         shared[role] = column if same is None else replace(column, times=same)
@@ -252,13 +254,13 @@ def _faulty(
     usable = quality <= Quality.HELD
     believed = np.where(usable, values, np.nan)
     for find, verdict, what in kinds:
-        found = find(believed) & usable
-        if found.any():
-            shown = ", ".join(f"{v:g}" for v in np.unique(values[found])[:4])
-            n = int(found.sum())
+        coded = find(believed) & usable
+        if coded.any():
+            shown = ", ".join(f"{v:g}" for v in np.unique(values[coded])[:4])
+            n = int(coded.sum())
             notes.decide(f"{tag}: {n} samples ({shown}) {what}; they are left out.")
             reasons[f"{verdict.name.lower()} {shown}"[:_SHOWN]] += n
-            quality = np.where(found, verdict, quality).astype(np.uint8)
+            quality = np.where(coded, verdict, quality).astype(np.uint8)
             usable = quality <= Quality.HELD
             believed = np.where(usable, values, np.nan)
     return quality

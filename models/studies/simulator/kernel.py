@@ -354,7 +354,9 @@ def run_loop(
     for i in range(steps.total):
         if i % steps.record == steps.record_phase:
             sensed = 100.0 * linked / stem.stroke_m
-            records[record] = (100.0 * x / stem.stroke_m, op, read, pv, sensed)
+            # One by one: a whole row would compile the words of an error about shapes as well.
+            row = records[record]
+            row[0], row[1], row[2], row[3], row[4] = 100.0 * x / stem.stroke_m, op, read, pv, sensed
             record += 1
         if i % steps.scan == 0:
             read, slope, filtered = controller_reading(pv + scans[2, scan], filtered, c)

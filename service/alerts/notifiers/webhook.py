@@ -41,13 +41,13 @@ def addresses(host: str, port: int, *, allow_private: bool) -> list[str]:
     Raises ``NotSent`` where one of them is not public and ``allow_private`` is false, and
     ``OSError`` where the name is not known.
     """
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    listed = list(dict.fromkeys(str(one[4][0]) for one in found))
+    resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    listed = list(dict.fromkeys(str(entry[4][0]) for entry in resolved))
     if not allow_private:
-        for one in listed:
-            if not is_public(one):
+        for address in listed:
+            if not is_public(address):
                 raise NotSent(
-                    f"{host} is {one}, an address of this machine or of a private network; set "
+                    f"{host} is {address}, an address of this machine or of a private network; set "
                     "allow_private = true where that is meant",
                     final=True,
                 )

@@ -130,15 +130,15 @@ def difference(mv: Signal, simulated: Floats) -> Floats:
 def series(role: str, label: str, values: Floats, frame: ChartFrame) -> Chart:
     """One trace: thinned over the whole record, sample by sample in the stretch."""
     drawn = lowest_and_highest(values, frame.grid)
-    one = {"role": role, "label": label, "said": _range(label, drawn), "values": packed(drawn)}
+    trace = {"role": role, "label": label, "said": _range(label, drawn), "values": packed(drawn)}
     if frame.detail is not None:
-        one["detail"] = packed(values[frame.detail])
-    return one
+        trace["detail"] = packed(values[frame.detail])
+    return trace
 
 
 def panel(name: str, title: str, unit: str, traces: list[Chart]) -> Chart:
     """One plot over time, with a sentence for those who do not see it."""
-    spoken = "; ".join(one.pop("said") for one in traces)
+    spoken = "; ".join(trace.pop("said") for trace in traces)
     return {
         "id": name,
         "title": title,

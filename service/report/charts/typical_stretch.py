@@ -82,8 +82,8 @@ def typical_stretch_of(
     turns = _turns(recording.op.values)
     parts = [] if heldout is None else [(heldout, True)]
     for begin, held_out in [*parts, (0, False)]:
-        found = _candidates(turns[turns >= begin], begin, len(recording), held_out)
-        chosen = None if found is None else _most_typical(simulated, recording, found)
+        candidates = _candidates(turns[turns >= begin], begin, len(recording), held_out)
+        chosen = None if candidates is None else _most_typical(simulated, recording, candidates)
         if chosen is not None:
             return chosen
     return None
@@ -106,32 +106,36 @@ def _candidates(turns: Indices, begin: int, end: int, held_out: bool) -> _Candid
     margin = int(np.median(np.diff(turns))) // 3 + 1
     first = np.maximum(turns[: turns.size - count + 1] - margin, begin)
     last = np.minimum(turns[count - 1 :] + margin + 1, end)
-    found = _Candidates(first=first, last=last, count=count, held_out=held_out)
-    return found.keep(last - first <= LONGEST_SHARE * end)
+    candidates = _Candidates(first=first, last=last, count=count, held_out=held_out)
+    return candidates.keep(last - first <= LONGEST_SHARE * end)
 
 
 def _most_typical(
-    simulated: Floats | None, recording: Recording, found: _Candidates
+    simulated: Floats | None, recording: Recording, candidates: _Candidates
 ) -> TypicalStretch | None:
-    errors = _errors(simulated, recording, found)
-    measure = _swings(recording, found) if errors is None else errors
+    errors = _errors(simulated, recording, candidates)
+    measure = _swings(recording, candidates) if errors is None else errors
     known = np.isfinite(measure)
     if not known.any():
         return None
-    found, measure = found.keep(known), measure[known]
+    candidates, measure = candidates.keep(known), measure[known]
     low, high = np.percentile(measure, MIDDLE_PERCENTILES, method="nearest")
-    length = found.last - found.first
+    length = candidates.last - candidates.first
     off = np.abs(length - np.median(length)).astype(np.float64)
     off[(measure < low) | (measure > high)] = np.inf
     # Of several that are equally ordinary, the middle one: the record's ends are seldom typical.
     equal = np.flatnonzero(off == off.min())
     k = int(equal[equal.size // 2])
-    why = _why(found, measure[k], float(np.median(measure)), of_model=errors is not None)
-    name = "A typical stretch" if found.first.size > 1 else "A stretch"
-    return TypicalStretch(first=int(found.first[k]), last=int(found.last[k]), name=name, why=why)
+    why = _why(candidates, measure[k], float(np.median(measure)), of_model=errors is not None)
+    name = "A typical stretch" if candidates.first.size > 1 else "A stretch"
+    return TypicalStretch(
+        first=int(candidates.first[k]), last=int(candidates.last[k]), name=name, why=why
+    )
 
 
-def _errors(simulated: Floats | None, recording: Recording, found: _Candidates) -> Floats | None:
+def _errors(
+    simulated: Floats | None, recording: Recording, candidates: _Candidates
+) -> Floats | None:
     """Rmse of MV less the stick-slip model on each candidate; NaN where too much is missing."""
     mv = recording.mv
     if mv is None or simulated is None or simulated.shape != mv.values.shape:
@@ -140,28 +144,28 @@ def _errors(simulated: Floats | None, recording: Recording, found: _Candidates) 
     known = np.isfinite(square)
     if not known.any():
         return None
-    total = _sums(np.where(known, square, 0.0), found)
-    count = _sums(known.astype(np.float64), found)
-    enough = count >= LEAST_KNOWN_SHARE * (found.last - found.first)
+    total = _sums(np.where(known, square, 0.0), candidates)
+    count = _sums(known.astype(np.float64), candidates)
+    enough = count >= LEAST_KNOWN_SHARE * (candidates.last - candidates.first)
     rmse: Floats = np.sqrt(total / np.maximum(count, 1.0))
     return np.where(enough, rmse, np.nan)
 
 
-def _sums(values: Floats, found: _Candidates) -> Floats:
+def _sums(values: Floats, candidates: _Candidates) -> Floats:
     running = np.concatenate(([0.0], np.cumsum(values)))
-    return np.asarray(running[found.last] - running[found.first])
+    return np.asarray(running[candidates.last] - running[candidates.first])
 
 
-def _swings(recording: Recording, found: _Candidates) -> Floats:
-    return ranges(recording.op.values, np.stack((found.first, found.last), axis=1))
+def _swings(recording: Recording, candidates: _Candidates) -> Floats:
+    return ranges(recording.op.values, np.stack((candidates.first, candidates.last), axis=1))
 
 
-def _why(found: _Candidates, here: float, middle: float, *, of_model: bool) -> str:
-    place = " in the held-out part" if found.held_out else ""
+def _why(candidates: _Candidates, here: float, middle: float, *, of_model: bool) -> str:
+    place = " in the held-out part" if candidates.held_out else ""
     what = "the stick-slip model misses MV by" if of_model else "OP swings over"
     unit = "% rmse" if of_model else "%"
     number = f"{what} {figure(here, 2)} {unit} here"
-    if found.first.size == 1:
-        return f"The only stretch with {found.count} reversals of OP{place}; {number}."
-    others = f"{figure(middle, 2)} % in the middle one of {found.first.size} such stretches"
-    return f"Chosen as typical: {found.count} reversals of OP{place}; {number}, {others}."
+    if candidates.first.size == 1:
+        return f"The only stretch with {candidates.count} reversals of OP{place}; {number}."
+    others = f"{figure(middle, 2)} % in the middle one of {candidates.first.size} such stretches"
+    return f"Chosen as typical: {candidates.count} reversals of OP{place}; {number}, {others}."

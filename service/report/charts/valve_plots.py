@@ -33,11 +33,11 @@ class ValvePlots:
 
 def plots_of(screening: Screening) -> ValvePlots:
     """The plots of a screening that still has its samples."""
-    found = screening.mismatch
-    left_out = found is not None and bool(found.effects)
+    mismatch = screening.mismatch
+    left_out = mismatch is not None and bool(mismatch.effects)
     return ValvePlots(
         chart=chart_of(screening),
-        overlay=overlay_of(screening.recording, found.runs) if found and left_out else None,
+        overlay=overlay_of(screening.recording, mismatch.runs) if mismatch and left_out else None,
     )
 
 
@@ -54,8 +54,10 @@ def plots_instead_of_samples(screening: Screening) -> tuple[Screening, ValvePlot
 def may_need_work(screening: Screening) -> bool:
     """Whether maintenance may get a page of it, with a picture: all but a healthy valve on which
     nothing was named. Which effects stand, and which obstacle is work, is decided later."""
-    found = screening.mismatch
-    return screening.verdict is not Verdict.HEALTHY or (found is not None and bool(found.effects))
+    mismatch = screening.mismatch
+    return screening.verdict is not Verdict.HEALTHY or (
+        mismatch is not None and bool(mismatch.effects)
+    )
 
 
 def _telling_part(screening: Screening, recording: Recording) -> tuple[int, int]:

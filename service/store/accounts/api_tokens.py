@@ -50,14 +50,14 @@ class ApiTokens:
     def find(self, digest: str) -> ApiToken | None:
         """The token of this digest, whether or not it still lets a program in."""
         with self._transactions.reading() as session:
-            found = session.execute(_with_user().where(TokenRow.digest == digest)).one_or_none()
-            return None if found is None else _token_of(*found)
+            row = session.execute(_with_user().where(TokenRow.digest == digest)).one_or_none()
+            return None if row is None else _token_of(*row)
 
     def get(self, token: int) -> ApiToken | None:
         """The token of this number."""
         with self._transactions.reading() as session:
-            found = session.execute(_with_user().where(TokenRow.id == token)).one_or_none()
-            return None if found is None else _token_of(*found)
+            row = session.execute(_with_user().where(TokenRow.id == token)).one_or_none()
+            return None if row is None else _token_of(*row)
 
     def all(self, user: int | None = None) -> list[ApiToken]:
         """Every token, or those of one user, the newest first."""
@@ -65,7 +65,7 @@ class ApiTokens:
         if user is not None:
             statement = statement.where(TokenRow.user_id == user)
         with self._transactions.reading() as session:
-            return [_token_of(*found) for found in session.execute(statement)]
+            return [_token_of(*row) for row in session.execute(statement)]
 
     def note_use(self, token: int, now: datetime) -> None:
         """Note that a token was used."""

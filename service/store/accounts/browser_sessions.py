@@ -52,8 +52,8 @@ class WebSessions:
             UserRow.disabled.is_(None),
         )
         with self._transactions.reading() as session:
-            found = session.execute(statement).one_or_none()
-            return None if found is None else _session_of(*found)
+            row = session.execute(statement).one_or_none()
+            return None if row is None else _session_of(*row)
 
     def touch(self, digest: str, now: datetime) -> None:
         """Note that a session is in use."""
@@ -68,8 +68,8 @@ class WebSessions:
             SessionRow.seen > now - idle,
         )
         with self._transactions.reading() as session:
-            found = session.execute(statement.order_by(SessionRow.seen.desc()))
-            return [_session_of(*pair) for pair in found]
+            rows = session.execute(statement.order_by(SessionRow.seen.desc()))
+            return [_session_of(*pair) for pair in rows]
 
     def end(self, digest: str) -> None:
         """End one session."""

@@ -72,8 +72,8 @@ class BackupFile:
             revision=manifest["schema"], tables=tuple(_table(name, tables[name]) for name in tables)
         )
         self.promised = {
-            name: TableDigest(rows=one["rows"], digest=one["digest"])
-            for name, one in tables.items()
+            name: TableDigest(rows=table["rows"], digest=table["digest"])
+            for name, table in tables.items()
         }
 
     def close(self) -> None:

@@ -106,15 +106,15 @@ def _schema(shape: DatabaseSchema, newest: str) -> Iterator[str]:
 
 def _integrity(connection: Connection) -> Iterator[str]:
     if connection.dialect.name == "sqlite":
-        found = connection.execute(text("PRAGMA integrity_check")).scalars().all()
-        yield from (f"SQLite says: {line}" for line in found if line != "ok")
+        lines = connection.execute(text("PRAGMA integrity_check")).scalars().all()
+        yield from (f"SQLite says: {line}" for line in lines if line != "ok")
     else:
         for name in connection.execute(_INVALID).scalars():
             yield f"the index {name} is not valid: REINDEX INDEX {name}"
 
 
 def _orphans(connection: Connection, shape: DatabaseSchema) -> Iterator[str]:
-    columns = {table.name: {one.name for one in table.columns} for table in shape.tables}
+    columns = {table.name: {column.name for column in table.columns} for table in shape.tables}
     for link in links_of_metadata():
         column, parent_column = link.columns[0], link.parent_columns[0]
         if column not in columns.get(link.table, ()) or link.parent not in columns:
@@ -189,7 +189,7 @@ def _sizes(
 
 def _whole_size(connection: Connection) -> int:
     if connection.dialect.name == "postgresql":
-        found = connection.execute(text("SELECT pg_database_size(current_database())"))
-        return int(found.scalar_one())
+        size = connection.execute(text("SELECT pg_database_size(current_database())"))
+        return int(size.scalar_one())
     pages = connection.execute(text("PRAGMA page_count")).scalar_one()
     return int(pages) * int(connection.execute(text("PRAGMA page_size")).scalar_one())

@@ -108,5 +108,5 @@ def _deliveries(session: Session) -> dict[tuple[str, str], int]:
         else_="waiting",
     )
     statement = select(DeliveryRow.notifier, state, func.count())
-    found = session.execute(statement.group_by(DeliveryRow.notifier, state))
-    return {(notifier, word): count for notifier, word, count in found}
+    rows = session.execute(statement.group_by(DeliveryRow.notifier, state))
+    return {(notifier, word): count for notifier, word, count in rows}

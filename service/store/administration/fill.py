@@ -76,16 +76,16 @@ def fill(engine: Engine, address: DatabaseUrl, source: RowSource) -> dict[str, T
 def _refuse_occupied(connection: Connection, address: DatabaseUrl) -> None:
     shape = shape_of(connection)
     rows = {table.name: count_rows(connection, table.name) for table in shape.tables}
-    found = [f"{name} {count}" for name, count in rows.items() if count]
-    if found:
+    occupied = [f"{name} {count}" for name, count in rows.items() if count]
+    if occupied:
         raise StoreError(
-            f"{address}: is not empty (rows: {', '.join(found)}); nothing was changed. Give an "
+            f"{address}: is not empty (rows: {', '.join(occupied)}); nothing was changed. Give an "
             "empty database, or move this one away"
         )
 
 
 def _carry(connection: Connection, source: RowSource, table: TableSchema) -> TableDigest:
-    described = {one.name: one for one in source.shape.tables}.get(table.name)
+    described = {table.name: table for table in source.shape.tables}.get(table.name)
     if described is None or set(described.columns) != set(table.columns):
         raise StoreError(f"{table.name}: the source has other columns than its schema says")
     went = Digest(table)
@@ -102,10 +102,10 @@ def _told(digest: Digest) -> TableDigest:
     return TableDigest(rows=digest.rows, digest=digest.hexdigest())
 
 
-def _compare(name: str, where: str, expected: TableDigest | None, found: TableDigest) -> None:
-    if expected is not None and expected != found:
+def _compare(name: str, where: str, expected: TableDigest | None, digest: TableDigest) -> None:
+    if expected is not None and expected != digest:
         raise StoreError(
-            f"{name}: {found.rows} rows with digest {found.digest[:12]} {where}, expected "
+            f"{name}: {digest.rows} rows with digest {digest.digest[:12]} {where}, expected "
             f"{expected.rows} with {expected.digest[:12]}; nothing was changed"
         )
 
@@ -136,13 +136,15 @@ def _insert_samples(connection: Connection, batch: pa.RecordBatch) -> None:
 
 
 def _numbers(batch: pa.RecordBatch, name: str, instead: float) -> np.ndarray:
-    found: np.ndarray = batch.column(name).fill_null(instead).to_numpy(zero_copy_only=False)
-    return found
+    values: np.ndarray = batch.column(name).fill_null(instead).to_numpy(zero_copy_only=False)
+    return values
 
 
 def _insert_sqlite(connection: Connection, table: TableSchema, batch: pa.RecordBatch) -> None:
     names = [column.name for column in table.columns]
-    columns = [_as_sqlite(batch.column(one.name).to_pylist(), one.kind) for one in table.columns]
+    columns = [
+        _as_sqlite(batch.column(column.name).to_pylist(), column.kind) for column in table.columns
+    ]
     marks = ", ".join("?" * len(names))
     quoted = ", ".join(f'"{name}"' for name in names)
     statement = f'INSERT INTO "{table.name}" ({quoted}) VALUES ({marks})'

@@ -55,12 +55,12 @@ def would_prune(store: Store, ages: RetentionDays, now: datetime | None = None) 
         before_us = _samples_before_us(ages, now)
         samples = 0 if before_us is None else _count(session, SampleRow, _older(before_us))
         rules = _rules(ages, now)
-        found = {
+        counts = {
             name: _count(session, table, rules[name])
             for name, table in _TABLES.items()
             if name in rules
         }
-    return Pruned(samples=samples, **found)
+    return Pruned(samples=samples, **counts)
 
 
 def prune(store: Store, ages: RetentionDays, now: datetime | None = None) -> Pruned:

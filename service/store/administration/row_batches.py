@@ -50,8 +50,8 @@ def read_batches(connection: Connection, table: TableSchema) -> Iterator[pa.Reco
     """All rows of ``table`` in the order of its key, a batch at a time."""
     size = _HEAVY_ROWS if table.is_heavy else _LIGHT_ROWS
     rows_of = _select(connection, table).execution_options(stream_results=True)
-    with connection.execute(rows_of) as found:
-        for rows in found.partitions(size):
+    with connection.execute(rows_of) as result:
+        for rows in result.partitions(size):
             yield batch_of(table, rows)
 
 
@@ -80,15 +80,15 @@ def batch_of(table: TableSchema, rows: Iterable[Iterable[object]]) -> pa.RecordB
 
 
 def _select(connection: Connection, table: TableSchema) -> sa.Select[tuple[object, ...]]:
-    source = sa.table(table.name, *(sa.column(one.name, one.sql) for one in table.columns))
+    source = sa.table(table.name, *(sa.column(column.name, column.sql) for column in table.columns))
     is_postgres = connection.dialect.name == "postgresql"
     columns = [
-        sa.cast(source.c[one.name], sa.Text())
-        if is_postgres and one.kind is ColumnKind.JSON
-        else source.c[one.name]
-        for one in table.columns
+        sa.cast(source.c[column.name], sa.Text())
+        if is_postgres and column.kind is ColumnKind.JSON
+        else source.c[column.name]
+        for column in table.columns
     ]
-    order = [_ordered(source.c[one.name], one, is_postgres) for one in _key(table)]
+    order = [_ordered(source.c[column.name], column, is_postgres) for column in _key(table)]
     return sa.select(*columns).order_by(*order)
 
 
@@ -98,10 +98,10 @@ def _key(table: TableSchema) -> list[TableColumn]:
 
 
 def _ordered(
-    column: sa.ColumnElement[Any], one: TableColumn, is_postgres: bool
+    column: sa.ColumnElement[Any], described: TableColumn, is_postgres: bool
 ) -> sa.ColumnElement[Any]:
     # By bytes, as SQLite does; PostgreSQL would use the order of some language.
-    return sa.collate(column, "C") if is_postgres and one.kind is ColumnKind.TEXT else column
+    return sa.collate(column, "C") if is_postgres and described.kind is ColumnKind.TEXT else column
 
 
 def _bytes_of(column: pa.Array) -> tuple[bytes, bytes, bytes]:

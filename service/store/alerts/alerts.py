@@ -109,10 +109,10 @@ class Alerts:
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
-    def raise_all(self, found: Sequence[RaisedAlert]) -> list[int]:
+    def raise_all(self, alerts: Sequence[RaisedAlert]) -> list[int]:
         """Open an alert for each cause that has none open; the numbers of the new ones."""
         with self._transactions.writing("raising alerts") as session:
-            return [number for one in found if (number := _raise(session, one)) is not None]
+            return [number for alert in alerts if (number := _raise(session, alert)) is not None]
 
     def clear(self, causes: Sequence[str], why: str) -> list[StoredAlert]:
         """Close the open alerts of these causes; those that were closed by it."""
@@ -162,9 +162,11 @@ class Alerts:
         )
         order = {AlertSeverity.HIGH.value: 0, AlertSeverity.MEDIUM.value: 1}
         with self._transactions.reading() as session:
-            found = [stored_alert(row) for row in session.scalars(statement)]
-        found.sort(key=lambda one: (order.get(one.severity.value, 2), -one.opened.timestamp()))
-        return found[:limit]
+            alerts = [stored_alert(row) for row in session.scalars(statement)]
+        alerts.sort(
+            key=lambda alert: (order.get(alert.severity.value, 2), -alert.opened.timestamp())
+        )
+        return alerts[:limit]
 
     def history(
         self, *, valve: str | None = None, limit: int = 200, offset: int = 0
@@ -182,10 +184,10 @@ class Alerts:
         statement = _of(valve, None).where(*_in_state(state, now))
         newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
         with self._transactions.reading() as session:
-            found = [stored_alert(row) for row in session.scalars(newest)]
+            alerts = [stored_alert(row) for row in session.scalars(newest)]
         if state in ("closed", "all"):
-            return found
-        return sorted(found, key=lambda alert: list(AlertSeverity).index(alert.severity))
+            return alerts
+        return sorted(alerts, key=lambda alert: list(AlertSeverity).index(alert.severity))
 
     def count_open(self, now: datetime) -> int:
         """How many alerts are open: not acknowledged, and nobody let them rest."""
@@ -199,8 +201,8 @@ class Alerts:
             *_in_state("open", now), AlertRow.valve.is_not(None)
         )
         with self._transactions.reading() as session:
-            found = session.execute(statement.group_by(AlertRow.valve))
-            return {valve: count for valve, count in found if valve is not None}
+            rows = session.execute(statement.group_by(AlertRow.valve))
+            return {valve: count for valve, count in rows if valve is not None}
 
     def counts(self) -> dict[AlertSeverity, int]:
         """How many alerts of each severity are open."""
@@ -244,14 +246,14 @@ def _of(valve: str | None, area: str | None) -> Select[AlertRow]:
     return statement
 
 
-def _raise(session: Session, found: RaisedAlert) -> int | None:
+def _raise(session: Session, alert: RaisedAlert) -> int | None:
     """The number of the alert that this opened; ``None`` where one of this cause was open."""
     now = datetime.now(UTC)
-    if found.valve is not None:
-        ensure_valve(session, found.valve)
+    if alert.valve is not None:
+        ensure_valve(session, alert.valve)
     again = session.execute(
         update(AlertRow)
-        .where(AlertRow.cause == found.cause, AlertRow.closed.is_(None))
+        .where(AlertRow.cause == alert.cause, AlertRow.closed.is_(None))
         .values(seen=now)
         .returning(AlertRow.id)
     ).first()
@@ -259,14 +261,14 @@ def _raise(session: Session, found: RaisedAlert) -> int | None:
         return None
     empty = ("closed_why", "acknowledged_by", "comment", "snoozed_by")
     values = {
-        "cause": found.cause,
-        "kind": found.kind.value,
-        "severity": found.severity.value,
-        "text": found.text,
-        "valve": found.valve,
-        "source": found.source,
-        "run_id": found.run_id,
-        "evidence": dict(found.evidence),
+        "cause": alert.cause,
+        "kind": alert.kind.value,
+        "severity": alert.severity.value,
+        "text": alert.text,
+        "valve": alert.valve,
+        "source": alert.source,
+        "run_id": alert.run_id,
+        "evidence": dict(alert.evidence),
         "opened": now,
         "seen": now,
         "false_alarm": False,

@@ -42,7 +42,10 @@ def downgrade(engine: Engine, revision: str) -> None:
 def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
     """``downgrade`` for a person: raises ``StoreError`` for a schema that is none, or not older
     than the present one."""
-    known = [one.revision for one in ScriptDirectory.from_config(_config()).walk_revisions()]
+    known = [
+        walk_revision.revision
+        for walk_revision in ScriptDirectory.from_config(_config()).walk_revisions()
+    ]
     if revision not in known:
         raise StoreError(f"{address}: there is no schema {revision}; {', '.join(reversed(known))}")
     with store_errors(address, "reading the schema"), engine.connect() as connection:

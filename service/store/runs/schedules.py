@@ -35,20 +35,24 @@ class Schedules:
         """Make the plant file's schedules those that it names now. One that stays keeps how far it
         has got; what people saved stays untouched."""
         with self._transactions.writing("taking over the plant file's schedules") as session:
-            names = [one.name for one in schedules]
+            names = [schedule.name for schedule in schedules]
             session.execute(
                 delete(ScheduleRow).where(
                     ScheduleRow.origin == FROM_FILE, ScheduleRow.name.not_in(names)
                 )
             )
             now = datetime.now(UTC)
-            for one in schedules:
-                kept = session.get(ScheduleRow, one.name)
-                if kept is None or _timing(kept) != (one.cron, one.every_s):
+            for schedule in schedules:
+                kept = session.get(ScheduleRow, schedule.name)
+                if kept is None or _timing(kept) != (schedule.cron, schedule.every_s):
                     # Another rhythm begins now: what the old one missed is no debt of the new.
-                    values = _columns(one) | {"created": now, "last_due": None, "next_due": None}
+                    values = _columns(schedule) | {
+                        "created": now,
+                        "last_due": None,
+                        "next_due": None,
+                    }
                 else:
-                    values = _columns(one) | {"created": kept.created}
+                    values = _columns(schedule) | {"created": kept.created}
                 session.execute(upsert(session, ScheduleRow, [values], ("name",)))
 
     def save(self, schedule: ScreeningSchedule) -> None:
@@ -91,17 +95,17 @@ def _timing(row: ScheduleRow) -> tuple[str | None, float | None]:
     return row.cron, row.every_s
 
 
-def _columns(one: ScreeningSchedule) -> dict[str, object]:
+def _columns(schedule: ScreeningSchedule) -> dict[str, object]:
     return {
-        "name": one.name,
-        "origin": one.origin,
-        "cron": one.cron,
-        "every_s": one.every_s,
-        "jitter_s": one.jitter_s,
-        "window_s": one.window_s,
-        "areas": list(one.areas),
-        "valves": list(one.valves),
-        "enabled": one.enabled,
+        "name": schedule.name,
+        "origin": schedule.origin,
+        "cron": schedule.cron,
+        "every_s": schedule.every_s,
+        "jitter_s": schedule.jitter_s,
+        "window_s": schedule.window_s,
+        "areas": list(schedule.areas),
+        "valves": list(schedule.valves),
+        "enabled": schedule.enabled,
     }
 
 

@@ -60,7 +60,7 @@ class StoredSamples:
             raise MappingNeeded(f"{self._where}: {valve.valve}: no tag is given for OP")
         known = {tag.name: tag for tag in self._samples.tags(self.source)}
         columns = sharing_times(
-            {role: self._column(one.tag, known, window) for role, one in valve.tags.items()}
+            {role: self._column(tag.tag, known, window) for role, tag in valve.tags.items()}
         )
         grid = self._grid(columns[Role.OP], window)
         notes = [f"The samples come from the store, where {self.source} was collected."]
@@ -84,15 +84,15 @@ class StoredSamples:
                 f"{self._where}: there is no sample of {tag!r} among {len(known)} tags; the "
                 f"nearest are {', '.join(map(repr, near)) or 'none: nothing was collected yet'}"
             )
-        found = self._samples.read(self.source, tag, window.start, window.stop)
-        ns = found.at_us * 1000
+        samples = self._samples.read(self.source, tag, window.start, window.stop)
+        ns = samples.at_us * 1000
         return Column(
             tag=tag,
             unit=known[tag].unit,
             description="",
             times=Timeline(ns),
-            values=found.values,
-            quality=found.quality,
+            values=samples.values,
+            quality=samples.quality,
             file_ns=ns,
         )
 

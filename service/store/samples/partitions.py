@@ -134,14 +134,14 @@ def _rows_of(connection: Connection, table: str) -> int:
 
 
 def _days_in_default(connection: Connection, days: set[int]) -> set[int]:
-    found = connection.execute(
+    rows = connection.execute(
         text(
             f"SELECT DISTINCT floor(at_us::numeric / {DAY_US})::bigint FROM {DEFAULT} "
             "WHERE at_us >= :first AND at_us < :stop"
         ),
         {"first": min(days, default=0) * DAY_US, "stop": (max(days, default=0) + 1) * DAY_US},
     )
-    return {int(day) for day in found.scalars()} & days
+    return {int(day) for day in rows.scalars()} & days
 
 
 def _statements(day: int, *, occupied: bool) -> list[str]:

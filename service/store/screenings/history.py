@@ -75,15 +75,23 @@ def read_trend(
 
 def read_history(session: Session, valve: str, since: datetime | None = None) -> list[HistoryPoint]:
     """S and J over time, oldest first; the newest ``MOST_POINTS`` of them."""
-    one = ScreeningRow
-    columns = (one.id, one.at, one.verdict, one.severity, one.grade, one.run_id, one.baseline_id)
-    S = (one.s_percent, one.s_low_percent, one.s_high_percent)
-    J = (one.j_percent, one.j_low_percent, one.j_high_percent)
-    statement = select(*columns, *S, *J).where(one.valve == valve)
+    table = ScreeningRow
+    columns = (
+        table.id,
+        table.at,
+        table.verdict,
+        table.severity,
+        table.grade,
+        table.run_id,
+        table.baseline_id,
+    )
+    S = (table.s_percent, table.s_low_percent, table.s_high_percent)
+    J = (table.j_percent, table.j_low_percent, table.j_high_percent)
+    statement = select(*columns, *S, *J).where(table.valve == valve)
     if since is not None:
-        statement = statement.where(one.at >= since)
-    rows = session.execute(statement.order_by(one.at.desc(), one.id.desc()).limit(MOST_POINTS))
-    found = [
+        statement = statement.where(table.at >= since)
+    rows = session.execute(statement.order_by(table.at.desc(), table.id.desc()).limit(MOST_POINTS))
+    points = [
         HistoryPoint(
             id=row.id,
             at=row.at,
@@ -97,14 +105,21 @@ def read_history(session: Session, valve: str, since: datetime | None = None) ->
         )
         for row in rows
     ]
-    return found[::-1]
+    return points[::-1]
 
 
 def read_baseline_marks(session: Session, valve: str) -> list[BaselineMark]:
     """Every baseline of the valve, oldest first."""
-    one = NetworkRow
-    columns = (one.id, one.window_start, one.window_end, one.created, one.reason, one.active)
-    statement = select(*columns).where(one.valve == valve, one.kind == BASELINE)
+    network = NetworkRow
+    columns = (
+        network.id,
+        network.window_start,
+        network.window_end,
+        network.created,
+        network.reason,
+        network.active,
+    )
+    statement = select(*columns).where(network.valve == valve, network.kind == BASELINE)
     return [
         BaselineMark(
             id=row.id,
@@ -114,5 +129,5 @@ def read_baseline_marks(session: Session, valve: str) -> list[BaselineMark]:
             reason=row.reason,
             active=row.active,
         )
-        for row in session.execute(statement.order_by(one.id))
+        for row in session.execute(statement.order_by(network.id))
     ]

@@ -60,7 +60,9 @@ def _unpack(kind: Any, packed: Any) -> Any:
     if origin in (Union, types.UnionType):
         if packed is None:
             return None
-        return _unpack(next(one for one in arguments if one is not type(None)), packed)
+        return _unpack(
+            next(argument for argument in arguments if argument is not type(None)), packed
+        )
     if origin is tuple:
         return _tuple(arguments, packed)
     if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):

@@ -28,16 +28,18 @@ def read_previous(
     Before the end of its window; where it has no dates, before ``now``, or where that is not given
     either, before it was saved itself.
     """
-    one = ScreeningRow
+    table = ScreeningRow
     key = window_key(screening)
     before = screening.window[1] or now
     if before is None:
-        own = select(one.at).where(one.valve == screening.valve, one.window_key == key)
+        own = select(table.at).where(table.valve == screening.valve, table.window_key == key)
         before = session.scalar(own)
-    statement = select(*_columns(one)).where(one.valve == screening.valve, one.window_key != key)
+    statement = select(*_columns(table)).where(
+        table.valve == screening.valve, table.window_key != key
+    )
     if before is not None:
-        statement = statement.where(one.at < before)
-    rows = session.execute(statement.order_by(one.at.desc(), one.id.desc()).limit(limit))
+        statement = statement.where(table.at < before)
+    rows = session.execute(statement.order_by(table.at.desc(), table.id.desc()).limit(limit))
     return [_previous(row) for row in rows]
 
 
@@ -62,9 +64,16 @@ def read_previous_of(session: Session, screenings: Sequence[int]) -> dict[int, P
     return {row.of: _previous(row) for row in rows}
 
 
-def _columns(one: Any) -> tuple[Any, ...]:
-    numbers = (one.severity, one.s_percent, one.j_percent)
-    return one.at, one.run_id, one.verdict, *numbers, one.mismatch_finding, one.mismatch_slugs
+def _columns(screening: Any) -> tuple[Any, ...]:
+    numbers = (screening.severity, screening.s_percent, screening.j_percent)
+    return (
+        screening.at,
+        screening.run_id,
+        screening.verdict,
+        *numbers,
+        screening.mismatch_finding,
+        screening.mismatch_slugs,
+    )
 
 
 def _previous(row: Any) -> PreviousFinding:

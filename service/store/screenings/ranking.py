@@ -93,15 +93,15 @@ def _joined(*columns: Any) -> Select[Any]:
 
 def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
     """Every filter but that of the verdict, before which the verdicts are counted."""
-    found: list[ColumnElement[bool]] = []
+    conditions: list[ColumnElement[bool]] = []
     for word in wanted.text.split():
         named = (ValveRow.id, ValveRow.description, ValveRow.area)
-        found.append(or_(*(column.icontains(word, autoescape=True) for column in named)))
+        conditions.append(or_(*(column.icontains(word, autoescape=True) for column in named)))
     if wanted.areas:
-        found.append(ValveRow.area.in_(wanted.areas))
+        conditions.append(ValveRow.area.in_(wanted.areas))
     if wanted.criticalities:
-        found.append(ValveRow.criticality.in_(wanted.criticalities))
-    return found
+        conditions.append(ValveRow.criticality.in_(wanted.criticalities))
+    return conditions
 
 
 def _deciding() -> tuple[Any, ...]:

@@ -55,14 +55,14 @@ def read_recent(
     one statement names all of them."""
     judged = _last(session, valves, depth)
     before = _at_baseline(session, valves)
-    numbers = [one.id for many in judged.values() for one in many]
+    numbers = [screening.id for many in judged.values() for screening in many]
     values = read_indicator(session, indicator, numbers)
     worked_at = _worked_at(session, valves)
     return {
         valve: RecentOfValve(
             screenings=(many := judged.get(valve, [])),
             at_baseline=before.get(valve),
-            indicator={one.id: values[one.id] for one in many if one.id in values},
+            indicator={judged.id: values[judged.id] for judged in many if judged.id in values},
             worked_at=worked_at.get(valve, ()),
         )
         for valve in valves
@@ -83,11 +83,11 @@ def read_work_without_note(session: Session, valves: Sequence[str], writer: str)
 
 def _worked_at(session: Session, valves: Sequence[str]) -> dict[str, list[datetime]]:
     """When each of ``valves`` was worked on, where it was."""
-    found: dict[str, list[datetime]] = {}
+    worked: dict[str, list[datetime]] = {}
     work = select(MaintenanceRow.valve, MaintenanceRow.at).where(MaintenanceRow.valve.in_(valves))
     for valve, at in session.execute(work):
-        found.setdefault(valve, []).append(at)
-    return found
+        worked.setdefault(valve, []).append(at)
+    return worked
 
 
 def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list[JudgedScreening]]:
@@ -97,13 +97,14 @@ def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list
     the years stored; what they name is read of the newest alone.
     """
     looks = [latest_screening_id(before=n).label(f"back_{n}") for n in range(depth)]
-    found = session.execute(select(ValveRow.id, *looks).where(ValveRow.id.in_(valves)))
-    order = {valve: [one for one in ids if one is not None] for valve, *ids in found}
-    numbers = [one for ids in order.values() for one in ids]
+    looked = session.execute(select(ValveRow.id, *looks).where(ValveRow.id.in_(valves)))
+    order = {valve: [number for number in ids if number is not None] for valve, *ids in looked}
+    numbers = [number for ids in order.values() for number in ids]
     rows = select(*_COLUMNS).where(ScreeningRow.id.in_(numbers))
     by_number = {row.id: row for row in session.execute(rows)}
     many = {
-        valve: [by_number[one] for one in ids if one in by_number] for valve, ids in order.items()
+        valve: [by_number[number] for number in ids if number in by_number]
+        for valve, ids in order.items()
     }
     named = _named(session, [newest for rows in many.values() if (newest := _newest(rows))])
     return {

@@ -86,7 +86,7 @@ def _of_row(row: ScreeningRow) -> Restored:
     if row.mismatch_finding is None:
         return light
     numbers = Stiction(S=light.S, J=light.J)
-    found = Mismatch(
+    mismatch = Mismatch(
         finding=Finding(row.mismatch_finding), sentence="", naive=numbers, restated=numbers
     )
-    return replace(light, mismatch=found)
+    return replace(light, mismatch=mismatch)

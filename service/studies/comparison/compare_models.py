@@ -39,7 +39,7 @@ class ModelRow:
         return {
             "model": self.model,
             "kind": self.kind,
-            "parameters": {name: asdict(one) for name, one in self.parameters.items()},
+            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
             "training": None if self.training is None else asdict(self.training),
             "heldout": None if self.heldout is None else asdict(self.heldout),
             "seconds": round(self.seconds, 3),
@@ -86,9 +86,9 @@ def compare(
         fit = fit_model(model, recording, train_until)
         element = fit if model is CANONICAL else element
         rows.append(_of_fit(fit, "data-driven" if model in DATA_DRIVEN else "force balance"))
-    for done, one in enumerate(networks, start=len(models)):
-        tell(one.name, done, of)
-        rows.append(_of_fit(fit_network(one, recording, train_until, element), "network"))
+    for done, entry in enumerate(networks, start=len(models)):
+        tell(entry.name, done, of)
+        rows.append(_of_fit(fit_network(entry, recording, train_until, element), "network"))
     return Comparison(recording=recording, train_until=train_until, rows=tuple(rows))
 
 

@@ -69,8 +69,8 @@ def heldout(marks: Sequence[CaseMark]) -> Fit | None:
     A case in which nothing was named counts with its naive fit on both sides.
     """
     rows = []
-    for one in _hidden(marks):
-        said = one.said
+    for mark in _hidden(marks):
+        said = mark.said
         row = (said.fit_naive, said.fit_extended, said.rmse_naive, said.rmse_extended)
         known = [value for value in row if value is not None]
         if len(known) == len(row):
@@ -97,20 +97,20 @@ def stiction_errors(marks: Sequence[CaseMark]) -> list[Bias]:
 
     A restated number that was withheld counts with the naive one's error: silence is no gain.
     """
-    found = []
+    biases = []
     for name in ("S", "J"):
         pairs = []
-        for one in _hidden(marks):
-            truth, naive = getattr(one.truth, name), getattr(one.said.naive, name)
+        for mark in _hidden(marks):
+            truth, naive = getattr(mark.truth, name), getattr(mark.said.naive, name)
             if naive is None or abs(naive - truth) <= BIASED_PERCENT:
                 continue
-            restated = getattr(one.said.restated, name)
+            restated = getattr(mark.said.restated, name)
             pairs.append(
                 (abs(naive - truth), abs((naive if restated is None else restated) - truth))
             )
         if pairs:
-            found.append(_bias(name, np.array(pairs)))
-    return found
+            biases.append(_bias(name, np.array(pairs)))
+    return biases
 
 
 def _bias(name: str, errors: np.ndarray) -> Bias:
@@ -132,7 +132,7 @@ def _bias(name: str, errors: np.ndarray) -> Bias:
 
 def seconds(marks: Sequence[CaseMark]) -> Time | None:
     """Computing time of records of an hour at 1 s, as the judge states it."""
-    found = [m.said.seconds for m in marks if m.truth.samples >= HOUR]
-    if not found:
+    times = [m.said.seconds for m in marks if m.truth.samples >= HOUR]
+    if not times:
         return None
-    return Time(of=len(found), median=float(np.median(found)), p95=float(np.quantile(found, 0.95)))
+    return Time(of=len(times), median=float(np.median(times)), p95=float(np.quantile(times, 0.95)))

@@ -86,8 +86,8 @@ def common(scores: Scores, t_limit: float, share: float) -> Common:
 
 def _limit(values: Floats, share: float) -> float:
     """The least limit, in hundredths, that at most ``share`` of ``values`` exceed."""
-    found = float(np.quantile(values, 1.0 - share, method="higher"))
-    return max(float(np.ceil(100.0 * (found - _ROUNDING)) / 100.0), 0.0)
+    limit = float(np.quantile(values, 1.0 - share, method="higher"))
+    return max(float(np.ceil(100.0 * (limit - _ROUNDING)) / 100.0), 0.0)
 
 
 BATCH = 4

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from stemwatch.service.studies.proof.answers import Answer
+from stemwatch.service.studies.proof.answers import BlindAnswer
 from stemwatch.service.studies.proof.figures import heldout, seconds, stiction_errors
 from stemwatch.service.studies.proof.marks import CaseMark, CaseOutcome, mark
 from stemwatch.service.studies.proof.truth import (
@@ -121,7 +121,7 @@ def _pairs(marks: Sequence[CaseMark]) -> list[Rate]:
     hard = (QUANTISED, *HARD)
     moving = [m for m in pairs if m.truth.concealment not in hard]
     harder = [m for m in pairs if m.truth.concealment in hard]
-    one = (CaseOutcome.BOTH, CaseOutcome.ONE)
+    at_least_one = (CaseOutcome.BOTH, CaseOutcome.ONE)
     rates = []
     for group, of, target in (
         ("two effects, 1 h, moving", moving, 0.85),
@@ -129,7 +129,7 @@ def _pairs(marks: Sequence[CaseMark]) -> list[Rate]:
     ):
         rates += [
             _rate(group, "both by class", of, lambda m: m.outcome is CaseOutcome.BOTH, target),
-            _rate(group, "at least one", of, lambda m: m.outcome in one),
+            _rate(group, "at least one", of, lambda m: m.outcome in at_least_one),
             _rate(group, "a wrong name", of, lambda m: bool(m.wrong_names)),
         ]
     return rates
@@ -220,11 +220,11 @@ def by_concealment(marks: Sequence[CaseMark]) -> list[Tally]:
 
 def _tallies(marks: Sequence[CaseMark], group_of: Callable[[CaseMark], str]) -> list[Tally]:
     singles = [m for m in marks if m.truth.kind is CaseKind.SINGLE]
-    found = []
+    tallies = []
     for group in sorted({group_of(m) for m in singles}):
         members = [m for m in singles if group_of(m) == group]
         counts = Counter(m.outcome for m in members if m.truth.excited)
-        found.append(
+        tallies.append(
             Tally(
                 group=group,
                 of=counts.total(),
@@ -235,7 +235,7 @@ def _tallies(marks: Sequence[CaseMark], group_of: Callable[[CaseMark], str]) -> 
                 unexcited=sum(not m.truth.excited for m in members),
             )
         )
-    return found
+    return tallies
 
 
 def confusions(marks: Sequence[CaseMark]) -> list[tuple[str, str, int]]:
@@ -261,16 +261,16 @@ def without_verdict(marks: Sequence[CaseMark]) -> list[tuple[str, int]]:
     ).most_common()
 
 
-def score(truths: Sequence[CaseTruth], said: Sequence[Answer]) -> list[CaseMark]:
+def score(truths: Sequence[CaseTruth], said: Sequence[BlindAnswer]) -> list[CaseMark]:
     """One mark a case. Raises ``ValueError`` where answers and truths are not of the same files."""
-    answers = {one.file: one for one in said}
-    missing = sorted({one.file for one in truths} ^ set(answers))
+    answers = {answer.file: answer for answer in said}
+    missing = sorted({truth.file for truth in truths} ^ set(answers))
     if missing:
         raise ValueError(
             f"every case needs one answer; {len(missing)} files have only a truth or only an "
             f"answer, the first is {missing[0]}"
         )
-    return [mark(one, answers[one.file]) for one in truths]
+    return [mark(truth, answers[truth.file]) for truth in truths]
 
 
 def as_json(marks: Sequence[CaseMark], seal: Seal, seed: int) -> dict[str, Any]:
@@ -281,18 +281,20 @@ def as_json(marks: Sequence[CaseMark], seal: Seal, seed: int) -> dict[str, Any]:
         "seed": seed,
         "cases": len(marks),
         "digest": seal.digest,
-        "rates": [_rate_as_json(one) for one in headline(marks)],
-        "record_effects": [_rate_as_json(one) for one in record_rates(marks)],
-        "by_effect": [_tally(one) for one in by_effect(marks)],
-        "by_concealment": [_tally(one) for one in by_concealment(marks)],
+        "rates": [_rate_as_json(rate) for rate in headline(marks)],
+        "record_effects": [_rate_as_json(record_rate) for record_rate in record_rates(marks)],
+        "by_effect": [_tally(tally) for tally in by_effect(marks)],
+        "by_concealment": [_tally(tally) for tally in by_concealment(marks)],
         "confusions": [
             {"truth": truth, "said": said, "count": count}
             for truth, said, count in confusions(marks)
         ],
         "heldout": None if fit is None else asdict(fit),
-        "stiction": [asdict(one) | {"reached": one.reached} for one in stiction_errors(marks)],
+        "stiction": [
+            asdict(error) | {"reached": error.reached} for error in stiction_errors(marks)
+        ],
         "seconds": None if time is None else asdict(time) | {"reached": time.reached},
-        "marks": [_mark(one) for one in marks],
+        "marks": [_mark(mark) for mark in marks],
     }
 
 

@@ -81,20 +81,20 @@ class Seal:
 
     def open(self) -> tuple[CaseTruth, ...]:
         """The truths. Raises ``BrokenSeal`` where the text is not the one that was sealed."""
-        found = digest_of(self.text)
-        if found != self.digest:
+        digest = digest_of(self.text)
+        if digest != self.digest:
             raise BrokenSeal(
-                f"the truth was changed after it was sealed: its digest is {found}, the one "
+                f"the truth was changed after it was sealed: its digest is {digest}, the one "
                 f"printed before the judging is {self.digest}; nothing was scored. Run it again."
             )
-        return tuple(_from_json(one) for one in json.loads(self.text))
+        return tuple(_from_json(load) for load in json.loads(self.text))
 
 
 def seal(truths: Sequence[CaseTruth]) -> Seal:
     """Close ``truths``: keys sorted, one case a line, so that the same truths give one digest."""
     lines = [
-        json.dumps(asdict(one), sort_keys=True, allow_nan=False)
-        for one in sorted(truths, key=lambda one: one.file)
+        json.dumps(asdict(truth), sort_keys=True, allow_nan=False)
+        for truth in sorted(truths, key=lambda truth: truth.file)
     ]
     text = "[\n" + ",\n".join(lines) + "\n]\n"
     return Seal(text=text, digest=digest_of(text))
@@ -105,9 +105,9 @@ def digest_of(text: str) -> str:
     return sha256(text.encode("utf-8")).hexdigest()
 
 
-def _from_json(found: Mapping[str, object]) -> CaseTruth:
+def _from_json(stored: Mapping[str, object]) -> CaseTruth:
     """One case as it was sealed; lists become tuples again."""
     plain = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in found.items()
+        name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
     }
     return CaseTruth(**plain)  # type: ignore[arg-type]  # the very fields that asdict wrote

@@ -26,15 +26,15 @@ def history_of(deps: Dependencies, valve: str, since: datetime | None = None) ->
 
 def read_marks(store: Store, valve: str) -> list[Mark]:
     """Baselines, work and notes of a valve, oldest first."""
-    found = [
-        Mark(kind="baseline" if one.active else "former baseline", at=one.at, text=one.reason)
-        for one in store.baseline_marks(valve)
+    marks = [
+        Mark(kind="baseline" if mark.active else "former baseline", at=mark.at, text=mark.reason)
+        for mark in store.baseline_marks(valve)
     ]
     for kind, remarks in (("maintenance", store.maintenance(valve)), ("note", store.notes(valve))):
-        found.extend(
+        marks.extend(
             Mark(kind=kind, at=remark.at, text=remark.note, who=remark.who) for remark in remarks
         )
-    return sorted(found, key=lambda mark: mark.at)
+    return sorted(marks, key=lambda mark: mark.at)
 
 
 def _line(point: HistoryPoint) -> HistoryLine:

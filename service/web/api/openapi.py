@@ -83,9 +83,9 @@ def kind_of(schema: dict[str, Any]) -> str:
     if "$ref" in schema:
         return str(schema["$ref"]).rsplit("/", 1)[1]
     if "anyOf" in schema:
-        return " or ".join(kind_of(one) for one in schema["anyOf"])
+        return " or ".join(kind_of(kind) for kind in schema["anyOf"])
     if "enum" in schema:
-        return " or ".join(str(one) for one in schema["enum"])
+        return " or ".join(str(value) for value in schema["enum"])
     if schema.get("type") == "array":
         return f"list of {kind_of(schema.get('items', {}))}"
     if schema.get("type") == "object" and isinstance(schema.get("additionalProperties"), dict):

@@ -58,10 +58,10 @@ def valves(
         page=page,
         size=size,
     )
-    found = deps.store.ranking(wanted)
-    lines = [valve_line(line) for line in found.lines]
+    ranked = deps.store.ranking(wanted)
+    lines = [valve_line(line) for line in ranked.lines]
     return shapes.RankingAnswer(
-        total=found.total, page=page, size=size, counts=dict(found.counts), valves=lines
+        total=ranked.total, page=page, size=size, counts=dict(ranked.counts), valves=lines
     )
 
 
@@ -81,8 +81,8 @@ def valve_loop(
     """MV against OP with the loop of the model that was fitted last; at most twelve hours."""
     asked = window_of(deps.need_valve(valve), start, stop)
     latest = deps.store.screenings(valve, 1)
-    found = deps.store.indicators(latest[0].id) if latest else {}
-    numbers = {name: one.value for name, one in found.items() if one.value is not None}
+    points = deps.store.indicators(latest[0].id) if latest else {}
+    numbers = {name: point.value for name, point in points.items() if point.value is not None}
     screening = screening_of(latest[0]) if latest else None
     return phase.loop_of(deps.site, asked, numbers, screening)
 
@@ -99,8 +99,8 @@ def valve_history(
 @router.get("/alerts")
 def alert_list(deps: Deps, state: State = "open") -> list[shapes.AlertLine]:
     """Alerts in a state, the newest first."""
-    found = deps.store.alerts.in_state(state, deps.now)
-    return [alert_line(one, deps) for one in found]
+    alerts = deps.store.alerts.in_state(state, deps.now)
+    return [alert_line(alert, deps) for alert in alerts]
 
 
 @router.get("/runs")
@@ -112,10 +112,10 @@ def runs(deps: Deps, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> list[s
 @router.get("/run")
 def run(deps: Deps, number: Annotated[Number, Query(alias="id")]) -> shapes.RunAnswer:
     """One run with its progress and the time left."""
-    found = deps.store.queue.find(number)
-    if found is None:
+    run = deps.store.queue.find(number)
+    if run is None:
         raise HTTPException(404, f"there is no run {number}")
-    return run_answer(found, deps)
+    return run_answer(run, deps)
 
 
 @router.get("/sources")
@@ -123,16 +123,16 @@ def sources(deps: Deps) -> list[shapes.SourceAnswer]:
     """How each source of data is doing."""
     return [
         shapes.SourceAnswer(
-            source=one.source,
-            kind=one.kind,
-            address=one.address,
-            updated=one.updated,
-            last_good=one.last_good,
-            connected=one.connected,
-            fault=one.fault,
-            figures={name: finite(value) for name, value in one.figures.items()},
+            source=state.source,
+            kind=state.kind,
+            address=state.address,
+            updated=state.updated,
+            last_good=state.last_good,
+            connected=state.connected,
+            fault=state.fault,
+            figures={name: finite(value) for name, value in state.figures.items()},
         )
-        for one in deps.store.sources.states()
+        for state in deps.store.sources.states()
     ]
 
 
@@ -141,17 +141,17 @@ def schedules(deps: Deps) -> list[shapes.ScheduleAnswer]:
     """When which valves are screened."""
     return [
         shapes.ScheduleAnswer(
-            name=one.schedule.name,
-            cron=one.schedule.cron,
-            every_s=one.schedule.every_s,
-            window_s=one.schedule.window_s,
-            areas=list(one.schedule.areas),
-            valves=list(one.schedule.valves),
-            enabled=one.schedule.enabled,
-            last_due=one.last_due,
-            next_due=one.next_due,
+            name=schedule.schedule.name,
+            cron=schedule.schedule.cron,
+            every_s=schedule.schedule.every_s,
+            window_s=schedule.schedule.window_s,
+            areas=list(schedule.schedule.areas),
+            valves=list(schedule.schedule.valves),
+            enabled=schedule.schedule.enabled,
+            last_due=schedule.last_due,
+            next_due=schedule.next_due,
         )
-        for one in deps.store.schedules.all()
+        for schedule in deps.store.schedules.all()
     ]
 
 
@@ -164,7 +164,7 @@ def me(current_user: SignedIn) -> MeAnswer:
         role=current_user.role,
         how=current_user.how,
         scopes=scopes,
-        may=[one.value for one in Operation if current_user.may(one)],
+        may=[operation.value for operation in Operation if current_user.may(operation)],
     )
 
 

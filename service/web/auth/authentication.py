@@ -174,6 +174,6 @@ def _lacking(current_user: CurrentUser, operation: Operation) -> str:
 def _about(scope: Scope) -> str:
     """What a request is about: what its route said, and the ``id`` of its address."""
     query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
-    found = [f"id {number}" for number in query.get("id", ())[:1]]
+    numbers = [f"id {number}" for number in query.get("id", ())[:1]]
     said = state_of(scope).get("about", "")
-    return "; ".join(part for part in (said, *found) if part)
+    return "; ".join(part for part in (said, *numbers) if part)

@@ -15,14 +15,14 @@ _NOBODY = "a route that needs nobody to be signed in asked for the current user"
 
 def state_of(scope: Scope) -> dict[str, Any]:
     """What is kept beside a request."""
-    found: dict[str, Any] = scope.setdefault("state", {})
-    return found
+    state: dict[str, Any] = scope.setdefault("state", {})
+    return state
 
 
 def current_user_of(request: Request) -> CurrentUser | None:
     """Who asks; ``None`` on the few pages that are open to everybody."""
-    found: CurrentUser | None = state_of(request.scope).get("current_user")
-    return found
+    current_user: CurrentUser | None = state_of(request.scope).get("current_user")
+    return current_user
 
 
 async def _need_user(request: Request) -> CurrentUser:

@@ -34,21 +34,21 @@ class Form:
 
     def text(self, name: str, *, needed: str = "", most: int = MOST_TEXT) -> str:
         """A field without blanks around it. ``needed`` is what an error says was expected."""
-        found = (self._fields.get(name) or [""])[0].strip()
-        if needed and not found:
+        text = (self._fields.get(name) or [""])[0].strip()
+        if needed and not text:
             raise HTTPException(422, f"{needed} is needed")
-        if len(found) > most:
-            raise HTTPException(422, f"{name}: {len(found)} characters, at most {most} expected")
-        return found
+        if len(text) > most:
+            raise HTTPException(422, f"{name}: {len(text)} characters, at most {most} expected")
+        return text
 
     def secret(self, name: str) -> str:
         """A password as it was typed, blanks and all; an error never shows it."""
-        found = (self._fields.get(name) or [""])[0]
-        if not found:
+        text = (self._fields.get(name) or [""])[0]
+        if not text:
             raise HTTPException(422, "a password is needed")
-        if len(found) > MOST_TEXT:
+        if len(text) > MOST_TEXT:
             raise HTTPException(422, f"a password of at most {MOST_TEXT} characters is expected")
-        return found
+        return text
 
     def all(self, name: str) -> list[str]:
         """Every value of a field that may be given more than once."""
@@ -56,27 +56,27 @@ class Form:
 
     def number(self, name: str, needed: str) -> int:
         """A whole number."""
-        found = self.text(name, needed=needed)
-        if not found.isascii() or not found.isdigit() or len(found) > 18:
-            raise HTTPException(422, f"{needed} is needed, received {found!r}")
-        return int(found)
+        text = self.text(name, needed=needed)
+        if not text.isascii() or not text.isdigit() or len(text) > 18:
+            raise HTTPException(422, f"{needed} is needed, received {text!r}")
+        return int(text)
 
     def instant(self, name: str, zone: tzinfo, now: datetime) -> datetime:
         """A local time of the plant, such as 2026-03-02T14:30, as UTC; ``now`` where empty."""
-        found = self.text(name)
-        if not found:
+        text = self.text(name)
+        if not text:
             return now
         try:
-            given = datetime.fromisoformat(found)
+            given = datetime.fromisoformat(text)
         except ValueError:
             raise HTTPException(
-                422, f"a time such as 2026-03-02 14:30 is needed, received {found!r}"
+                422, f"a time such as 2026-03-02 14:30 is needed, received {text!r}"
             ) from None
         local = given if given.tzinfo else given.replace(tzinfo=zone)
         try:
             return local.astimezone(UTC)
         except OverflowError:
-            raise HTTPException(422, f"{found!r} is no time that a plant has known") from None
+            raise HTTPException(422, f"{text!r} is no time that a plant has known") from None
 
 
 async def form_of(request: Request) -> Form:

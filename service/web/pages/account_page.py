@@ -138,7 +138,7 @@ def _page(
         open_alerts=deps.open_alerts(),
         user=_user(deps, current_user),
         sessions=sessions_of(deps.store, current_user.user, now),
-        tokens=[one for one in own if one.is_open(now)],
+        tokens=[token for token in own if token.is_open(now)],
         scopes=scopes_of(current_user.role),
         lifetimes=LIFETIMES_DAYS,
         said=said,

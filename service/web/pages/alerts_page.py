@@ -24,7 +24,7 @@ def alert_list(request: Request, deps: Deps) -> HTMLResponse:
     """Alerts in the state that the address names, the open ones unless it says otherwise."""
     state = request.query_params.get("state", "open")
     state = state if state in STATES else "open"
-    found = deps.store.alerts.in_state(state, deps.now)
+    alerts = deps.store.alerts.in_state(state, deps.now)
     return deps.renderer.page(
         request,
         "alerts_page.html",
@@ -32,7 +32,7 @@ def alert_list(request: Request, deps: Deps) -> HTMLResponse:
         open_alerts=deps.open_alerts(),
         state=state,
         states=STATES,
-        alerts=found,
+        alerts=alerts,
         most=MOST_ALERTS,
         state_of=lambda alert: state_of(alert, deps.now),
         back="",

@@ -31,14 +31,14 @@ def audit(request: Request, deps: Deps) -> HTMLResponse:
     """The newest entries that the address asks for."""
     given = request.query_params
     wanted = wanted_of(given, deps)
-    found = deps.store.audit.read(wanted)
-    older = {**dict(given), "before": str(found[-1].id)} if len(found) == wanted.limit else {}
+    entries = deps.store.audit.read(wanted)
+    older = {**dict(given), "before": str(entries[-1].id)} if len(entries) == wanted.limit else {}
     return deps.renderer.page(
         request,
         "audit_page.html",
         here="audit",
         open_alerts=deps.open_alerts(),
-        entries=found,
+        entries=entries,
         actions=deps.store.audit.actions(),
         outcomes=list(AuditOutcome),
         names=[user.name for user in deps.store.accounts.all()],

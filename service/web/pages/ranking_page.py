@@ -49,7 +49,7 @@ router = APIRouter(include_in_schema=False)
 def ranking(request: Request, deps: Deps) -> HTMLResponse:
     """The valves, worst first unless the address says otherwise."""
     wanted = wanted_of(request.query_params)
-    found = deps.store.ranking(wanted)
+    page = deps.store.ranking(wanted)
     alerted = deps.store.alerts.open_by_valve(deps.now)
     open_alerts = deps.open_alerts()
     return deps.renderer.page(
@@ -57,11 +57,11 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         "ranking_page.html",
         here="ranking",
         wanted=wanted,
-        found=found,
-        work=WorkCounts.of_states(found.states),
+        found=page,
+        work=WorkCounts.of_states(page.states),
         trends=[
             change_since_last_run(line, line.previous) if line.verdict else None
-            for line in found.lines
+            for line in page.lines
         ],
         alerted=alerted,
         open_alerts=open_alerts,
@@ -69,8 +69,8 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         columns=COLUMNS,
         head=lambda sort: _head(wanted, sort),
         link=lambda **changes: link(wanted, **changes),
-        pages=max(1, math.ceil(found.total / wanted.size)),
-        gauge_top=bar_top(found.largest_percent),
+        pages=max(1, math.ceil(page.total / wanted.size)),
+        gauge_top=bar_top(page.largest_percent),
     )
 
 

@@ -28,14 +28,14 @@ def is_alive(run: StoredRun) -> bool:
 @router.get("/runs")
 def run_list(request: Request, deps: Deps) -> HTMLResponse:
     """What goes on now, then the runs that are over, the newest first."""
-    found = deps.store.queue.recent(MOST_RUNS)
+    runs = deps.store.queue.recent(MOST_RUNS)
     return deps.renderer.page(
         request,
         "runs_page.html",
         here="runs",
         open_alerts=deps.open_alerts(),
-        going=[run for run in found if is_alive(run)],
-        over=[run for run in found if not is_alive(run)],
+        going=[run for run in runs if is_alive(run)],
+        over=[run for run in runs if not is_alive(run)],
         schedules=deps.store.schedules.all(),
         areas=deps.store.areas(),
     )

@@ -70,27 +70,27 @@ def _keys_of(device: Device) -> dict[str, Any]:
 def _notifiers(plant: Plant | None) -> list[tuple[str, Given]]:
     if plant is None:
         return []
-    return [(name, shown(one.model_dump())) for name, one in plant.notifiers.items()]
+    return [(name, shown(notifier.model_dump())) for name, notifier in plant.notifiers.items()]
 
 
 def shown(given: Mapping[str, Any], before: str = "") -> Given:
     """Keys and values as text; what could hold a secret is masked, long lists are counted."""
-    found: Given = []
+    lines: Given = []
     for key, value in given.items():
         name = f"{before}{key}"
         if value is None or value == [] or key == "name":
             continue
         if isinstance(value, Mapping):
-            found += shown(value, f"{name}.")
+            lines += shown(value, f"{name}.")
         elif any(word in key.lower() for word in SECRET_WORDS):
-            found.append((name, _masked(str(value))))
+            lines.append((name, _masked(str(value))))
         elif isinstance(value, list | tuple) and len(value) > MOST_SHOWN:
-            found.append((name, f"{len(value)} entries"))
+            lines.append((name, f"{len(value)} entries"))
         elif isinstance(value, list | tuple):
-            found.append((name, ", ".join(_text(one) for one in value)))
+            lines.append((name, ", ".join(_text(item) for item in value)))
         else:
-            found.append((name, _text(value)))
-    return found
+            lines.append((name, _text(value)))
+    return lines
 
 
 def _text(value: Any) -> str:

@@ -37,7 +37,7 @@ def source_list(request: Request, deps: Deps) -> HTMLResponse:
     """Every source of the plant file, with what was heard of it last."""
     heard = deps.store.sources.states()
     plant = deps.site.plant
-    known = {one.source for one in heard}
+    known = {state.source for state in heard}
     named = (*plant.sources, *plant.archives, *plant.devices) if plant else ()
     return deps.renderer.page(
         request,

@@ -18,14 +18,14 @@ router = APIRouter(include_in_schema=False)
 @router.get("/tokens")
 def token_list(request: Request, deps: Deps) -> HTMLResponse:
     """The tokens that let programs in, the newest first, then those that no longer do."""
-    found = deps.store.api_tokens.all()
+    tokens = deps.store.api_tokens.all()
     now = deps.now
     return deps.renderer.page(
         request,
         "tokens_page.html",
         here="tokens",
         open_alerts=deps.open_alerts(),
-        tokens=sorted(found, key=lambda one: not one.is_open(now)),
+        tokens=sorted(tokens, key=lambda token: not token.is_open(now)),
         environment=ENVIRONMENT if len(deps.site.token) >= SHORTEST_OF_ENVIRONMENT else "",
     )
 

@@ -104,7 +104,7 @@ def _page(
         here="users",
         open_alerts=deps.open_alerts(),
         users=deps.store.accounts.all(),
-        links=[one for one in open_links if one.kind is not OneTimeLinkKind.FIRST],
+        links=[link for link in open_links if link.kind is not OneTimeLinkKind.FIRST],
         roles=list(UserRole),
         made=made,
         address=address,
@@ -113,11 +113,11 @@ def _page(
 
 def _user(request: Request, deps: Dependencies, form: Form) -> User:
     number = form.number("user", "the number of a user")
-    found = deps.store.accounts.get(number) if number <= LARGEST_NUMBER else None
-    if found is None:
+    user = deps.store.accounts.get(number) if number <= LARGEST_NUMBER else None
+    if user is None:
         raise HTTPException(404, f"There is no user {number}.")
-    note_about(request, found.name)
-    return found
+    note_about(request, user.name)
+    return user
 
 
 def _role(form: Form) -> UserRole:

@@ -144,16 +144,16 @@ def _shown(store: Store, name: str) -> ShownScreening | None:
     points = store.indicators(stored.id)
     indicators = {name: indicator_of(name, point) for name, point in points.items()}
     screening = screening_of(stored, indicators)
-    found = screening.mismatch
-    stands = not stored.held_back if found is not None and found.effects else None
+    mismatch = screening.mismatch
+    stands = not stored.held_back if mismatch is not None and mismatch.effects else None
     return ShownScreening(
         screening=screening,
         said=present(screening, stands=stands),
         stored=stored,
         trend=change_since_last_run(screening, store.previous_finding(screening)),
         mismatch=None
-        if found is None
-        else mismatch_view(found, None, ANCHOR, name, stored.held_back),
+        if mismatch is None
+        else mismatch_view(mismatch, None, ANCHOR, name, stored.held_back),
     )
 
 
@@ -208,11 +208,11 @@ def _quality(deps: Dependencies, name: str, window: tuple[datetime, datetime]) -
     if plant is None or name not in plant.valves or window[1] - window[0] > LONGEST:
         return []
     source = plant.valves[name].source
-    found = (
+    parts = (
         deps.store.samples.bad(source, tag.tag, *window)
         for tag in tags_of(deps.site, name).values()
     )
-    return [one for one in found if one is not None]
+    return [bad_samples for bad_samples in parts if bad_samples is not None]
 
 
 def _roles(deps: Dependencies, name: str) -> list[tuple[str, str]]:

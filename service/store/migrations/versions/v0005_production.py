@@ -81,10 +81,10 @@ def _bring_back(which: str = "") -> None:
 
 
 def _has_timescale() -> bool:
-    found = op.get_bind().execute(
+    extension = op.get_bind().execute(
         sa.text("SELECT count(*) FROM pg_extension WHERE extname = 'timescaledb'")
     )
-    return bool(found.scalar())
+    return bool(extension.scalar())
 
 
 def _partitions() -> None:
@@ -101,14 +101,14 @@ def _partitions() -> None:
 def _days() -> list[int]:
     """The days of the samples that are there, as far as they are not too many."""
     today = int(datetime.now(UTC).timestamp()) // 86_400
-    found = op.get_bind().execute(
+    rows = op.get_bind().execute(
         sa.text(
             f"SELECT DISTINCT at_us / {_DAY_US} FROM samples_before "
             "WHERE at_us >= :first AND at_us < :stop ORDER BY 1"
         ),
         {"first": (today - _DAYS) * _DAY_US, "stop": (today + 8) * _DAY_US},
     )
-    return [int(day) for day in found.scalars()]
+    return [int(day) for day in rows.scalars()]
 
 
 def _hypertable() -> None:
