@@ -95,10 +95,12 @@ def _reported(deviation: float) -> Callable[[Floats], Floats]:
 
 @dataclass(frozen=True)
 class Way:
-    """How a recording is changed; ``strokes`` where OP then means other percents of travel."""
+    """How a recording is changed; ``strokes`` where OP then means other percents of travel, and
+    ``true_names`` what may rightly be named of it."""
 
     change: Change
     strokes: bool = False
+    true_names: tuple[str, ...] = ()
 
 
 WAYS: dict[str, Way] = {
@@ -124,7 +126,7 @@ WAYS: dict[str, Way] = {
     "position reversed": Way(lambda r: _changed(r, mv=lambda v: 100 - v)),
     "tight shut-off below 12 % of the record": Way(_shut_off),
     "OP stored 5 s late": Way(lambda r: _changed(r, op=_late(5))),
-    "position stored 5 s late": Way(lambda r: _changed(r, mv=_late(5))),
+    "position stored 5 s late": Way(lambda r: _changed(r, mv=_late(5)), true_names=("dead_time",)),
     "position in steps of 0.5 %": Way(lambda r: _changed(r, mv=lambda v: np.round(2 * v) / 2)),
     "OP in steps of 0.5 %": Way(lambda r: _changed(r, op=lambda v: np.round(2 * v) / 2)),
     "averages of 10 s": Way(lambda r: _changed(r, every=_means(10), slower=10)),
@@ -160,7 +162,7 @@ class Answer:
     J: tuple[float, float, float] | None
     true_S: float
     true_J: float
-    named: tuple[str, ...]
+    named: tuple[str, ...]  # in error
     seconds: float
 
 
@@ -268,7 +270,9 @@ def _answer(way: str, valve: Valve, screening: Screening, scale: float) -> Answe
         J=numbers[1],
         true_S=scale * valve.S,
         true_J=scale * valve.J,
-        named=tuple(effect.slug for effect in effects),
+        named=tuple(
+            effect.slug for effect in effects if not set(effect.members) & set(WAYS[way].true_names)
+        ),
         seconds=screening.seconds,
     )
 
