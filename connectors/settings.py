@@ -1,4 +1,5 @@
-"""What a connector asks of the plant file: its ``[[sources]]`` table, as a pydantic model.
+"""What a connector asks of the plant file: its ``[[sources]]`` table, as a pydantic model, and what
+is said of a mistake in it.
 
 Each field's description is what an error says was expected.
 """
@@ -8,6 +9,7 @@ from __future__ import annotations
 import codecs
 import difflib
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Annotated
 from zoneinfo import ZoneInfo, available_timezones
 
@@ -15,6 +17,23 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 CONTRADICTION = "contradiction"  # the type of such an error
+
+KeyPath = tuple[str | int, ...]  # from the top of a file, or of a table, to a key
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """One mistake: where it stands, what was found there and what was expected."""
+
+    file: str
+    line: int | None  # None where no line can be named: the file itself is not there
+    key: str  # valves[FIC-101].tags.op.low, or the column of a valve list
+    found: str
+    expected: str
+
+    def __str__(self) -> str:
+        line = "" if self.line is None else f", line {self.line}"
+        return f"{self.file}{line}: {self.key}: found {self.found}; expected {self.expected}"
 
 
 def contradiction(key: tuple[str, ...], found: str, expected: str) -> PydanticCustomError:

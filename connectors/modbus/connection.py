@@ -23,7 +23,7 @@ from stemwatch.connectors.modbus.read_fault import (
     silent,
 )
 from stemwatch.connectors.modbus.register_address import FUNCTION, Table
-from stemwatch.connectors.modbus.unanswered import REFUSAL, Request, Unanswered
+from stemwatch.connectors.modbus.unanswered import REFUSAL, SentRequest, Unanswered
 
 if TYPE_CHECKING:
     from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
@@ -72,7 +72,7 @@ class Connection:
         self._why = ""  # the last opening failed
         self._heard = 0  # bytes since the last request
         self._silences = 0
-        self._request: Request | None = None  # the open one
+        self._request: SentRequest | None = None  # the open one
         self._unanswered = Unanswered(link.answers_until_s)
         self._closed_in_doubt = False
 
@@ -118,7 +118,7 @@ class Connection:
         Repeats the request ``link.retries`` times where nothing or nonsense was heard. Raises
         ``ReadFault`` with the reason where no words came.
         """
-        request = Request(unit_id, table, first, count)
+        request = SentRequest(unit_id, table, first, count)
         # Answers to this same request are not meant: one that was asked for again is as good.
         alike = any(request.looks_alike(other) for other in self._unanswered)
         if alike and self.link.is_rtu:
@@ -138,7 +138,7 @@ class Connection:
                 return words
         raise AssertionError  # the loop above returns or raises
 
-    async def _ask(self, request: Request, alike: bool) -> list[int]:
+    async def _ask(self, request: SentRequest, alike: bool) -> list[int]:
         from pymodbus.exceptions import ConnectionException, ModbusException
 
         client = self._client
@@ -160,7 +160,7 @@ class Connection:
             await asyncio.sleep(self.link.pause_s)
         return self._words(reply, request, alike)
 
-    def _words(self, reply: ModbusPDU, request: Request, alike: bool) -> list[int]:
+    def _words(self, reply: ModbusPDU, request: SentRequest, alike: bool) -> list[int]:
         """The words of ``reply``; ``alike``: an earlier answer that looks so may still come."""
         self._silences = 0
         numbered = self.link.kind is LinkKind.TCP and reply.transaction_id != 0

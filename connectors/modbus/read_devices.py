@@ -6,7 +6,6 @@ is left out and the others run.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,24 +25,9 @@ from stemwatch.connectors.modbus.device_tables import (
 from stemwatch.connectors.modbus.register import Register
 from stemwatch.connectors.modbus.register_address import AddressError
 from stemwatch.connectors.modbus.register_list import ListUnusable, read_register_list
+from stemwatch.connectors.settings import KeyPath, Problem, either_of, nearest
 
-KeyPath = tuple[str | int, ...]
 LineOf = Callable[[KeyPath], int | None]
-
-
-@dataclass(frozen=True, kw_only=True)
-class MapProblem:
-    """One mistake in the tables of a device: where it stands, what was found and expected."""
-
-    file: str
-    line: int | None
-    key: str
-    found: str
-    expected: str
-
-    def __str__(self) -> str:
-        line = "" if self.line is None else f", line {self.line}"
-        return f"{self.file}{line}: {self.key}: found {self.found}; expected {self.expected}"
 
 
 @dataclass(frozen=True)
@@ -51,7 +35,7 @@ class DeviceMap:
     """The devices that can be polled, and one problem for each mistake in what was left out."""
 
     devices: tuple[Device, ...]
-    problems: tuple[MapProblem, ...]
+    problems: tuple[Problem, ...]
 
 
 @dataclass
@@ -59,7 +43,7 @@ class _Reader:
     file: str
     line_of: LineOf
     folder: Path = Path()  # that names of files are relative to
-    problems: list[MapProblem] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
 
     def at(self, file: str, line: int | None) -> _Reader:
         """A reader that notes its mistakes with this one's, all of them at ``line`` of ``file``."""
@@ -68,7 +52,7 @@ class _Reader:
     def say(self, path: KeyPath, shown: str, found: str, expected: str) -> None:
         """Note a mistake at ``path``, which readers see as ``shown``."""
         line = self.line_of(path)
-        problem = MapProblem(file=self.file, line=line, key=shown, found=found, expected=expected)
+        problem = Problem(file=self.file, line=line, key=shown, found=found, expected=expected)
         self.problems.append(problem)
 
     def table(
@@ -94,10 +78,7 @@ class _Reader:
         where, name = (*path, key), f"{shown}.{key}"
         fields = {field.alias or name: field for name, field in model.model_fields.items()}
         if details["type"] == "extra_forbidden":
-            known = sorted(fields)
-            close = difflib.get_close_matches(key.lower(), known, n=1, cutoff=0.6)
-            hint = f" (did you mean {close[0]!r}?)" if close else ""
-            self.say(where, name, "an unknown key", "one of " + ", ".join(known) + hint)
+            self.say(where, name, "an unknown key", either_of(fields) + nearest(key, fields))
             return
         found = "nothing" if details["type"] == "missing" else _described(details["input"])
         expected = fields[key].description if key in fields else None

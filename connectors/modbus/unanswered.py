@@ -18,7 +18,7 @@ REFUSAL = 0x80  # added to the function of a request that is refused
 
 
 @dataclass(frozen=True)
-class Request:
+class SentRequest:
     """One request: ``count`` words of ``table`` from protocol address ``first`` on."""
 
     unit_id: int
@@ -26,7 +26,7 @@ class Request:
     first: int
     count: int
 
-    def looks_alike(self, other: Request) -> bool:
+    def looks_alike(self, other: SentRequest) -> bool:
         """Whether answers to both cannot be told apart by unit, function and length."""
         return self._shape == other._shape
 
@@ -44,19 +44,19 @@ class Unanswered:
 
     def __init__(self, limit_s: float, now_s: Callable[[], float] = time.monotonic) -> None:
         self._limit_s, self._now_s = limit_s, now_s
-        self._sent: list[tuple[float, Request]] = []
+        self._sent: list[tuple[float, SentRequest]] = []
 
-    def __iter__(self) -> Iterator[Request]:
+    def __iter__(self) -> Iterator[SentRequest]:
         """The requests whose answers may still come, oldest first."""
         oldest_s = self._now_s() - self._limit_s
         self._sent = [(at_s, request) for at_s, request in self._sent if at_s > oldest_s]
         return iter([request for _, request in self._sent])
 
-    def sent(self, request: Request) -> None:
+    def sent(self, request: SentRequest) -> None:
         """``request`` goes out now."""
         self._sent.append((self._now_s(), request))
 
-    def answered(self, request: Request) -> None:
+    def answered(self, request: SentRequest) -> None:
         """One answer to ``request``, or to one that looks alike, has come."""
         for place, (_, sent) in enumerate(self._sent):
             if sent.looks_alike(request):
@@ -74,7 +74,7 @@ class Unanswered:
         )
         return frozenset(request.count for request in alike)
 
-    def answered_by(self, frame: bytes) -> Request | None:
+    def answered_by(self, frame: bytes) -> SentRequest | None:
         """The request that the RTU ``frame`` answers for certain, or ``None``.
 
         A refusal says which function was refused and not which length was asked for: it is certain

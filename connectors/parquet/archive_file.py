@@ -13,7 +13,7 @@ import numpy as np
 from stemwatch.connectors.archive.valve_columns import Bounds
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
-from stemwatch.connectors.parquet.column_layout import Layout, decide_layout
+from stemwatch.connectors.parquet.column_layout import ColumnLayout, decide_layout
 
 _UNIT_NS = {"milliseconds": 1_000_000, "microseconds": 1_000, "nanoseconds": 1}
 _FURTHEST = 2**63 - 1
@@ -82,7 +82,7 @@ class ArchiveFile:
         self._filesystem = filesystem
         self.path = path
         self.keys = keys
-        self._layouts: dict[ReadOptions, Layout] = {}
+        self._layouts: dict[ReadOptions, ColumnLayout] = {}
 
     @cached_property
     def fragment(self) -> Any:
@@ -101,7 +101,7 @@ class ArchiveFile:
             ) from None
         return fragment
 
-    def layout(self, options: ReadOptions) -> Layout:
+    def layout(self, options: ReadOptions) -> ColumnLayout:
         """Which column is what. Raises ``UnreadableSource``."""
         if options not in self._layouts:
             stem = self.path.replace("\\", "/").rsplit("/", 1)[-1].rsplit(".", 1)[0]
@@ -110,7 +110,7 @@ class ArchiveFile:
             )
         return self._layouts[options]
 
-    def groups(self, layout: Layout) -> Groups:
+    def groups(self, layout: ColumnLayout) -> Groups:
         """What the footer says of each row group; looked up once."""
         cached = self.__dict__.setdefault("_groups", {})
         if layout.time not in cached:
@@ -152,7 +152,7 @@ class ArchiveFile:
         """Whether the footer was read."""
         return "fragment" in self.__dict__
 
-    def has_key(self, layout: Layout, key: str) -> bool:
+    def has_key(self, layout: ColumnLayout, key: str) -> bool:
         """Whether any row bears ``key``. Raises ``UnreadableSource``."""
         groups = self.groups(layout)
         able = groups.holding([key])
@@ -160,7 +160,7 @@ class ArchiveFile:
             return True
         return bool(able) and key in self.key_values(layout)
 
-    def key_values(self, layout: Layout) -> list[str]:
+    def key_values(self, layout: ColumnLayout) -> list[str]:
         """What the key column holds, each once, in the order of first appearance.
 
         From the footer where each row group has one key, else by reading that column. Raises
@@ -201,7 +201,7 @@ def _places(metadata: Any) -> dict[str, int]:
     return {schema.column(place).path: place for place in range(len(schema))}
 
 
-def _groups(metadata: Any, layout: Layout, keys: Mapping[str, str]) -> Groups:
+def _groups(metadata: Any, layout: ColumnLayout, keys: Mapping[str, str]) -> Groups:
     places = _places(metadata)
     time, key = places.get(layout.time), places.get(layout.key or "")
     unit_ns = None if time is None else _unit_ns(metadata.schema.column(time))

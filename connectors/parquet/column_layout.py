@@ -30,7 +30,7 @@ WORDS: Mapping[Kind, str] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class ColumnLayout:
     """The columns of one file.
 
     ``values`` maps a tag (wide), or what follows the valve's name (valves), to its column; of a
@@ -50,7 +50,7 @@ class Layout:
 
 def decide_layout(
     schema: Any, keys: Mapping[str, str], options: ReadOptions, where: str, stem: str
-) -> Layout:
+) -> ColumnLayout:
     """The layout of a file with this Arrow ``schema`` and these folder ``keys``.
 
     Raises ``UnreadableSource`` where no column can be the time, or none holds numbers.
@@ -61,7 +61,7 @@ def decide_layout(
     key = _key(schema, keys, options, where, narrow=value is not None)
     shared = _named(names, QUALITY_NAMES, options.quality_column, where)
     if value is not None and value != time and (key is not None or _alone(schema, value, time)):
-        return Layout(
+        return ColumnLayout(
             kind="narrow",
             time=time,
             values={value: value},
@@ -81,7 +81,7 @@ def decide_layout(
             f"{where}: no column holds numbers beside the time {time!r}; its columns are "
             f"{shown(schema)}"
         )
-    return Layout(
+    return ColumnLayout(
         kind="wide" if key is None else "valves",
         time=time,
         values={name if key is not None else bare_tag(name): name for name in measured},

@@ -9,7 +9,7 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
 from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.parquet.archive_file import ArchiveFile
-from stemwatch.connectors.parquet.column_layout import Layout
+from stemwatch.connectors.parquet.column_layout import ColumnLayout
 from stemwatch.connectors.parquet.reading import place_of, tags_of
 from stemwatch.models.recording import Role
 
@@ -61,7 +61,7 @@ def _info(candidate: Candidate, samples: int, declared: tuple[Role, str] | None)
     )
 
 
-def _counts(file: ArchiveFile, layout: Layout) -> dict[str, int]:
+def _counts(file: ArchiveFile, layout: ColumnLayout) -> dict[str, int]:
     """Values of each tag, where the footer alone can tell."""
     groups = file.groups(layout)
     counts: dict[str, int] = {}

@@ -20,7 +20,7 @@ from stemwatch.connectors.historian.values.columns import Column, convert
 from stemwatch.connectors.historian.values.units import canonical
 from stemwatch.connectors.parquet.archive_file import ArchiveFile, as_floats
 from stemwatch.connectors.parquet.catalog import may_hold
-from stemwatch.connectors.parquet.column_layout import SEPARATORS, Layout, is_number
+from stemwatch.connectors.parquet.column_layout import SEPARATORS, ColumnLayout, is_number
 from stemwatch.connectors.parquet.timestamps import (
     Stamps,
     file_bounds,
@@ -34,7 +34,7 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 @dataclass(frozen=True)
-class Place:
+class TagPlace:
     """Where a file keeps a tag: the key its rows bear (``None``: every row) and the column."""
 
     key: str | None
@@ -53,19 +53,19 @@ class Pieces:
     written: bool = False  # the times were texts or numbers
 
 
-def place_of(tag: str, layout: Layout) -> Place | None:
+def place_of(tag: str, layout: ColumnLayout) -> TagPlace | None:
     """Where a file of this layout would keep ``tag``."""
     if layout.kind == "wide":
-        return Place(None, layout.values[tag]) if tag in layout.values else None
+        return TagPlace(None, layout.values[tag]) if tag in layout.values else None
     if layout.kind == "narrow":
         column = next(iter(layout.values))
         if layout.key is None:
-            return Place(None, column) if tag == layout.fixed else None
-        return Place(tag, column)
+            return TagPlace(None, column) if tag == layout.fixed else None
+        return TagPlace(tag, column)
     for ending, column in layout.values.items():
         for sign in SEPARATORS:
             if tag.lower().endswith(sign + ending.lower()) and len(tag) > len(ending) + 1:
-                return Place(tag[: -len(ending) - 1], column)
+                return TagPlace(tag[: -len(ending) - 1], column)
     return None
 
 
@@ -124,7 +124,7 @@ def _read_file(
                 _add(pieces.setdefault(tag, Pieces()), table, stamps, rows, layout, place)
 
 
-def _columns(layout: Layout, places: Any, *, with_key: bool, file: ArchiveFile) -> list[str]:
+def _columns(layout: ColumnLayout, places: Any, *, with_key: bool, file: ArchiveFile) -> list[str]:
     names = [layout.time]
     for place in places:
         names += [place.column, layout.qualities.get(place.column, "")]
@@ -134,7 +134,7 @@ def _columns(layout: Layout, places: Any, *, with_key: bool, file: ArchiveFile) 
     return [name for name in dict.fromkeys(names) if name]
 
 
-def _rows(table: Any, layout: Layout, place: Place, only: str | None) -> Bools | bool:
+def _rows(table: Any, layout: ColumnLayout, place: TagPlace, only: str | None) -> Bools | bool:
     """Which rows are the place's: all (True), none (False) or a mask."""
     if place.key is None:
         return True
@@ -162,7 +162,12 @@ def rows_with(column: Any, key: str) -> Bools:
 
 
 def _add(
-    pieces: Pieces, table: Any, stamps: Stamps, rows: Bools | bool, layout: Layout, place: Place
+    pieces: Pieces,
+    table: Any,
+    stamps: Stamps,
+    rows: Bools | bool,
+    layout: ColumnLayout,
+    place: TagPlace,
 ) -> None:
     import pyarrow as pa
 
@@ -314,7 +319,7 @@ def keys_in(files: Sequence[ArchiveFile], options: ReadOptions) -> Mapping[str, 
     return tags
 
 
-def tags_of(layout: Layout, keys: Sequence[str]) -> list[str]:
+def tags_of(layout: ColumnLayout, keys: Sequence[str]) -> list[str]:
     """The tags of a file whose key column holds ``keys``."""
     if layout.kind == "wide":
         return list(layout.values)

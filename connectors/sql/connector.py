@@ -82,7 +82,6 @@ def beside(url: str, folder: Path) -> str:
 LAYOUT = "a query for each tag"
 _FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
 _ALWAYS = (Role.OP, Role.MV)
-_TEXT_BOUNDS = "%Y-%m-%d %H:%M:%S"
 
 
 _URL = "a database URL such as postgresql://user@host/database"

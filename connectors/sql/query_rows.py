@@ -80,9 +80,6 @@ def _bare(text: str) -> str:
     return _COMMENT.sub(" ", _QUOTED.sub(" '' ", text)).strip().rstrip(";").strip()
 
 
-_NAMES = ("time", "value", "quality")
-
-
 @dataclass
 class Samples:
     """What the query gave of one tag, as the driver gave it.

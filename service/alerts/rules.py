@@ -15,7 +15,7 @@ from enum import Enum
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
-from stemwatch.service.presenter.finding import present_effect
+from stemwatch.service.presenter.finding import baseline_left, present_effect, stiction_grown
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -105,14 +105,14 @@ def _findings(seen: ValveRecord, rules: AlertRules) -> list[_Finding]:
         (
             AlertKind.GROWN,
             lambda judged: has_grown(judged.S, seen.at_baseline, rules.grown_S_percent),
-            lambda judged: _grown(judged, seen.at_baseline),
+            lambda judged: f"{stiction_grown(seen.at_baseline, judged.S)} {judged.advice}",
         ),
         (
             AlertKind.BASELINE,
             lambda judged: (
                 seen.ratios[judged.id] > seen.ratio_limit if judged.id in seen.ratios else None
             ),
-            lambda judged: _departed(seen.ratios[judged.id]),
+            lambda judged: baseline_left(seen.ratios[judged.id]),
         ),
         (AlertKind.MISMATCH, lambda judged: judged.named, _mismatch),
     ]
@@ -130,17 +130,6 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
 
 def _sticky(judged: JudgedScreening) -> str:
     return f"{judged.reason} {judged.advice}".strip()
-
-
-def _grown(judged: JudgedScreening, before: Estimate | None) -> str:
-    return f"S has grown from {before} at its baseline to {judged.S} of OP span. {judged.advice}"
-
-
-def _departed(ratio: float) -> str:
-    return (
-        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
-        "was set: the valve moves differently. Look at its page for where it does."
-    )
 
 
 def _mismatch(judged: JudgedScreening) -> str:

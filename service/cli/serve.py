@@ -81,14 +81,14 @@ def run_now(
     from stemwatch.service.cli import views
     from stemwatch.service.run.queue_worker import QueueWorker
     from stemwatch.service.serve.periodic_tasks import LEASE
-    from stemwatch.service.store.runs.queue import RunRequest
+    from stemwatch.service.store.runs.queue import RunToQueue
     from stemwatch.service.store.store import open_store
 
     loaded = _load(plant)
     if unknown := [name for name in valve or () if name not in loaded.valves]:
         raise typer.BadParameter(f"no valve {unknown[0]} in {plant}", param_hint="VALVE")
     with open_store(loaded.storage) as store:
-        wanted = RunRequest(valves=tuple(valve or ()), who=who or "command line")
+        wanted = RunToQueue(valves=tuple(valve or ()), who=who or "command line")
         number = store.queue.put(wanted, software_version=__version__)
         served = store.leases.holder(LEASE) is not None
         if number is None:

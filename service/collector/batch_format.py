@@ -22,7 +22,7 @@ LARGEST_BODY = 64 * 1024 * 1024  # a damaged length must not make us wait for th
 
 
 @dataclass(frozen=True)
-class Found:
+class SpooledRecord:
     """A record in the bytes of a file: the batch, and where the next one begins.
 
     ``skipped`` bytes before it were no record.
@@ -78,7 +78,7 @@ def unpack(body: bytes) -> SampleBatch:
     )
 
 
-def records(data: bytes, start: int = 0) -> Iterator[Found]:
+def records(data: bytes, start: int = 0) -> Iterator[SpooledRecord]:
     """Each record in ``data`` from ``start`` on, past whatever is damaged.
 
     After damage the search goes on at the next mark. What stands behind the last record, such as
@@ -95,7 +95,7 @@ def records(data: bytes, start: int = 0) -> Iterator[Found]:
         place = skipped_from = record.stop
 
 
-def _at(data: bytes, place: int, skipped: int) -> Found | None:
+def _at(data: bytes, place: int, skipped: int) -> SpooledRecord | None:
     if place + HEAD_BYTES > len(data):
         return None
     _, length, checksum = _HEAD.unpack_from(data, place)
@@ -109,4 +109,4 @@ def _at(data: bytes, place: int, skipped: int) -> Found | None:
         batch = unpack(body)
     except (ValueError, KeyError, IndexError, struct.error, zlib.error):
         return None  # written by a version that this one does not understand
-    return Found(batch, len(batch), stop, skipped)
+    return SpooledRecord(batch, len(batch), stop, skipped)

@@ -18,13 +18,12 @@ from pydantic import BaseModel, Field, ValidationError, create_model
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.connector import TextExportSettings
-from stemwatch.connectors.settings import SourceSettings, TomlTable, either_of, nearest
+from stemwatch.connectors.settings import Problem, SourceSettings, TomlTable, either_of, nearest
 from stemwatch.models.limits import Limits
 from stemwatch.service.config.plant import Plant
 from stemwatch.service.config.problems import (
     Place,
     PlantFileError,
-    Problem,
     described,
     problems_of,
 )
@@ -315,16 +314,7 @@ def read_device_tables(
             folder=file.parent,
         )
         reading.devices |= {device.name: device for device in read.devices}
-        reading.problems += [
-            Problem(
-                file=problem.file,
-                line=problem.line,
-                key=problem.key,
-                found=problem.found,
-                expected=problem.expected,
-            )
-            for problem in read.problems
-        ]
+        reading.problems += read.problems
 
 
 def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:

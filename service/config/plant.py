@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import ArchiveAddress, TagMapping, ValveTags
 from stemwatch.connectors.historian.connector import TextExportSettings
+from stemwatch.connectors.settings import Problem
 from stemwatch.models.limits import Limits
-from stemwatch.service.config.problems import Problem
 from stemwatch.service.config.schema import Tag, Valve
 from stemwatch.service.config.service_schema import AlertRules, NotifierTable, ServiceSection
 from stemwatch.service.store.database_url import DatabaseUrl
@@ -132,4 +132,7 @@ def _mapping(tag: Tag) -> TagMapping:
 
 
 def _verdict_settings(valve: Valve) -> dict[str, Any]:
-    return valve.model_dump(include={"source", "tags"})
+    settings = valve.model_dump(include={"source", "tags"})
+    if valve.stroke_curve is None:  # the digest of a plant without curves stays what it was
+        return settings
+    return {**settings, "stroke_curve": valve.stroke_curve}

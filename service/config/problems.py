@@ -15,24 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from stemwatch.connectors.secret import masked
-from stemwatch.connectors.settings import CONTRADICTION, either_of, nearest
-
-KeyPath = tuple[str | int, ...]  # from the top of a file, or of a table, to a key
-
-
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """One mistake: where it stands, what was found there and what was expected."""
-
-    file: str
-    line: int | None  # None where no line can be named: the file itself is not there
-    key: str  # valves[FIC-101].tags.op.low, or the column of a valve list
-    found: str
-    expected: str
-
-    def __str__(self) -> str:
-        line = "" if self.line is None else f", line {self.line}"
-        return f"{self.file}{line}: {self.key}: found {self.found}; expected {self.expected}"
+from stemwatch.connectors.settings import CONTRADICTION, KeyPath, Problem, either_of, nearest
 
 
 class PlantFileError(Exception):

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from stemwatch.service.config.problems import KeyPath, PlantFileError, Problem
+from stemwatch.connectors.settings import KeyPath, Problem
+from stemwatch.service.config.problems import PlantFileError
 
 _HEADER = re.compile(r"\s*(\[\[|\[)")
 # Only lines holding one of these can end a statement that spans several lines.

@@ -6,17 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stemwatch.connectors.settings import either_of, nearest
+from stemwatch.connectors.settings import KeyPath, Problem, either_of, nearest
 from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 from stemwatch.models.recording import Role
-from stemwatch.service.config.problems import (
-    KeyPath,
-    Place,
-    PlantFileError,
-    Problem,
-)
+from stemwatch.service.config.problems import Place, PlantFileError
 
-_FACTS = ("id", "description", "area", "criticality", "source", "stroke")
+_FACTS = ("id", "description", "area", "criticality", "source", "stroke", "stroke_curve")
 _NUMBERS = ("low", "high")
 _TAG_COLUMNS = {
     column: (role.value, key)
@@ -31,7 +26,7 @@ _REQUIRED = ("id", "source", "op")
 
 
 @dataclass(frozen=True)
-class Row:
+class ListedValve:
     """One row as a ``[[valves]]`` table of texts, and where it stands."""
 
     table: dict[str, Any]
@@ -42,7 +37,7 @@ class Row:
 class ValveList:
     """The rows of a valve list that have the right number of cells, and what is wrong besides."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[ListedValve, ...]
     problems: tuple[Problem, ...]
 
 
@@ -61,14 +56,14 @@ def read_valve_list(path: Path, shown_as: str) -> ValveList:
         raise _unusable(shown_as, 1, "heading", "an empty file", either_of(COLUMNS))
     heading = _heading(records[0][1])
     _check_heading(heading, records[0][0], shown_as)
-    rows: list[Row] = []
+    rows: list[ListedValve] = []
     for line, cells in records[1:]:
         place = _row_place(shown_as, line)
         if any(cells[len(heading) :]) or len(cells) < len(heading):
             found = f"{len(cells)} cells"
             problems.append(place.problem((), found, f"{len(heading)}, as in the heading"))
             continue
-        rows.append(Row(_table(dict(zip(heading, cells, strict=False)), separator), place))
+        rows.append(ListedValve(_table(dict(zip(heading, cells, strict=False)), separator), place))
     return ValveList(tuple(rows), tuple(problems))
 
 

@@ -23,7 +23,7 @@ from stemwatch.service.presenter.finding import MOST_STILL_SEEN
 from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.csv_file import harmless
 from stemwatch.service.report.report_context import ReportContext
-from stemwatch.service.report.spreadsheet_columns import Cell
+from stemwatch.service.report.spreadsheet_columns import Cell, clean_cell
 from stemwatch.service.report.xlsx_file import write_cell
 
 SHORT_TEXT = 40  # letters of the short text of a notification in SAP PM
@@ -44,7 +44,8 @@ class OrderField:
 def rows_of(book: WorkList) -> list[list[Cell]]:
     """One row for each valve with work, in the order of the report, every text printable."""
     return [
-        [_clean(field.read(sheet, book.context)) for field in FIELDS] for sheet in book.to_work_on
+        [clean_cell(field.read(sheet, book.context)) for field in FIELDS]
+        for sheet in book.to_work_on
     ]
 
 
@@ -101,12 +102,6 @@ def _measured(sheet: WorkSheet) -> list[str]:
         tail = "; ".join(text for text in more if text)
         said.append(f"{size.name}: {size.percent}{f' ({tail})' if tail else ''}")
     return said
-
-
-def _clean(cell: Cell) -> Cell:
-    if isinstance(cell, str):
-        return printable(cell)
-    return finite(cell) if isinstance(cell, float) else cell
 
 
 def _seen_from(sheet: WorkSheet, context: ReportContext) -> datetime | None:

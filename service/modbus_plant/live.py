@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import multiprocessing
 import signal
 from collections.abc import Mapping, Sequence
@@ -22,8 +21,6 @@ from stemwatch.service.modbus_plant.simulated_ahead import (
 )
 from stemwatch.service.modbus_plant.wear import Wear
 from stemwatch.service.process_lifecycle import begin_child, quiet_start
-
-log = logging.getLogger(__name__)
 
 STRETCH_S = 1800.0
 REPAIR_S = 5.0  # of plant time, in which a valve that is worked on shows no value

@@ -12,6 +12,7 @@ from typing import TypeGuard
 
 from stemwatch.models.false_discovery import LEVEL, significant
 from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.service.presenter.wording import valves_counted
 
 LEVEL_PERCENT = f"{100.0 * LEVEL:g} %"
 
@@ -35,7 +36,7 @@ class Discoveries:
         """The whole run in one or two sentences; empty where no valve could be tested."""
         if not self.tested:
             return ""
-        said = f"Hidden physics named on {self.named} of {_valves(self.tested)} tested"
+        said = f"Hidden physics named on {self.named} of {valves_counted(self.tested)} tested"
         if self.named:
             said += (
                 f"; at most {LEVEL_PERCENT} of such findings are expected to be due to chance "
@@ -46,7 +47,7 @@ class Discoveries:
         many = self.held_back > 1
         return (
             f"{said}. {self.held_back} {'more ' if self.named else ''}{'are' if many else 'is'} "
-            f"held back: across {_valves(self.tested)} chance alone may have named "
+            f"held back: across {valves_counted(self.tested)} chance alone may have named "
             f"{'them' if many else 'it'}."
         )
 
@@ -54,7 +55,7 @@ class Discoveries:
     def remark(self) -> str:
         """What stands beside a finding that is held back."""
         return (
-            f"Held back: across {_valves(self.tested)} chance alone may have named this. "
+            f"Held back: across {valves_counted(self.tested)} chance alone may have named this. "
             "Plan no work on it alone; see whether the next recording names it again."
         )
 
@@ -91,7 +92,3 @@ def tested(mismatch: Mismatch | None) -> TypeGuard[Mismatch]:
 
 def _named(mismatch: Mismatch, stood: bool) -> bool | None:
     return stood if mismatch.effects else None
-
-
-def _valves(count: int) -> str:
-    return f"{count} valve" if count == 1 else f"{count} valves"

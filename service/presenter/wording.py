@@ -123,3 +123,8 @@ def window(start: datetime | None, end: datetime | None, zone: tzinfo, zone_name
     if first[:10] == last[:10]:
         last = last[11:]
     return f"{first} to {last} ({zone_name})"
+
+
+def valves_counted(count: int) -> str:
+    """``"1 valve"``, ``"15 valves"``."""
+    return f"{count} valve" if count == 1 else f"{count} valves"

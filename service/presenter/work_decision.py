@@ -16,7 +16,7 @@ from enum import StrEnum
 from stemwatch.models.mismatch.findings import Effect, Finding
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.presenter.wording import finite
+from stemwatch.service.presenter.wording import finite, valves_counted
 
 # A kind of finding is a key of the advice: stiction by its shape, an effect by its slug, a way in
 # which the position cannot be trusted.
@@ -210,7 +210,7 @@ class WorkCounts:
     def headline(self) -> str:
         """How many valves need work: "4 of 15 valves need work"."""
         needs = "needs" if self.needs_work <= 1 else "need"
-        return f"{self.needs_work or 'None'} of {_valves(self.valves)} {needs} work"
+        return f"{self.needs_work or 'None'} of {valves_counted(self.valves)} {needs} work"
 
     @property
     def rest(self) -> str:
@@ -262,7 +262,3 @@ def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
         no_work=len(many[WorkState.NO_WORK]),
         orders=len(ordered.intersection(many[WorkState.NOT_JUDGED])),
     )
-
-
-def _valves(count: int) -> str:
-    return f"{count} valve" if count == 1 else f"{count} valves"

@@ -56,10 +56,11 @@ def header_and_rows(
 ) -> tuple[list[SpreadsheetColumn], Iterator[list[Cell]]]:
     """The columns and, valve by valve as they are asked for, their cells, every text printable."""
     shown = columns(context)
-    return shown, ([_clean(column.read(valve)) for column in shown] for valve in ranked)
+    return shown, ([clean_cell(column.read(valve)) for column in shown] for valve in ranked)
 
 
-def _clean(cell: Cell) -> Cell:
+def clean_cell(cell: Cell) -> Cell:
+    """A cell as every table shows it: printable text, a number that is one, or nothing."""
     if isinstance(cell, str):
         return printable(cell)
     return finite(cell) if isinstance(cell, float) else cell

@@ -13,13 +13,16 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.records import EarlierCurve
 from stemwatch.service.store.store import Store
 
 JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
 
 
-def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
-    """Each task with its valve's baseline network, where the store has one."""
+def with_what_was_found(tasks: Sequence[Task], store: Store) -> list[Task]:
+    """Each task with its valve's baseline network, where the store has one, and with the curves
+    from OP to stroke of its last windows, where nobody gave one."""
+    curves: dict[str, tuple[EarlierCurve, ...]] = {}
     baselines: dict[str, StoredBaseline | None] = {}
     for task in tasks:
         valve = task.tags.valve
@@ -32,11 +35,17 @@ def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
                     network=kept.network, note=kept.note, window=kept.window, id=kept.id
                 )
             )
-    return [replace(task, baseline=baselines[task.tags.valve]) for task in tasks]
+        if valve not in curves:
+            given = task.given_curve is not None
+            curves[valve] = () if given else tuple(store.earlier_curves(valve))
+    return [
+        replace(task, baseline=baselines[task.tags.valve], earlier_curves=curves[task.tags.valve])
+        for task in tasks
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class PlacedScreening:
     """A screening at its place among the tasks; ``given_up`` is why the work on it was."""
 
     place: int
@@ -81,7 +90,7 @@ class Saving:
         self.previous: dict[str, PreviousFinding | None] = {}
         self.not_saved: list[tuple[str, str]] = []
 
-    def take(self, arrived: Sequence[Found], spill: ResultSpill) -> None:
+    def take(self, arrived: Sequence[PlacedScreening], spill: ResultSpill) -> None:
         """Save screenings, which ``spill`` has at their places, and what they make complete."""
         for result in arrived:
             if self._to_come[result.screening.valve][0] == result.place:
@@ -93,7 +102,7 @@ class Saving:
             self._waiting.add(result.place)
             self._go_on(result, spill)
 
-    def _save(self, arrived: Sequence[Found]) -> None:
+    def _save(self, arrived: Sequence[PlacedScreening]) -> None:
         many = [result.screening for result in arrived]
         report = self._store.save_many(many, self._number, self._compared)
         reasons = {failure.valve: failure.reason for failure in report.failures}
@@ -107,7 +116,7 @@ class Saving:
                 self._unsaved.add(result.place)
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
-    def _go_on(self, result: Found, spill: ResultSpill) -> None:
+    def _go_on(self, result: PlacedScreening, spill: ResultSpill) -> None:
         """What is due of the valve, in the order of its windows."""
         valve = result.screening.valve
         to_come = self._to_come[valve]

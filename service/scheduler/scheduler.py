@@ -11,7 +11,7 @@ from datetime import UTC, datetime, timedelta
 from stemwatch.service import __version__
 from stemwatch.service.scheduler.instants import Missed, due_between, jitter, next_due
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.schedules import StoredSchedule
 from stemwatch.service.store.store import Store
 
@@ -114,7 +114,7 @@ class Scheduler:
             log.info(text, number, schedule.name, missed.last, extra={"run": number})
         return number
 
-    def _wanted(self, kept: StoredSchedule, missed: Missed) -> RunRequest:
+    def _wanted(self, kept: StoredSchedule, missed: Missed) -> RunToQueue:
         schedule, due = kept.schedule, missed.last
         start = None
         if schedule.window_s is not None:
@@ -123,7 +123,7 @@ class Scheduler:
         if missed.count > 1:
             many = f"{'at least ' if missed.at_least else ''}{missed.count - 1}"
             reason = f"{many} instants before it had been missed; this run makes up for them"
-        return RunRequest(
+        return RunToQueue(
             schedule=schedule.name,
             due=due,
             not_before=due + jitter(schedule, due),

@@ -46,6 +46,7 @@ from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPag
 from stemwatch.service.store.screenings.records import (
     Baseline,
     DescribedValve,
+    EarlierCurve,
     Ranked,
     RecentOfValve,
     Remark,
@@ -217,15 +218,10 @@ class Store:
         with self.transactions.reading() as session:
             return screenings.read_last(session, valve, limit)
 
-    def screening_of(self, valve: str, window: _Window) -> StoredScreening | None:
-        """The valve's screening of exactly this window."""
+    def earlier_curves(self, valve: str, limit: int = 3) -> list[EarlierCurve]:
+        """How OP stroked the valve in its last windows that were fitted, newest first."""
         with self.transactions.reading() as session:
-            return screenings.read_of_window(session, valve, window)
-
-    def indicator_of(self, name: str, screening_ids: Sequence[int]) -> dict[int, float]:
-        """One indicator of several screenings, by their numbers; without those that lack it."""
-        with self.transactions.reading() as session:
-            return screenings.read_indicator(session, name, screening_ids)
+            return screenings.read_curves(session, valve, limit)
 
     def worst_of_run(self, run_id: int, limit: int) -> list[str]:
         """The valves of a run's worst screenings, the worst first."""

@@ -9,7 +9,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -288,8 +288,3 @@ def _plant_toml(plan: ArchivePlan) -> Iterator[str]:
         yield f'\n[[valves]]\nid = "{tag}"\narea = "Area {place % AREAS + 1}"\nsource = "archive"'
         for role in ROLES:
             yield f'tags.{role.value} = {{ tag = "{tag}.{role.value}", unit = "%" }}'
-
-
-def end_of(plan: ArchivePlan) -> datetime:
-    """The time just after the last sample."""
-    return plan.start + timedelta(hours=plan.hours)

@@ -31,7 +31,7 @@ _BEGUN_IN_VAIN = (
 )
 
 
-class Attempts:
+class FileAttempts:
     """The attempts at files of one folder, by the files' digests."""
 
     def __init__(self, folder: Path) -> None:
@@ -102,7 +102,7 @@ class WatchedFolder:
         self._plant, self._source, self._store = plant, source, store
         self._quiet = quiet
         self._memory_bytes = memory_bytes
-        self._attempts = Attempts(self.folder)
+        self._attempts = FileAttempts(self.folder)
         self._before: dict[Path, _Looks] = {}
         self._counts = {"taken": 0.0, "rejected": 0.0, "samples": 0.0}
         self._last: datetime | None = None

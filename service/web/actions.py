@@ -9,7 +9,7 @@ from datetime import datetime
 
 from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.store import Store
 
 LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL
@@ -38,7 +38,7 @@ class Actions:
         if unknown := [valve for valve in valves if valve not in known]:
             raise Missing(f"there is no valve {unknown[0]}")
         number = self.store.queue.put(
-            RunRequest(valves=tuple(valves), who=who), software_version=__version__
+            RunToQueue(valves=tuple(valves), who=who), software_version=__version__
         )
         self._wake()
         return number

@@ -23,7 +23,7 @@ from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.run.finish import hold_back
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.tables import RunValveRow
 from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.sources import SourceState
@@ -67,7 +67,7 @@ def fill(store: Store, plant: Plant, runs: int) -> int:
     number = 0
     for run in range(runs):
         at = NOW - timedelta(hours=24 * (runs - 1 - run))
-        number = store.queue.put(RunRequest(), software_version="1") or 0
+        number = store.queue.put(RunToQueue(), software_version="1") or 0
         with store.transactions.writing("filling") as session:
             done = {"state": "done", "reason": "", "finished": at}
             session.execute(

@@ -15,7 +15,6 @@ from stemwatch.service.store.all_tables import metadata
 from stemwatch.service.store.database.columns import UtcDateTime
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrations.migrate import current_revision
-from stemwatch.service.store.samples.partitions import is_partition
 
 SAMPLES = "samples"
 
@@ -167,8 +166,3 @@ def _kind(table: str, column: str, type_: TypeEngine[Any]) -> ColumnKind:
         if isinstance(type_, base):
             return kind
     raise StoreError(f"{table}.{column} is of type {type_}, which no version of stemwatch made")
-
-
-def parts_of_samples(connection: Connection) -> list[str]:
-    """The partitions of samples, by name."""
-    return sorted(name for name in inspect(connection).get_table_names() if is_partition(name))

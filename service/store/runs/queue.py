@@ -29,7 +29,7 @@ _IN_ONE_STATEMENT = 500
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunRequest:
+class RunToQueue:
     """A run to be queued. ``valves`` empty: what its schedule says, or all.
 
     ``window`` start and stop, either open; ``schedule`` and ``due`` ``None`` where a person asked.
@@ -57,7 +57,7 @@ class RunQueue:
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
-    def put(self, wanted: RunRequest, *, software_version: str) -> int | None:
+    def put(self, wanted: RunToQueue, *, software_version: str) -> int | None:
         """Queue a run; its number, or ``None`` where this schedule's instant is queued already.
 
         A schedule whose run before still waits or goes on does not run twice at a time: the new

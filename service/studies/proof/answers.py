@@ -1,6 +1,6 @@
 """``judge``: CSV files to answers, by ``stemwatch explain`` in processes that see nothing else.
 
-An ``Answer`` is what the JSON of ``stemwatch explain`` says of one recording.
+An ``BlindAnswer`` is what the JSON of ``stemwatch explain`` says of one recording.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class StictionNumbers:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class BlindAnswer:
     """One judged recording: the names, strongest first, and the figures beside them.
 
     ``fit_naive`` and ``fit_extended`` in percent, on data that the fit did not see; ``reason`` why
@@ -70,14 +70,14 @@ class Answer:
         return NOTHING if self.verdict in ("none", "") else self.verdict
 
 
-def read_answer(written: Mapping[str, Any]) -> Answer:
+def read_answer(written: Mapping[str, Any]) -> BlindAnswer:
     """One object of the JSON of ``stemwatch explain``.
 
     Raises ``ValueError`` with what is missing where it does not follow the contract.
     """
     try:
         heldout, stiction = written["heldout"] or {}, written["stiction"] or {}
-        return Answer(
+        return BlindAnswer(
             file=Path(written["recording"]).name,
             verdict=str(written["verdict"]),
             names=tuple(
@@ -139,7 +139,7 @@ def judge(
     executor: Executor,
     tell: Callable[[int], None],
     arguments: Sequence[str] = (),
-) -> list[Answer]:
+) -> list[BlindAnswer]:
     """What ``stemwatch explain`` says of ``files`` (names) in ``folder``, in the order of names.
 
     Each process is given the names of CSV files and works in their folder; the truth is in no file
@@ -151,14 +151,14 @@ def judge(
         _Chunk(str(folder), tuple(names[first : first + CHUNK]), tuple(arguments))
         for first in range(0, len(names), CHUNK)
     ]
-    said: list[Answer] = []
+    said: list[BlindAnswer] = []
     for _, answers in map_items(executor, _explain, chunks):
         said += answers
         tell(len(said))
     return sorted(said, key=lambda answer: answer.file)
 
 
-def _explain(chunk: _Chunk) -> list[Answer]:
+def _explain(chunk: _Chunk) -> list[BlindAnswer]:
     with tempfile.TemporaryDirectory() as home:
         answer = Path(home) / "answer.json"
         ours = ["--json", str(answer), "--workers", "1"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import permutations
 
-from stemwatch.service.studies.proof.answers import Answer, NamedEffect
+from stemwatch.service.studies.proof.answers import BlindAnswer, NamedEffect
 from stemwatch.service.studies.proof.truth import CaseKind, CaseTruth
 
 
@@ -35,7 +35,7 @@ class CaseMark:
     """
 
     truth: CaseTruth
-    said: Answer
+    said: BlindAnswer
     outcome: CaseOutcome
     wrong_names: tuple[str, ...]
     right_name: bool | None
@@ -46,7 +46,7 @@ class CaseMark:
         return bool(self.said.names)
 
 
-def mark(truth: CaseTruth, said: Answer) -> CaseMark:
+def mark(truth: CaseTruth, said: BlindAnswer) -> CaseMark:
     """The outcome by the kind of the case; record effects are counted apart."""
     rules = {
         CaseKind.NULL: _null,
@@ -67,11 +67,11 @@ def mark(truth: CaseTruth, said: Answer) -> CaseMark:
     )
 
 
-def _null(_physics: Sequence[str], said: Answer) -> CaseOutcome:
+def _null(_physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
     return CaseOutcome.FALSE_ALARM if said.names else CaseOutcome.QUIET
 
 
-def _single(physics: Sequence[str], said: Answer) -> CaseOutcome:
+def _single(physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
     if not said.names:
         return CaseOutcome.MISS
     (slug,), first = physics, said.names[0]
@@ -80,7 +80,7 @@ def _single(physics: Sequence[str], said: Answer) -> CaseOutcome:
     return CaseOutcome.CLASS if first.holds(slug) else CaseOutcome.WRONG
 
 
-def _pair(physics: Sequence[str], said: Answer) -> CaseOutcome:
+def _pair(physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
     if not said.names:
         return CaseOutcome.MISS
     named = _found(physics, said.names)
@@ -98,7 +98,7 @@ def _found(physics: Sequence[str], names: Sequence[NamedEffect]) -> int:
     )
 
 
-def _unknown(_physics: Sequence[str], said: Answer) -> CaseOutcome:
+def _unknown(_physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
     if said.names:
         return CaseOutcome.MISNAMED
     return CaseOutcome.CAUGHT if said.verdict == "unknown" else CaseOutcome.MISS

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from stemwatch.service.studies.proof.answers import Answer
+from stemwatch.service.studies.proof.answers import BlindAnswer
 from stemwatch.service.studies.proof.figures import heldout, seconds, stiction_errors
 from stemwatch.service.studies.proof.marks import CaseMark, CaseOutcome, mark
 from stemwatch.service.studies.proof.truth import (
@@ -261,7 +261,7 @@ def without_verdict(marks: Sequence[CaseMark]) -> list[tuple[str, int]]:
     ).most_common()
 
 
-def score(truths: Sequence[CaseTruth], said: Sequence[Answer]) -> list[CaseMark]:
+def score(truths: Sequence[CaseTruth], said: Sequence[BlindAnswer]) -> list[CaseMark]:
     """One mark a case. Raises ``ValueError`` where answers and truths are not of the same files."""
     answers = {answer.file: answer for answer in said}
     missing = sorted({truth.file for truth in truths} ^ set(answers))

@@ -19,7 +19,7 @@ from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import ValveState
 from stemwatch.service.store.store import Store, open_store
@@ -93,7 +93,7 @@ def run(
     store: Store, plant: Plant, hour: int, sticky: Sequence[str] = (), left: Sequence[str] = ()
 ) -> list[int]:
     """A run over all valves, with these findings; the numbers of the alerts that it raised."""
-    number = store.queue.put(RunRequest(), software_version="1")
+    number = store.queue.put(RunToQueue(), software_version="1")
     store.queue.claim("w")
     store.queue.plan(number, plant.valves)
     for valve in plant.valves:
@@ -170,7 +170,7 @@ def test_the_run_after_maintenance_says_whether_it_helped(
     """Both intervals are named, once, whatever runs follow; before the next run nothing is said."""
 
     def look(hour: int, S: tuple) -> None:
-        number = store.queue.put(RunRequest(valves=("V1",)), software_version="1")
+        number = store.queue.put(RunToQueue(valves=("V1",)), software_version="1")
         store.queue.claim("w")
         store.queue.plan(number, ["V1"])
         value, low, high = S

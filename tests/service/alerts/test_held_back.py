@@ -19,7 +19,7 @@ from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.run.finish import hold_back, p_elsewhere
 from stemwatch.service.store.alerts.alerts import AlertKind
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import ValveState
 from stemwatch.service.store.store import Store
 
@@ -63,7 +63,7 @@ def plant(tmp_path: Path) -> Plant:
 
 def run(store: Store, plant: Plant, hour: int, found: dict[str, Mismatch | None]) -> int:
     """A run over all valves; what is not in ``found`` shows nothing beside stiction."""
-    number = store.queue.put(RunRequest(), software_version="1")
+    number = store.queue.put(RunToQueue(), software_version="1")
     store.queue.claim("w")
     store.queue.plan(number, plant.valves)
     for valve in plant.valves:

@@ -17,7 +17,7 @@ from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.run.queue_worker import QueueWorker
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import BLIND, STICKY
 from tests.service.maintenance.made_book import BACKGROUND, context, longest, mixed
@@ -77,7 +77,7 @@ def test_a_scheduled_run_writes_it_beside_its_report(stroked):
     stroked.write_text(f"[service]\nworkers = 1\nreport_valves = 1\n{text}", encoding="utf-8")
     plant = load_plant(stroked, environment={})
     with open_store(plant.storage) as store:
-        number = store.queue.put(RunRequest(who="Ann"), software_version="1")
+        number = store.queue.put(RunToQueue(who="Ann"), software_version="1")
         assert QueueWorker(store, plant).once(threading.Event())
         folder = Path(store.run(number).report)
         assert background_of(store, plant, number).run == number

@@ -18,7 +18,7 @@ from sqlalchemy import text
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import Plant
 from stemwatch.service.run.queue_worker import UNKNOWN, QueueWorker
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
 
@@ -36,7 +36,7 @@ if __name__ == "__main__":
 
 
 def put(store: Store, **wanted) -> int:
-    number = store.queue.put(RunRequest(**wanted), software_version="1")
+    number = store.queue.put(RunToQueue(**wanted), software_version="1")
     assert number is not None
     return number
 

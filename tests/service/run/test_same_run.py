@@ -19,7 +19,7 @@ from stemwatch.service.run import execute
 from stemwatch.service.run.engine import RunNow, screen_now
 from stemwatch.service.run.plan import Request
 from stemwatch.service.run.queue_worker import QueueWorker
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 from tests.service.clusters import Cluster
@@ -67,7 +67,7 @@ def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def by_schedule(plant: Plant, store: Store) -> Path:
     """What a schedule asks for, done by the worker of the queue; the folder of its report."""
     store.schedules.take_from_file(plant.schedules)
-    number = store.queue.put(RunRequest(schedule="hourly"), software_version=__version__)
+    number = store.queue.put(RunToQueue(schedule="hourly"), software_version=__version__)
     assert number is not None
     assert QueueWorker(store, plant).once(threading.Event())
     done = store.run(number)

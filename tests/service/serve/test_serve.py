@@ -23,7 +23,7 @@ from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.plant_file import plant_toml
 from stemwatch.service.modbus_plant.plant_server import PlantServer
 from stemwatch.service.serve.page_server import CannotListen, listen
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
 from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
@@ -110,7 +110,7 @@ def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
             return store.samples.count("plc-1", "FIC-101.OP")
 
         until(lambda: samples() > 100, site=live_site)
-        number = store.queue.put(RunRequest(who="Ann"), software_version="1")
+        number = store.queue.put(RunToQueue(who="Ann"), software_version="1")
         until(lambda: store.run(number).state is RunState.RUNNING, site=live_site)
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()

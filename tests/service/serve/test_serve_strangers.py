@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
@@ -84,7 +84,7 @@ def under_siege(
     with site.store() as store, strangers(address, connections):
         for _ in range(runs):
             number = store.queue.put(
-                RunRequest(valves=("FIC-104",), who="Ann"), software_version="1"
+                RunToQueue(valves=("FIC-104",), who="Ann"), software_version="1"
             )
 
             def over(number: int = number) -> bool:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.service.studies.proof.answers import Answer, NamedEffect, read_answer
+from stemwatch.service.studies.proof.answers import BlindAnswer, NamedEffect, read_answer
 from stemwatch.service.studies.proof.marks import CaseOutcome, mark
 from stemwatch.service.studies.proof.truth import CaseKind, CaseTruth
 
@@ -29,10 +29,10 @@ def truth(*effects: str, excited: bool = True) -> CaseTruth:
     )
 
 
-def said(*names: str | tuple[str, ...], verdict: str = "named") -> Answer:
+def said(*names: str | tuple[str, ...], verdict: str = "named") -> BlindAnswer:
     """An answer; a tuple is a name with its class, the name first."""
     given = [(name,) if isinstance(name, str) else name for name in names]
-    return Answer(
+    return BlindAnswer(
         file="FIC-0001.csv",
         verdict=verdict if names else ("none" if verdict == "named" else verdict),
         names=tuple(NamedEffect(slug=one[0], members=one) for one in given),

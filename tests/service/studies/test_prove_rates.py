@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from stemwatch.service.cli.prove_tables import figures_lines, tables
-from stemwatch.service.studies.proof.answers import Answer, NamedEffect, StictionNumbers
+from stemwatch.service.studies.proof.answers import BlindAnswer, NamedEffect, StictionNumbers
 from stemwatch.service.studies.proof.figures import heldout, seconds, stiction_errors
 from stemwatch.service.studies.proof.marks import CaseMark, mark
 from stemwatch.service.studies.proof.rates import (
@@ -36,7 +36,9 @@ def marked(hidden=(), named=(), **changes) -> CaseMark:
         samples=3600,
     )
     names = tuple(NamedEffect(slug=slug, members=(slug,)) for slug in named)
-    answer = Answer(file=truth.file, verdict="named" if named else "none", names=names, seconds=0.5)
+    answer = BlindAnswer(
+        file=truth.file, verdict="named" if named else "none", names=names, seconds=0.5
+    )
     ours = {name: value for name, value in changes.items() if hasattr(truth, name)}
     theirs = {name: value for name, value in changes.items() if name not in ours}
     return mark(replace(truth, **ours), replace(answer, **theirs))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.service.studies.proof.answers import Answer
+from stemwatch.service.studies.proof.answers import BlindAnswer
 from stemwatch.service.studies.proof.rates import score
 from stemwatch.service.studies.proof.truth import BrokenSeal, CaseTruth, Seal, seal
 
@@ -73,4 +73,4 @@ def test_another_truth_has_another_digest() -> None:
 def test_a_truth_without_an_answer_is_not_scored() -> None:
     """Answers that do not match the sealed files stop the count."""
     with pytest.raises(ValueError, match=r"1 files have only .* FIC-0002\.csv"):
-        score([case(1), case(2)], [Answer(file="FIC-0001.csv", verdict="none")])
+        score([case(1), case(2)], [BlindAnswer(file="FIC-0001.csv", verdict="none")])

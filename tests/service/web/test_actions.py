@@ -125,10 +125,10 @@ def test_a_run_is_queued_seen_and_cancelled(live, send, client):
 
 def test_progress_and_time_left_are_seen(live, client):
     """What is done, what was set aside with its reason, and how long it will still take."""
-    from stemwatch.service.store.runs.queue import RunRequest
+    from stemwatch.service.store.runs.queue import RunToQueue
     from stemwatch.service.store.screenings.records import ValveState
 
-    number = live.store.queue.put(RunRequest(who="K"), software_version="0.1")
+    number = live.store.queue.put(RunToQueue(who="K"), software_version="0.1")
     live.store.queue.claim("worker")
     live.store.queue.plan(number, [STICKY, WATCH, HEALTHY, HOSTILE])
     live.store.queue.mark(number, STICKY, ValveState.DONE)

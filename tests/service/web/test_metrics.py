@@ -17,7 +17,7 @@ from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.collector import Spool
 from stemwatch.service.collector.spool import backlog
 from stemwatch.service.config import load_plant
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import RunState, ValveState
 from stemwatch.service.store.store import Store
@@ -63,7 +63,7 @@ def site(filled: Store, tmp_path: Path) -> Site:
             source=name, kind="modbus", updated=NOW, last_good=last, figures=FIGURES
         )
         filled.sources.note(state)
-    number = filled.queue.put(RunRequest(), software_version="1")
+    number = filled.queue.put(RunToQueue(), software_version="1")
     filled.queue.claim("w")
     filled.queue.plan(number, [STICKY, WATCH])
     filled.queue.mark(number, STICKY, ValveState.SET_ASIDE, "no result after 1 s")

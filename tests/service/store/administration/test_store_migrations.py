@@ -16,7 +16,7 @@ from stemwatch.service.store.database.engine import make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrations.migrate import downgrade, is_compared, upgrade
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.partitions import is_partition
 from stemwatch.service.store.store import Store, open_store
 
@@ -83,7 +83,7 @@ def test_the_services_tables_go_and_come_without_touching_results(
         store.save(make_screening(), run)
         store.finish_run(run)
         store.set_baseline("FIC-101", b"n", reason="first healthy window")
-        store.queue.put(RunRequest(schedule="daily", due=NOW), software_version="1")
+        store.queue.put(RunToQueue(schedule="daily", due=NOW), software_version="1")
         before = (store.latest(), store.baseline("FIC-101"), store.run(run))
     engine = make_engine(DatabaseUrl(store_url))
     downgrade(engine, "0002")

@@ -11,7 +11,7 @@ import pytest
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState, ValveState
 from stemwatch.service.store.store import Store, open_store
 
@@ -20,7 +20,7 @@ NOT_AT_ALL = timedelta(0)
 
 
 def put(store: Store, **wanted) -> int | None:
-    return store.queue.put(RunRequest(**wanted), software_version="1")
+    return store.queue.put(RunToQueue(**wanted), software_version="1")
 
 
 def test_two_services_never_get_the_same_run(store: Store, store_url: str) -> None:

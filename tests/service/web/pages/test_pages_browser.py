@@ -219,11 +219,11 @@ def test_a_name_that_is_a_script_stays_a_name(opened):
 
 def test_runs_refresh_by_themselves(opened, live):
     """A run that begins while somebody looks appears without a reload."""
-    from stemwatch.service.store.runs.queue import RunRequest
+    from stemwatch.service.store.runs.queue import RunToQueue
 
     page = opened.page("/runs")
     assert "No run waits" in page.locator("#going").inner_text()
-    live.store.queue.put(RunRequest(who="K. Berg"), software_version="0.1")
+    live.store.queue.put(RunToQueue(who="K. Berg"), software_version="0.1")
     page.locator("#going .card").wait_for(timeout=15_000)
 
 

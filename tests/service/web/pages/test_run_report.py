@@ -9,7 +9,7 @@ import pytest
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.report import ReportContext, write_report
-from stemwatch.service.store.runs.queue import RunRequest
+from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from tests.service.web.made_plant import HEALTHY, NOW, STICKY, screening, serving
 from tests.service.web.signed_in import cookie_of
@@ -19,7 +19,7 @@ LATER = NOW + timedelta(hours=1)
 
 def finished(live, folder) -> int:
     """A run whose report is said to lie in ``folder``."""
-    number = live.store.queue.put(RunRequest(who="K"), software_version="0.1")
+    number = live.store.queue.put(RunToQueue(who="K"), software_version="0.1")
     live.store.queue.claim("worker")
     live.store.queue.finish(number, RunState.DONE, report=str(folder))
     return number
