@@ -57,6 +57,12 @@ NEXT = {
     ),
 }
 
+LONGER = "Record a longer window, or one in which OP reverses more often."
+FASTER = (
+    "Have OP and position archived faster, without averages and exception reports, and screen it "
+    "again."
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class DecisionEvidence:
@@ -77,6 +83,7 @@ class DecisionEvidence:
     baseline_ratio: float | None
     cycling_s: float | None  # period of the loop's regular oscillation, on the record's own clock
     unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
+    sampling: str = ""  # why the sampling is too slow to tell how the stem moved, or nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +181,37 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
     )
 
 
+def _not_described(unexplained: str, sampling: str) -> Decision:
+    """Why S and J describe nothing: ``sampling`` where that is slow, else something else."""
+    if sampling:
+        return _cannot_tell(f"{unexplained}: {sampling}", FASTER, numbers_hold=False)
+    return _cannot_tell(
+        f"{unexplained}, so S and J would mean nothing",
+        "Something else moves this stem (positioner, actuator, air supply, the reading "
+        "itself): look at the residual plots, and do a stroke test with small steps.",
+        numbers_hold=False,
+    )
+
+
+def _by_bound(
+    evidence: DecisionEvidence, bound: float, limits: Limits, *, friction: bool
+) -> Decision:
+    """Where only a lower bound of S is known: it may be enough, and else nothing is."""
+    if bound < limits.sticky_S_percent or not friction:
+        why = f"S is at least {_percent(bound)}, and may be much more: {evidence.S.reason}"
+        return _cannot_tell(why, FASTER)
+    return Decision(
+        verdict=Verdict.STICKY,
+        reason=(
+            f"The stem sticks: after a reversal OP must move at least {_percent(bound)} before "
+            f"the stem lets go. How far is not known: {evidence.S.reason}.{evidence.slow}"
+        ),
+        advice=f"{NEXT[Shape.UNDERSHOOT]} {FASTER}",
+        severity=50.0 + 50.0 * float(1.0 - np.exp(-bound / 8.0)),
+        confidence=_share(evidence.S_draws >= limits.sticky_S_percent),
+    )
+
+
 def _watch(evidence: DecisionEvidence, limits: Limits, why: str, confidence: float) -> Decision:
     S, J = float(evidence.S.value or 0.0), float(evidence.J.value or 0.0)
     return Decision(
@@ -187,6 +225,16 @@ def _watch(evidence: DecisionEvidence, limits: Limits, why: str, confidence: flo
         severity=25.0 + 20.0 * float(1.0 - np.exp(-(S + J) / 3.0)),
         confidence=confidence,
     )
+
+
+def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: Limits) -> Decision:
+    """S reaches the watch limit, and its low end not the sticky one."""
+    if evidence.sampling and low < limits.watch_S_percent:
+        return _cannot_tell(f"S is at most {_percent(high)}: {evidence.sampling}", FASTER)
+    if high > 3.0 * limits.sticky_S_percent and low < limits.watch_S_percent:
+        return _cannot_tell(f"S lies anywhere between {_percent(low)} and {_percent(high)}", LONGER)
+    share = _share(evidence.S_draws >= limits.watch_S_percent)
+    return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
 
 
 def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
@@ -233,17 +281,15 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     """
     unexplained = _unexplained(evidence, limits)
     if unexplained is not None:
-        return _cannot_tell(
-            f"{unexplained}, so S and J would mean nothing",
-            "Something else moves this stem (positioner, actuator, air supply, the reading "
-            "itself): look at the residual plots, and do a stroke test with small steps.",
-            numbers_hold=False,
-        )
+        return _not_described(unexplained, evidence.sampling)
+    fits_better = evidence.friction_mean >= FRICTION_MEAN and evidence.friction_t >= FRICTION_T
+    friction = fits_better or evidence.jumps_evident
+    bound = evidence.S.at_least
+    if bound is not None:
+        return _by_bound(evidence, bound, limits, friction=friction)
     S, low, high = evidence.S.value, evidence.S.low, evidence.S.high
     if S is None or low is None or high is None:
         return _cannot_tell(evidence.S.reason or "S is not known", "Record more movement.")
-    fits_better = evidence.friction_mean >= FRICTION_MEAN and evidence.friction_t >= FRICTION_T
-    friction = fits_better or evidence.jumps_evident
     if low >= limits.sticky_S_percent:
         if friction:
             return _sticky(evidence, limits)
@@ -253,13 +299,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
             "the larger one.",
         )
     if S >= limits.watch_S_percent:
-        if high > 3.0 * limits.sticky_S_percent and low < limits.watch_S_percent:
-            return _cannot_tell(
-                f"S lies anywhere between {_percent(low)} and {_percent(high)}",
-                "Record a longer window, or one in which OP reverses more often.",
-            )
-        share = _share(evidence.S_draws >= limits.watch_S_percent)
-        return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
+        return _some_friction(evidence, low, high, limits)
     if _moved_away(evidence, limits):
         why = (
             f"The stem still follows (S {_width(evidence)}), but {evidence.baseline_ratio:.1f} "
@@ -267,9 +307,10 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
         )
         return _watch(evidence, limits, why, 0.5)
     if high >= limits.sticky_S_percent:
+        because = f": {evidence.sampling}" if evidence.sampling else ""
         return _cannot_tell(
-            f"S is probably {_percent(S)} but may be {_percent(high)}",
-            "Record a longer window, or one in which OP reverses more often.",
+            f"S is probably {_percent(S)} but may be {_percent(high)}{because}",
+            FASTER if because else LONGER,
         )
     return _healthy(evidence, limits)
 

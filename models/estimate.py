@@ -10,7 +10,8 @@ class Estimate:
     """A value with a 95 % interval, or ``None`` with a reason.
 
     Exactly one of ``value`` and ``reason`` is set: a fit that cannot conclude is a result with a
-    sentence, never a number that looks like one.
+    sentence, never a number that looks like one. Where only a bound is known there is no value,
+    ``low`` is the bound, and the reason says why there is no more.
     """
 
     value: float | None = None
@@ -33,7 +34,14 @@ class Estimate:
         """No number, because ``reason``."""
         return cls(reason=reason, unit=unit)
 
+    @property
+    def at_least(self) -> float | None:
+        """The bound, where nothing but a lower one is known; else ``None``."""
+        return self.low if self.value is None else None
+
     def __str__(self) -> str:
+        if self.value is None and self.low is not None:
+            return f"at least {self.low:{_digits(self.low)}} {self.unit}: {self.reason}"
         if self.value is None:
             return f"not known: {self.reason}"
         if self.low is None or self.high is None:

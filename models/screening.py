@@ -33,6 +33,7 @@ from stemwatch.models.fit_window import (
 )
 from stemwatch.models.limits import Limits
 from stemwatch.models.loop import signal_oscillation
+from stemwatch.models.mismatch.between_samples import Archive, as_sampled, find_archive
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.architecture import StickSlipStart
@@ -45,23 +46,28 @@ from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
-from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
+from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
 from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One recording to screen, with the valve's baseline network where there is one."""
+    """One recording to screen, with the valve's baseline network where there is one.
+
+    ``known_curve`` is what is known of how OP strokes the valve, from a person or an earlier
+    window.
+    """
 
     recording: Recording
     baseline: NarxNetwork | None = None
     baseline_note: str = "No baseline yet."
+    known_curve: KnownCurve | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +99,10 @@ class _Fitted:
     masked: Recording
     stretch: FitWindow | None
     curve: StrokeCurve | None
+    curve_changed: str  # how, against what was known of it, or nothing
     fit: StickSlipFit | None
     sample: StickSlipSample | None
+    archive: Archive | None
     seconds: float
 
 
@@ -149,13 +157,16 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     own = on_own_clock(case.recording)
     assessment = assess(own, limits)
     recording, masked, stretch = own, assessment.recording, None
-    curve = fit = None
+    curve = fit = archive = None
+    changed = ""
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
-        curve = find_stroke_curve(masked)
+        curve, changed = stroke_curve_of(masked, case.known_curve)
         assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
     if not assessment.obstacles:
-        fit = fit_stickslip(in_travel(masked, curve))
+        commanded = in_travel(masked, curve)
+        fit = fit_stickslip(commanded)
+        fit, archive = as_sampled(fit, find_archive(commanded))
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
         case=case,
@@ -164,8 +175,10 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         masked=masked,
         stretch=stretch,
         curve=curve,
+        curve_changed=changed,
         fit=fit,
         sample=sample,
+        archive=archive,
         seconds=time.perf_counter() - began,
     )
 
@@ -258,7 +271,12 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
         ceiling = network.simulated if network is not None else None
         left_out = None
         if options.mismatch:
-            left_out = explain(fitted.recording, ceiling=ceiling, curve=fitted.curve)
+            left_out = explain(
+                fitted.recording,
+                ceiling=ceiling,
+                curve=fitted.curve,
+                look_for_curve=fitted.case.known_curve is None,
+            )
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, left_out, options.limits
         )
@@ -279,7 +297,7 @@ def _screening(
     return Screening(
         valve=recording.valve,
         verdict=judgement.verdict,
-        reason=judgement.reason,
+        reason=" ".join(filter(None, (judgement.reason, fitted.curve_changed))),
         advice=judgement.advice,
         shape=judgement.shape,
         severity=judgement.severity,
@@ -300,6 +318,8 @@ def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     """The recording with the sentences that say what of it was fitted, and through which curve."""
     said = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
     said += [fitted.curve.sentence()] if fitted.curve is not None else []
+    if fitted.archive is not None and fitted.fit is not None:
+        said.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))
     if not said:
         return recording
     decisions = (*recording.provenance.decisions, *said)
@@ -325,11 +345,22 @@ def _stiction(
     """S, J and draws of S, percent of OP: restated with the hidden physics where some was named."""
     if left_out is None or not left_out.effects or left_out.restated.S.value is None:
         S, J, curve = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), fitted.curve
+        S_draws = sample.S
+        if fitted.archive is not None:
+            S, J = fitted.archive.restored(S, J, _missed(fitted, fit))
+            S_draws = S_draws if S.value is None else spread_of(S)
         if curve is None:
-            return S, J, sample.S
-        return curve.in_op(S), curve.in_op(J, is_jump=True), sample.S / abs(curve.slope)
+            return S, J, S_draws
+        return curve.in_op(S), curve.in_op(J, is_jump=True), S_draws / abs(curve.slope)
     S, J = left_out.restated.S, left_out.restated.J
     return S, J, spread_of(S)
+
+
+def _missed(fitted: _Fitted, fit: StickSlipFit) -> float:
+    """What S and J lack of what the archive did not keep, percent of travel."""
+    if fitted.archive is None:
+        return 0.0
+    return fitted.archive.missed_by(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate))
 
 
 def _with_verdict(
@@ -365,6 +396,7 @@ def _with_verdict(
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
+        sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
     )
     judgement = decide(evidence, limits)

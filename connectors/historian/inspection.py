@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime, timedelta
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.opened_file import OpenedFile
     from stemwatch.connectors.historian.tags.roles import Candidate
 
+NO_CURVES: Mapping[str, str] = MappingProxyType({})
 # A signal that repeats one value for this share of the record, after having moved, is frozen.
 _FROZEN_SHARE = 0.25
 _FROZEN_SAMPLES = 60
@@ -80,9 +82,12 @@ class Inspection:
             out[name] = None if instant is None else instant.isoformat()
         return out
 
-    def plant_toml(self, name: str = "historian") -> str:
-        """A proposed mapping to paste into ``plant.toml``; ``name`` is the source's name in it."""
-        return plant_toml(self, name)
+    def plant_toml(self, name: str = "historian", curves: Mapping[str, str] = NO_CURVES) -> str:
+        """A proposed mapping to paste into ``plant.toml``; ``name`` is the source's name in it.
+
+        ``curves`` are lines for valves whose OP is not percent for percent of their position.
+        """
+        return plant_toml(self, name, curves)
 
 
 def inspect_file(opened: OpenedFile) -> Inspection:
@@ -167,7 +172,7 @@ def _frozen(longest: int, samples: int) -> bool:
 _ORDER = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)
 
 
-def plant_toml(inspection: Inspection, name: str) -> str:
+def plant_toml(inspection: Inspection, name: str, curves: Mapping[str, str] = NO_CURVES) -> str:
     """One source and every valve whose OP is certain; what is not certain is a commented line."""
     lines = [
         "[[sources]]",
@@ -176,7 +181,7 @@ def plant_toml(inspection: Inspection, name: str) -> str:
         _zone_line(inspection),
     ]
     for valve in _valves(inspection):
-        lines += ["", *_valve_lines(inspection, valve, name)]
+        lines += ["", *_valve_lines(inspection, valve, name, curves.get(valve, ""))]
     lines += _questions(inspection)
     return "\n".join(lines) + "\n"
 
@@ -198,7 +203,7 @@ def _valves(inspection: Inspection) -> list[str]:
     return sorted({tag.valve for tag in inspection.tags if tag.role == Role.OP and tag.valve})
 
 
-def _valve_lines(inspection: Inspection, valve: str, source: str) -> list[str]:
+def _valve_lines(inspection: Inspection, valve: str, source: str, curve: str) -> list[str]:
     mine = {tag.role: tag for tag in inspection.tags if tag.valve == valve and tag.role}
     description = next((t.description for t in mine.values() if t.description), "")
     lines = [
@@ -207,6 +212,8 @@ def _valve_lines(inspection: Inspection, valve: str, source: str) -> list[str]:
         f"description = {_text(description)}",
         f"source = {_text(source)}",
     ]
+    if curve:
+        lines.append(f"{curve}   # OP:travel in percent, as the recording shows it")
     for role in _ORDER:
         if role in mine:
             lines += _tag_lines(role, mine[role])

@@ -32,6 +32,7 @@ from stemwatch.models.mismatch.base_fit import (
     naive_layout,
 )
 from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.between_samples import find_archive
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -96,16 +97,21 @@ class _Case:
 
 
 def explain(
-    recording: Recording, *, ceiling: Floats | None = None, curve: StrokeCurve | None = None
+    recording: Recording,
+    *,
+    ceiling: Floats | None = None,
+    curve: StrokeCurve | None = None,
+    look_for_curve: bool = True,
 ) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
     ``ceiling`` (n,) is a network's free run of MV, NaN where it has none: the share of the
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
-    else it is looked for here.
+    else it is looked for here, unless ``look_for_curve`` says that there is none.
     """
     began, recording = time.perf_counter(), possible(on_own_clock(recording))
-    curve = curve or find_stroke_curve(recording)
+    if curve is None and look_for_curve:
+        curve = find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:
@@ -279,13 +285,22 @@ def _told(case: _Case) -> Mismatch:
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
+    restated, record_effects = _stiction(drawn, best), case.settled.effects
+    archive = find_archive(case.recording)
+    # What a slow actuator keeps between command and stem was not lost between two samples.
+    slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in effects)
+    if archive is not None and (archive.deviation > 0.0 or not slow):
+        missed = archive.missed_by(evaluator.problem, shown.runs.extended)
+        S, J = archive.restored(restated.S, restated.J, missed)
+        restated = Stiction(S=S, J=J)
+        record_effects = (*record_effects, archive.as_effect(missed))
     return Mismatch(
         finding=finding,
         sentence=_sentence(finding, effects, case.refused, before),
         naive=_stiction(draws(plain, simple, naive), naive),
-        restated=_stiction(drawn, best),
+        restated=restated,
         effects=effects,
-        record_effects=case.settled.effects,
+        record_effects=record_effects,
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=shown.heldout,
         before=before,

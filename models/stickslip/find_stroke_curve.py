@@ -34,7 +34,9 @@ from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.search import SearchResult, best_of
 from stemwatch.models.stickslip.stroke_curve import (
     LEAST_TRAVEL_PERCENT,
+    KnownCurve,
     StrokeCurve,
+    in_travel,
     with_command,
 )
 
@@ -61,6 +63,25 @@ ROUNDS = 3
 # slip that is missed weighs much; what counts then is that all blocks of the record agree.
 LEAST_BEND_GAIN, LEAST_BEND_T, LEAST_T_EVERYWHERE = 0.05, 1.0, 2.5
 MOVING_SAMPLES = 40  # fewer moving samples say nothing of a curve
+CHANGED_PERCENT = 3.0  # of travel; two windows of one valve agree within 1
+EARLIER_USED = (
+    "OP moved too little in this window to tell the curve; the one that was found before is used."
+)
+LOOK = "Ask whether the positioner, the split of the range or the transmitter was set otherwise."
+CHANGED = (
+    "This is not the curve of the window before: at OP {op:.0f} % the position would have been "
+    f"{{was:.0f}} %, and is {{now:.0f}} %. {LOOK}"
+)
+CHANGED_FROM_PLAIN = (
+    f"In the window before, OP was percent for percent of travel; now it is not. {LOOK}"
+)
+CHANGED_TO_PLAIN = (
+    f"OP is percent for percent of travel now; in the window before it was not ({{before}}) {LOOK}"
+)
+NOT_AS_GIVEN = (
+    "The position does not follow the curve from OP to stroke that the plant file gives. Mend "
+    "stroke_curve there, or ask whether the positioner was set otherwise."
+)
 KNOTS = 33
 USED = (0.5, 99.5)  # percentiles between which OP counts as used
 STOP_SHARE = 0.02  # of the samples at the lowest or highest position: a stop, or a tight shut-off
@@ -102,17 +123,89 @@ def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> fl
     return float(np.cov(op, position)[0, 1] / op.var(ddof=1))
 
 
-def find_stroke_curve(recording: Recording) -> StrokeCurve | None:
+def stroke_curve_of(
+    recording: Recording, known: KnownCurve | None = None
+) -> tuple[StrokeCurve | None, str]:
+    """The curve to read a recording through, and how it changed, one sentence or nothing.
+
+    A curve that a person gave is used as it is. One that was found in an earlier window is where
+    the search starts, and stands in where OP moves too little to tell its own.
+    """
+    if known is None or recording.mv is None or recording.mv.unit != recording.op.unit:
+        return find_stroke_curve(recording), ""
+    if known.given:
+        return _given(recording, known.curve)
+    found = find_stroke_curve(recording, known.curve)
+    if known.curve is None:
+        if found is None or not found.slope_known:
+            return found, ""
+        return _changed(found, CHANGED_FROM_PLAIN)
+    return _since(recording, known.curve, found)
+
+
+def _given(recording: Recording, curve: StrokeCurve | None) -> tuple[StrokeCurve | None, str]:
+    if curve is None:
+        return None, ""
+    here = replace(_over(recording, curve), given=True)
+    return _changed(here, NOT_AS_GIVEN if suspected(in_travel(recording, here)) else "")
+
+
+def _since(
+    recording: Recording, earlier: StrokeCurve, found: StrokeCurve | None
+) -> tuple[StrokeCurve | None, str]:
+    """What the recording makes of the curve ``earlier``, where by itself it says ``found``."""
+    before = _over(recording, earlier)
+    if not _moves(recording):
+        return replace(before, remark=EARLIER_USED), ""
+    op = recording.op.values
+    fresh = _Reading.of(recording, op if found is None else found.command(op), 0)
+    as_before = _Reading.of(recording, before.command(op), 0)
+    # The fit is free to shift the whole curve, which would be a change all the same.
+    shifted = abs(as_before.best.candidate[coordinate.ZERO]) > CHANGED_PERCENT
+    if not shifted and not _better(fresh, as_before):
+        told = slope_of_means(recording, TOGETHER_ENOUGH) is not None
+        return (found or before, "") if told else (replace(before, remark=EARLIER_USED), "")
+    if found is None:
+        return None, CHANGED_TO_PLAIN.format(before=before.sentence())
+    assert found.used is not None
+    places = np.linspace(*found.used, KNOTS)
+    was, now = before.command(places), found.command(places)
+    if float(np.median(np.abs(now - was))) <= CHANGED_PERCENT:
+        return found, ""
+    most = int(np.argmax(np.abs(now - was)))
+    return _changed(found, CHANGED.format(op=places[most], was=was[most], now=now[most]))
+
+
+def _changed(curve: StrokeCurve, how: str) -> tuple[StrokeCurve, str]:
+    return replace(curve, remark=how), how
+
+
+def _over(recording: Recording, curve: StrokeCurve) -> StrokeCurve:
+    """A known ``curve`` for another recording: its slope is that over the OP used there, and one
+    that was found goes straight on where OP now goes further."""
+    op = recording.op.values[recording.op.usable]
+    low, high = np.percentile(op, USED).tolist()
+    here = replace(curve, used=(low, high), remark="")
+    if curve.used is None or curve.given:
+        return here
+    return replace(here.reaching(float(op.min()), float(op.max())), slope_known=True)
+
+
+def find_stroke_curve(
+    recording: Recording, earlier: StrokeCurve | None = None
+) -> StrokeCurve | None:
     """The curve of a recording whose OP is not percent for percent of its position, else ``None``.
 
-    OP and MV in percent. The answer is ``None`` too where no curve explains the held-out part of
-    the record better than the plain reading does: what is wrong is then something else.
+    OP and MV in percent; ``earlier`` is the shape to start from. The answer is ``None`` too where
+    no curve explains the held-out part of the record better than the plain reading does: what is
+    wrong is then something else.
     """
     if not suspected(recording) or not _moves(recording):
         return None
     plain = _Reading.of(recording, recording.op.values, 0)
     slope_known = slope_of_means(recording, TOGETHER_ENOUGH) is not None
-    chosen = _straight_or_bent(recording, slope_known)
+    start = None if earlier is None else _over(recording, earlier).command(recording.op.values)
+    chosen = _straight_or_bent(recording, slope_known, start)
     # A valve whose command and position lie this far apart has some curve: the straight one, unless
     # the plain reading explains the record better.
     if chosen is None or _better(plain, chosen):
@@ -122,14 +215,20 @@ def find_stroke_curve(recording: Recording) -> StrokeCurve | None:
     return _monotone(recording, (final or chosen).command, slope_known)
 
 
-def _straight_or_bent(recording: Recording, slope_known: bool) -> _Reading | None:
-    """The reading that is only as bent as the held-out part asks for."""
+def _straight_or_bent(
+    recording: Recording, slope_known: bool, start: Floats | None
+) -> _Reading | None:
+    """The reading that is only as bent as the held-out part asks for, or as it was at the
+    ``start`` (n,), percent of travel."""
     if not slope_known:
         # What is left of the fit must not be put into the slope.
         return _best(_refined(recording, bends=np.zeros(1), degree=0))
     chosen = _best(_refined(recording, bends=np.zeros(1), degree=1))
     if chosen is None:
         return None
+    as_before = None if start is None else _best(_rounds(recording, start, 1))
+    if as_before is not None and not _better(chosen, as_before):
+        chosen = as_before
     richer = _best(_refined(recording, bends=BENDS, degree=DEGREES[0]))
     for degree in DEGREES[1:]:
         if richer is None or not _better(richer, chosen):

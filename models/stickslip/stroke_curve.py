@@ -12,7 +12,9 @@ between.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from stemwatch.models.recording import Floats, Recording, Role, Signal
 SLOPE_UNKNOWN = 2.0
 NEARLY_LINEAR_PERCENT = 1.5  # of travel, off the chord
 LEAST_TRAVEL_PERCENT = 0.5  # less is no curve
+POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
 # Ranges are set to round numbers; where one begins is known no better than this, percent of OP.
 ROUND_PERCENT, NOT_TOLD_PERCENT = 5.0, 1.0
 
@@ -34,14 +37,16 @@ class StrokeCurve:
     Between the knots straight lines, beyond them their ends. ``used`` are the ends of the part of
     OP that a recording used, over which the slope is meant; all of the curve where it is ``None``.
     ``slope_known`` is False where the valve went to and fro between two places only: S in percent
-    of OP is then known, how it is shared between the jump and the slope is not. ``remark`` is what
-    else people should know of it: that it changed, or that it is an earlier one.
+    of OP is then known, how it is shared between the jump and the slope is not. ``given``: a person
+    said so, in the plant file. ``remark`` is what else people should know of it: that it changed,
+    or that it is an earlier one.
     """
 
     op: tuple[float, ...]
     travel: tuple[float, ...]
     slope_known: bool = True
     used: tuple[float, float] | None = None
+    given: bool = False
     remark: str = ""
 
     def command(self, op: Floats) -> Floats:
@@ -50,17 +55,33 @@ class StrokeCurve:
 
     def in_op(self, estimate: Estimate, *, is_jump: bool = False) -> Estimate:
         """An estimate in percent of travel as one in percent of OP."""
-        if estimate.value is None:
+        if estimate.value is None and estimate.at_least is None:
             return estimate
         scale = 1.0 / abs(self.slope)
         wider = SLOPE_UNKNOWN if is_jump and not self.slope_known else 1.0
         low, high = estimate.low, estimate.high
         return replace(
             estimate,
-            value=scale * estimate.value,
+            value=None if estimate.value is None else scale * estimate.value,
             low=None if low is None else scale * low / wider,
             high=None if high is None else scale * high * wider,
         )
+
+    def reaching(self, low: float, high: float) -> StrokeCurve:
+        """The curve carried straight on to OP ``low`` and ``high`` where it ends before."""
+        op, travel = np.array(self.op), np.array(self.travel)
+        beyond = np.array([end for end in (low, high) if not op[0] <= end <= op[-1]])
+        if not beyond.size:
+            return self
+        slopes = np.diff(travel)[[0, -1]] / np.diff(op)[[0, -1]]
+        further = np.where(
+            beyond < op[0],
+            travel[0] + slopes[0] * (beyond - op[0]),
+            travel[-1] + slopes[1] * (beyond - op[-1]),
+        )
+        order = np.argsort(knots := np.concatenate((op, beyond)))
+        moved = np.concatenate((travel, further))[order]
+        return replace(self, op=tuple(knots[order].tolist()), travel=tuple(moved.tolist()))
 
     @property
     def ends(self) -> tuple[float, float, float, float]:
@@ -93,7 +114,15 @@ class StrokeCurve:
 
     def sentence(self) -> str:
         """What an engineer should know of it."""
-        return f"{self._shape()} {self.remark}".rstrip()
+        given = "The plant file gives this curve." if self.given else ""
+        return " ".join(filter(None, (self._shape(), given, self.remark)))
+
+    def proposal(self) -> str:
+        """The line of the plant file that gives this curve, or nothing where it is given already
+        or is not known well enough."""
+        if self.given or not self.slope_known:
+            return ""
+        return f'stroke_curve = "{points_of(self)}"'
 
     def _shape(self) -> str:
         begin, low, end, high = self.ends
@@ -105,6 +134,87 @@ class StrokeCurve:
         first = begin - low / self.slope
         first, last = _round(first), _round(first + 100.0 / self.slope)
         return f"{seen}, nearly linear: as if OP {first:.0f} to {last:.0f} % stroked 0 to 100 %."
+
+
+@dataclass(frozen=True)
+class KnownCurve:
+    """What is known of OP and stroke before a recording is looked at.
+
+    ``curve`` is ``None`` where OP is percent for percent of travel. ``given`` by a person; else it
+    was found in an earlier window of the valve.
+    """
+
+    curve: StrokeCurve | None
+    given: bool = False
+
+
+POINTS_EXPECTED = (
+    'points "OP:travel" in percent with spaces between them, such as "50:0 75:42 100:100": '
+    "OP rising, travel only rising or only falling"
+)
+_POINT = re.compile(r"(-?\d+(?:[.,]\d+)?):(-?\d+(?:[.,]\d+)?)")
+WITHIN_PERCENT = (-20.0, 120.0)
+
+
+def curve_of_points(text: str) -> StrokeCurve | None:
+    """The curve through points such as ``50:0 75:42 100:100``, OP and travel in percent.
+
+    ``None`` where they say that OP is percent for percent of travel. Raises ``ValueError`` with
+    what is wrong, in words.
+    """
+    points: list[tuple[float, float]] = []
+    for word in text.split():
+        found = _POINT.fullmatch(word)
+        if found is None:
+            raise ValueError(f"{word!r} is no point")
+        points.append((float(found[1].replace(",", ".")), float(found[2].replace(",", "."))))
+    if len(points) < 2:
+        raise ValueError(f"{len(points)} points; a curve has two at least")
+    for (before, reached), (after, further) in pairwise(points):
+        if after <= before:
+            raise ValueError(f"OP {after:g} after OP {before:g}")
+        if (further - reached) * (points[-1][1] - points[0][1]) < 0.0:
+            raise ValueError(f"travel {further:g} after {reached:g}, so that it turns round")
+    for number in (number for point in points for number in point):
+        if not WITHIN_PERCENT[0] <= number <= WITHIN_PERCENT[1]:
+            raise ValueError(f"{number:g}, which is no percent")
+    op, travel = tuple(point[0] for point in points), tuple(point[1] for point in points)
+    if abs(travel[-1] - travel[0]) < LEAST_TRAVEL_PERCENT:
+        raise ValueError("a curve that does not move the valve")
+    return None if op == travel else StrokeCurve(op=op, travel=travel)
+
+
+def points_of(curve: StrokeCurve) -> str:
+    """The curve as a person writes it, ``50:0 75:42 100:100``, within ``POINTS_OFF_PERCENT``.
+
+    Beyond what was seen straight on, to where OP or travel ends.
+    """
+    if curve.used is not None:
+        curve = curve.reaching(_reached(curve, 0), _reached(curve, -1))
+    op, travel = np.array(curve.op), np.array(curve.travel)
+    kept = {0, op.size - 1}
+    while len(kept) < op.size:
+        places = sorted(kept)
+        off = np.abs(travel - np.interp(op, op[places], travel[places]))
+        if off.max() <= POINTS_OFF_PERCENT:
+            break
+        kept.add(int(np.argmax(off)))
+    return " ".join(f"{_tenth(op[at])}:{_tenth(travel[at])}" for at in sorted(kept))
+
+
+def _tenth(percent: float) -> str:
+    return f"{round(percent, 1) + 0.0:g}"
+
+
+def _reached(curve: StrokeCurve, edge: int) -> float:
+    """OP, 0 to 100 %, at which the line beyond an edge (0 or -1) of the curve meets an end of the
+    travel."""
+    op, travel, inner = curve.op[edge], curve.travel[edge], 1 if edge == 0 else -2
+    slope = (travel - curve.travel[inner]) / (op - curve.op[inner])
+    if slope == 0.0:
+        return op
+    end = 100.0 if (slope > 0.0) == (edge == -1) else 0.0
+    return min(max(op + (end - travel) / slope, 0.0), 100.0)
 
 
 def _round(op: float) -> float:

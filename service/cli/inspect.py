@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.historian import HistorianFile
 
 
 def inspect(
@@ -23,6 +26,8 @@ def inspect(
     json_file: o.JsonFile = None,
 ) -> None:
     """Show what is understood of an export, and propose a mapping for plant.toml.
+
+    Where OP strokes a valve by a curve, as in a split range, the curve is proposed as well.
 
     Encoding, separator, decimal mark, layout, time zone, every tag with unit and role, sampling
     interval and jitter, bad values, gaps, and evidence of compression, quantisation and frozen
@@ -40,16 +45,43 @@ def inspect(
     chosen = read_options(
         zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
     )
-    seen = HistorianFile(file, chosen).inspect()
+    source = HistorianFile(file, chosen)
+    seen = source.inspect()
     for table in views.inspection_tables(seen):
         views.out.print(table)
     for line in views.inspection_remarks(seen):
         views.out.print(line, highlight=False)
     views.out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
     mapping = Syntax("", "toml", background_color="default").highlight(
-        views.as_toml_escapes(seen.plant_toml())
+        views.as_toml_escapes(seen.plant_toml(curves=_curves(source)))
     )
     views.out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
     if json_file is not None:
         text = json.dumps(seen.to_dict(), indent=1, ensure_ascii=False)
         json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def _curves(source: HistorianFile) -> dict[str, str]:
+    """The lines that give the curves from OP to stroke, for valves whose position is certain."""
+    from stemwatch.connectors.connector import ConnectorError
+    from stemwatch.connectors.historian import propose_valves
+    from stemwatch.models.recording import Role
+
+    measured = [valve for valve in propose_valves(source) if Role.MV in valve.tags]
+    if not measured:
+        return {}
+    from stemwatch.models.limits import Limits
+    from stemwatch.models.own_clock import on_own_clock  # with what is compiled
+    from stemwatch.models.quality import assess
+    from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+
+    found = {}
+    for valve in measured:
+        try:
+            assessment = assess(on_own_clock(source.read(valve)), Limits())
+        except ConnectorError:
+            continue  # screening the valve says why
+        curve = None if assessment.obstacles else find_stroke_curve(assessment.recording)
+        if curve is not None and curve.proposal():
+            found[valve.valve] = curve.proposal()
+    return found

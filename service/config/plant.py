@@ -132,4 +132,7 @@ def _mapping(tag: Tag) -> TagMapping:
 
 
 def _verdict_settings(valve: Valve) -> dict[str, Any]:
-    return valve.model_dump(include={"source", "tags"})
+    settings = valve.model_dump(include={"source", "tags"})
+    if valve.stroke_curve is None:  # the digest of a plant without curves stays what it was
+        return settings
+    return {**settings, "stroke_curve": valve.stroke_curve}

@@ -18,6 +18,7 @@ from stemwatch.connectors.settings import (
     nearest,
 )
 from stemwatch.models.recording import Role
+from stemwatch.models.stickslip.stroke_curve import POINTS_EXPECTED, KnownCurve, curve_of_points
 
 EXPECTED = 'the full stroke with its unit, such as "40 mm", "1.5 in" or "90 deg"'
 _FORM = re.compile(r"(\d+(?:[.,]\d+)?)\s*(mm|cm|in|inch|deg|degrees|°)", re.IGNORECASE)
@@ -67,6 +68,14 @@ def parse_stroke(text: str) -> Stroke:
 
 def _known_stroke(text: str) -> str:
     parse_stroke(text)
+    return text
+
+
+def _known_points(text: str) -> str:
+    try:
+        curve_of_points(text)
+    except ValueError as error:
+        raise ValueError(f"{POINTS_EXPECTED}; here stands {error}") from None
     return text
 
 
@@ -165,6 +174,9 @@ class Valve(TomlTable):
     stroke: Annotated[str, AfterValidator(_known_stroke)] | None = Field(
         default=None, description=EXPECTED
     )
+    stroke_curve: Annotated[str, AfterValidator(_known_points)] | None = Field(
+        default=None, description=POINTS_EXPECTED
+    )
     source: Annotated[Name, AfterValidator(_existing_source)] = Field(
         description="the name of one of the [[sources]]"
     )
@@ -172,3 +184,10 @@ class Valve(TomlTable):
         description="a table of tags with at least the controller output: "
         '[valves.tags.op] with tag = "..."'
     )
+
+    @property
+    def given_curve(self) -> KnownCurve | None:
+        """How OP strokes the valve, where the plant file says it."""
+        if self.stroke_curve is None:
+            return None
+        return KnownCurve(curve_of_points(self.stroke_curve), given=True)

@@ -11,7 +11,7 @@ from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, sep
 from stemwatch.models.recording import Role
 from stemwatch.service.config.problems import Place, PlantFileError
 
-_FACTS = ("id", "description", "area", "criticality", "source", "stroke")
+_FACTS = ("id", "description", "area", "criticality", "source", "stroke", "stroke_curve")
 _NUMBERS = ("low", "high")
 _TAG_COLUMNS = {
     column: (role.value, key)

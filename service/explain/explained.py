@@ -21,7 +21,7 @@ from stemwatch.service.run.task import Task, open_file
 
 if TYPE_CHECKING:
     from stemwatch.models.stickslip.fit import StickSlipFit
-    from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+    from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,15 +54,29 @@ def explain_one(job: Job) -> Explained:
         return _without(asked, str(error))
     except (OSError, ValueError, MemoryError) as error:
         return _without(asked, f"{asked.source}: {type(error).__name__}: {error}")
-    return explain_recording(recording, asked.source, narx=job.narx, limits=job.limits)
+    return explain_recording(
+        recording,
+        asked.source,
+        narx=job.narx,
+        limits=job.limits,
+        known_curve=asked.task.given_curve,
+    )
 
 
 def explain_recording(
-    recording: Recording, source: str, *, narx: bool = True, limits: Limits | None = None
+    recording: Recording,
+    source: str,
+    *,
+    narx: bool = True,
+    limits: Limits | None = None,
+    known_curve: KnownCurve | None = None,
 ) -> Explained:
-    """The explanation of a recording that was read; never raises for what it holds."""
+    """The explanation of a recording that was read; never raises for what it holds.
+
+    ``known_curve`` is how OP strokes the valve, where the plant file says it.
+    """
     try:
-        mismatch = _mismatch(recording, narx, limits or Limits())
+        mismatch = _mismatch(recording, narx, limits or Limits(), known_curve)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
         mismatch = not_testable(reason)
@@ -85,11 +99,13 @@ def _read(task: Task) -> Recording:
     return open_file(task.path, task.read_options).read(task.tags, task.window)
 
 
-def _mismatch(recording: Recording, narx: bool, limits: Limits) -> Mismatch:
+def _mismatch(
+    recording: Recording, narx: bool, limits: Limits, known: KnownCurve | None
+) -> Mismatch:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.own_clock import on_own_clock
     from stemwatch.models.quality import assess
-    from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+    from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
     from stemwatch.models.stickslip.fit import fit_stickslip
     from stemwatch.models.stickslip.stroke_curve import in_travel
 
@@ -99,11 +115,11 @@ def _mismatch(recording: Recording, narx: bool, limits: Limits) -> Mismatch:
     assessment = assess(recording, limits)
     masked, ceiling, curve = assessment.recording, None, None
     if not assessment.obstacles:
-        curve = find_stroke_curve(masked)
+        curve, _ = stroke_curve_of(masked, known)
         if narx:
             ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
     # As it was read: record effects come first.
-    mismatch = explain(recording, ceiling=ceiling, curve=curve)
+    mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known is None)
     return replace(mismatch, seconds=time.perf_counter() - began)
 
 

@@ -81,6 +81,7 @@ def _stroke_curve(curve: StrokeCurve | None) -> dict[str, Any] | None:
         "slope": curve.slope,
         "slope_known": curve.slope_known,
         "sentence": printable(curve.sentence()),
+        "proposal": printable(curve.proposal()),
     }
 
 

@@ -17,7 +17,11 @@ from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.html_page import MOST_PLOTTED
-from stemwatch.service.run.saving import PlacedScreening, Saving, with_baselines
+from stemwatch.service.run.saving import (
+    PlacedScreening,
+    Saving,
+    with_what_was_found,
+)
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import Task, given_up, screen_packed
 from stemwatch.service.store.store import Store
@@ -120,7 +124,7 @@ def execute(
     the valves and a run that is cut short loses what was not begun, no more. A task on which
     workers hung or died has a screening with that reason. Ends early when ``stop`` is set.
     """
-    tasks = with_baselines(tasks, run.store)
+    tasks = with_what_was_found(tasks, run.store)
     results = ResultSpill(MOST_PLOTTED)
     saving = Saving(
         run.store,
@@ -142,7 +146,7 @@ def execute(
 def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:
     """Screen tasks again whose results are in the store, for their plots; nothing is saved."""
     first = len(executed.results)
-    for done in _screened(run, with_baselines(tasks, run.store), stop):
+    for done in _screened(run, with_what_was_found(tasks, run.store), stop):
         for outcome in done:
             result = _put(executed.results, outcome, first)
             before = run.store.previous_finding(result.screening, run.started)

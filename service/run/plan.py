@@ -93,7 +93,18 @@ def look_with(executor: Executor, stop: threading.Event) -> Look:
 
 
 def make_plan(request: Request, look: Look = look_here) -> Plan:
-    """The tasks of a request. Raises ``UnreadableSource`` where a source names nothing."""
+    """The tasks of a request, with the curves from OP to stroke that the plant file gives.
+
+    Raises ``UnreadableSource`` where a source names nothing.
+    """
+    plan = _plan(request, look)
+    valves = {} if request.plant is None else request.plant.valves
+    given = {valve.id: valve.given_curve for valve in valves.values()}
+    tasks = [replace(task, given_curve=given.get(task.tags.valve)) for task in plan.tasks]
+    return replace(plan, tasks=tuple(tasks))
+
+
+def _plan(request: Request, look: Look) -> Plan:
     if request.plant is not None and not request.sources:
         return _of_plant(request, request.plant, look)
     archives, others = split_archives(request.sources)

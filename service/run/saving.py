@@ -13,13 +13,16 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.records import EarlierCurve
 from stemwatch.service.store.store import Store
 
 JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
 
 
-def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
-    """Each task with its valve's baseline network, where the store has one."""
+def with_what_was_found(tasks: Sequence[Task], store: Store) -> list[Task]:
+    """Each task with its valve's baseline network, where the store has one, and with the curves
+    from OP to stroke of its last windows, where nobody gave one."""
+    curves: dict[str, tuple[EarlierCurve, ...]] = {}
     baselines: dict[str, StoredBaseline | None] = {}
     for task in tasks:
         valve = task.tags.valve
@@ -32,7 +35,13 @@ def with_baselines(tasks: Sequence[Task], store: Store) -> list[Task]:
                     network=kept.network, note=kept.note, window=kept.window, id=kept.id
                 )
             )
-    return [replace(task, baseline=baselines[task.tags.valve]) for task in tasks]
+        if valve not in curves:
+            given = task.given_curve is not None
+            curves[valve] = () if given else tuple(store.earlier_curves(valve))
+    return [
+        replace(task, baseline=baselines[task.tags.valve], earlier_curves=curves[task.tags.valve])
+        for task in tasks
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,7 +24,9 @@ from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Provenance, Recording
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.stickslip.stroke_curve import KnownCurve
 from stemwatch.service.store import DatabaseUrl, StoreError
+from stemwatch.service.store.screenings.records import EarlierCurve
 
 if TYPE_CHECKING:
     from stemwatch.service.report.charts.valve_plots import ValvePlots
@@ -67,6 +69,8 @@ class Task:
     read_options: ReadOptions = field(default_factory=ReadOptions)
     window: Window = WHOLE
     baseline: StoredBaseline | None = None
+    given_curve: KnownCurve | None = None  # from OP to stroke, by the plant file
+    earlier_curves: tuple[EarlierCurve, ...] = ()  # found in the valve's last windows
     reason: str = ""  # why there is nothing to screen, and what to do about it
     seen: tuple[str, ...] = ()  # what can be said of a readable file all the same
 
@@ -225,18 +229,36 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:
         return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
+    known = known_curve(task, recording)
     if task.baseline is None:
-        return Case(recording=recording)
+        return Case(recording=recording, known_curve=known)
     if recording.start is not None and task.baseline.window == (recording.start, recording.end):
-        return Case(recording=recording, baseline_note="This window is the baseline.")
+        note = "This window is the baseline."
+        return Case(recording=recording, baseline_note=note, known_curve=known)
     from stemwatch.models.narx.network import NarxNetwork
 
     try:
         network = NarxNetwork.from_bytes(task.baseline.network)
     except ValueError as error:
         note = f"{task.baseline.note} It cannot be read ({error}); set a new one."
-        return Case(recording=recording, baseline_note=note)
-    return Case(recording=recording, baseline=network, baseline_note=task.baseline.note)
+        return Case(recording=recording, baseline_note=note, known_curve=known)
+    return Case(
+        recording=recording,
+        baseline=network,
+        baseline_note=task.baseline.note,
+        known_curve=known,
+    )
+
+
+def known_curve(task: Task, recording: Recording) -> KnownCurve | None:
+    """What is known of OP and stroke: what the plant file says, else the curve of the window before
+    this one. A recording without dates has none before it."""
+    if task.given_curve is not None or recording.start is None or recording.end is None:
+        return task.given_curve
+    before = [one for one in task.earlier_curves if one.end <= recording.end]
+    others = [one for one in before if (one.start, one.end) != (recording.start, recording.end)]
+    last = max(others, key=lambda one: one.end, default=None)
+    return None if last is None else KnownCurve(last.curve)
 
 
 def _unread(task: Task, reason: str) -> Screening:

@@ -46,6 +46,7 @@ from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPag
 from stemwatch.service.store.screenings.records import (
     Baseline,
     DescribedValve,
+    EarlierCurve,
     Ranked,
     RecentOfValve,
     Remark,
@@ -216,6 +217,11 @@ class Store:
         """The valve's last screenings, newest first."""
         with self.transactions.reading() as session:
             return screenings.read_last(session, valve, limit)
+
+    def earlier_curves(self, valve: str, limit: int = 3) -> list[EarlierCurve]:
+        """How OP stroked the valve in its last windows that were fitted, newest first."""
+        with self.transactions.reading() as session:
+            return screenings.read_curves(session, valve, limit)
 
     def worst_of_run(self, run_id: int, limit: int) -> list[str]:
         """The valves of a run's worst screenings, the worst first."""

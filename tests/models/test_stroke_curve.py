@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given as for_all
+from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
@@ -16,10 +18,17 @@ from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.stickslip.find_stroke_curve import (
     find_stroke_curve,
     slope_of_means,
+    stroke_curve_of,
     suspected,
 )
 from stemwatch.models.stickslip.fit import fit_stickslip
-from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
+from stemwatch.models.stickslip.stroke_curve import (
+    KnownCurve,
+    StrokeCurve,
+    curve_of_points,
+    in_travel,
+    points_of,
+)
 from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
@@ -242,3 +251,144 @@ def test_a_reason_instead_of_a_number_passes_the_curve_unchanged():
     """What is not known in percent of travel is not known in percent of OP."""
     unknown = Estimate.unknown("it never moved", unit="%")
     assert StrokeCurve(op=(0.0, 50.0), travel=(0.0, 100.0)).in_op(unknown) is unknown
+
+
+EQUAL = "equal percentage"
+
+
+@cache
+def of_window(way: str, known: KnownCurve | None) -> tuple[StrokeCurve | None, str]:
+    return stroke_curve_of(stored(way, *STICKING), known)
+
+
+def still(way: str) -> Recording:
+    """A window in which OP hardly moves and the stem rests."""
+    whole = stored(way, *STICKING)
+    mean = float(np.mean(whole.op.values))
+    return changed(whole, op=lambda v: mean + 0.2 * (v - mean), mv=lambda v: np.full(v.size, 55.0))
+
+
+def test_the_next_window_starts_from_the_curve_that_was_found_before():
+    """The same valve once more: nearly the same curve, and nothing to remark."""
+    before = curve_of(EQUAL, *STICKING)
+    found, change = of_window(EQUAL, KnownCurve(before))
+    assert change == ""
+    assert found.remark == ""
+    places = np.linspace(*before.used, 20)
+    np.testing.assert_allclose(found.command(places), before.command(places), atol=1.0)
+
+
+def test_a_window_that_moves_too_little_takes_the_earlier_curve_and_says_so():
+    """Where the new window cannot tell a curve of its own."""
+    before = curve_of(EQUAL, *STICKING)
+    found, change = stroke_curve_of(still(EQUAL), KnownCurve(before))
+    assert change == ""
+    assert found.op == before.op
+    assert "found before is used" in found.sentence()
+
+
+def test_a_curve_that_changed_is_said_with_what_to_ask():
+    """A valve that was moved from the lower to the upper half of a split range."""
+    before = curve_of("lower half of a split range", *STICKING)
+    found, change = of_window("upper half of a split range", KnownCurve(before))
+    assert found.slope == pytest.approx(2.0, abs=0.1)
+    assert "not the curve of the window before" in change
+    assert change in found.sentence()
+
+
+def test_a_plain_valve_that_becomes_a_split_range_is_said_and_back():
+    """From percent for percent to a curve and back; both are changes that people made."""
+    _, change = of_window("upper half of a split range", KnownCurve(None))
+    assert "percent for percent of travel; now it is not" in change
+    before = curve_of("upper half of a split range", *STICKING)
+    found, change = stroke_curve_of(plain(*STICKING), KnownCurve(before))
+    assert found is None
+    assert "OP is percent for percent of travel now" in change
+
+
+def test_a_plain_valve_stays_plain_whatever_is_known_to_be_plain():
+    """The usual valve, week after week."""
+    assert stroke_curve_of(plain(*STICKING), KnownCurve(None)) == (None, "")
+
+
+def test_a_given_curve_is_used_instead_of_the_estimate():
+    """As it stands in the plant file, over the part of OP that the recording used."""
+    given = curve_of_points("50:0 100:100")
+    found, change = of_window("upper half of a split range", KnownCurve(given, given=True))
+    assert change == ""
+    assert (found.op, found.travel) == (given.op, given.travel)
+    assert found.slope == pytest.approx(2.0)
+    assert "The plant file gives this curve." in found.sentence()
+    assert found.proposal() == ""
+    percent_for_percent = KnownCurve(curve_of_points("0:0 100:100"), given=True)
+    assert of_window("upper half of a split range", percent_for_percent) == (None, "")
+
+
+def test_a_given_curve_that_the_position_does_not_follow_is_said():
+    """It is used all the same: a person said so."""
+    found, change = of_window(
+        "lower half of a split range", KnownCurve(curve_of_points("50:0 100:100"), given=True)
+    )
+    assert found.given
+    assert "does not follow the curve" in change
+
+
+def test_a_change_stands_in_the_reason_of_the_screening():
+    """Whoever reads the verdict reads that the positioner was set otherwise."""
+    known = KnownCurve(curve_of("lower half of a split range", *STICKING))
+    recording = stored("upper half of a split range", *STICKING)
+    quick = replace(QUICK, mismatch=False)
+    (found,) = screen([Case(recording=recording, known_curve=known)], quick)
+    assert found.verdict is Verdict.STICKY
+    assert "not the curve of the window before" in found.reason
+    assert found.stroke_curve.remark in found.reason
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_proposed_curve_is_the_one_that_was_found(way):
+    """What stands in the proposal, pasted into the plant file, reads the recording as well."""
+    found = curve_of(way, *STICKING)
+    (points,) = [part for part in found.proposal().split('"') if ":" in part]
+    given = curve_of_points(points)
+    places = np.linspace(*found.used, 50)
+    np.testing.assert_allclose(given.command(places), found.command(places), atol=0.7)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("50:0", "1 points"),
+        ("", "0 points"),
+        ("0:0 half:50 100:100", "'half:50' is no point"),
+        ("50:0 40:30 100:100", "OP 40 after OP 50"),
+        ("0:0 50:60 70:40 100:100", "travel 40 after 60"),
+        ("0:50 100:50", "does not move the valve"),
+        ("0:0 1000:100", "1000, which is no percent"),
+    ],
+)
+def test_points_that_are_no_curve_say_why(text, why):
+    """The engineer who typed them mends them without asking."""
+    with pytest.raises(ValueError, match=why):
+        curve_of_points(text)
+
+
+@for_all(
+    st.lists(st.integers(-200, 1200), min_size=2, max_size=12, unique=True),
+    st.lists(st.integers(0, 60), min_size=12, max_size=12),
+    st.booleans(),
+)
+def test_points_are_read_as_they_were_written(places, steps, rises):
+    """Text to curve and back to text, for every monotone curve."""
+    travel = np.cumsum([0, *steps[1 : len(places)]]) / 10.0
+    if travel[-1] < 0.6 or len(places) > 12:
+        return
+    travel = travel if rises else 100.0 - travel
+    text = " ".join(
+        f"{op / 10:g}:{at:g}" for op, at in zip(sorted(places), travel.round(1), strict=True)
+    )
+    curve = curve_of_points(text)
+    if curve is None:
+        return
+    again = curve_of_points(points_of(curve))
+    op = np.linspace(curve.op[0], curve.op[-1], 40)
+    np.testing.assert_allclose(again.command(op), curve.command(op), atol=0.51)

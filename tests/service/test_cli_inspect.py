@@ -5,11 +5,14 @@ from __future__ import annotations
 import gzip
 import json
 import tomllib
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stemwatch.service.config import load_plant
+from tests.models.test_stroke_curve import stored
 
 
 def proposal(text: str) -> str:
@@ -74,6 +77,41 @@ def test_the_proposed_mapping_loads_and_screens(
     assert status.status == 0, status.said
     (valve,) = json.loads(found.read_text(encoding="utf-8"))
     assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
+
+
+def split_range(folder: Path) -> Path:
+    """An export of a valve that the upper half of OP strokes, and that sticks."""
+    recording = stored("upper half of a split range", 5.0, 1.5)
+    start = datetime(2026, 3, 2, 6, tzinfo=UTC)
+    lines = ["Time,FIC-104.OP,FIC-104.ZT", ",%,%"]
+    for second, (op, mv) in enumerate(zip(recording.op.values, recording.mv.values, strict=True)):
+        lines.append(f"{(start + timedelta(seconds=second)).isoformat()},{op:.3f},{mv:.3f}")
+    path = folder / "split.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_curve_from_op_to_stroke_is_proposed_and_used(stemwatch, tmp_path: Path) -> None:
+    """The proposed key, pasted, is what the valve is then read through."""
+    seen = stemwatch("inspect", split_range(tmp_path))
+    assert seen.status == 0, seen.said
+    plant = tmp_path / "plant.toml"
+    plant.write_text(proposal(seen.out), encoding="utf-8")
+    loaded = load_plant(plant)
+    assert loaded.problems == ()
+    curve = loaded.valves["FIC-104"].given_curve.curve
+    op = np.linspace(70.0, 80.0, 9)
+    np.testing.assert_allclose(curve.command(op), 2.0 * (op - 50.0), atol=2.5)
+
+    found = tmp_path / "found.json"
+    screened = stemwatch(
+        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", found, "--workers", 1
+    )
+    assert screened.status == 0, screened.said
+    (valve,) = json.loads(found.read_text(encoding="utf-8"))
+    assert valve["verdict"] == "sticky"
+    assert "The plant file gives this curve." in " ".join(valve["provenance"]["decisions"])
+    assert valve["mismatch"]["stroke_curve"]["proposal"] == ""
 
 
 def test_the_tables_show_what_was_understood(stemwatch, one_valve: Path) -> None:

@@ -22,7 +22,7 @@ SLIDE_POINTS = 40  # of a slide along a bent curve
 @dataclass(frozen=True)
 class LoopShapes:
     """``curve`` (k, 2) and the corners of ``band`` (m, 2), OP and MV in percent; ``None`` where
-    there is none. ``says`` is the curve's sentence."""
+    there is none. ``says`` is the curve's sentence, with the plant file's line for it."""
 
     curve: Floats | None = None
     band: Floats | None = None
@@ -58,7 +58,10 @@ def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
     knots = np.array(curve.op)
     at = np.unique(np.concatenate(([low], knots[(knots > low) & (knots < high)], [high])))
     line = np.column_stack((at, curve.command(at) + _zero(command, mv)))
-    return LoopShapes(curve=line, band=band, says=curve.sentence())
+    said, proposal = curve.sentence(), curve.proposal()
+    if proposal:
+        said += f" In the plant file: {proposal}"
+    return LoopShapes(curve=line, band=band, says=said)
 
 
 def _zero(command: Floats, mv: Floats) -> float:

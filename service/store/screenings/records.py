@@ -12,6 +12,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import DataQuality, Residual
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 
 
@@ -93,6 +94,16 @@ class StoredRun:
         if self.state is not RunState.RUNNING or not 0 < self.done <= self.total:
             return None
         return (now - self.started).total_seconds() * (self.total - self.done) / self.done
+
+
+@dataclass(frozen=True, kw_only=True)
+class EarlierCurve:
+    """The curve from OP to stroke of one window, UTC; ``None`` where OP was percent for percent of
+    travel."""
+
+    start: datetime
+    end: datetime
+    curve: StrokeCurve | None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -145,13 +145,13 @@ def _provenance(row: ScreeningRow) -> Provenance:
 
 def _estimate_columns(name: str, estimate: Estimate) -> dict[str, float | str | None]:
     value = finite(estimate.value)
-    reason = estimate.reason
-    if estimate.value is not None and value is None:
+    reason, broken = estimate.reason, estimate.value is not None and value is None
+    if broken:
         reason = f"the estimate was not a finite number ({estimate.value})"
     return {
         f"{name}_percent": value,
-        f"{name}_low_percent": None if value is None else finite(estimate.low),
-        f"{name}_high_percent": None if value is None else finite(estimate.high),
+        f"{name}_low_percent": None if broken else finite(estimate.low),
+        f"{name}_high_percent": None if broken else finite(estimate.high),
         f"{name}_reason": reason,
     }
 

@@ -8,11 +8,14 @@ from datetime import UTC, datetime
 from sqlalchemy import ScalarSelect, delete, func, insert, select
 from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, defer
 
+from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.mismatch_json import mismatch_of
 from stemwatch.service.store.screenings.records import (
     DescribedValve,
+    EarlierCurve,
     Ranked,
     StoredScreening,
     StoredValve,
@@ -25,6 +28,7 @@ from stemwatch.service.store.screenings.rows import (
 )
 from stemwatch.service.store.screenings.tables import IndicatorRow, RunRow, ScreeningRow, ValveRow
 
+CURVE = "stroke_curve"  # of a stored mismatch
 _IN_ONE_STATEMENT = 500  # SQLite takes 32766 parameters
 
 
@@ -89,6 +93,25 @@ def read_valve(session: Session, valve: str) -> StoredValve | None:
     """The valve of this id."""
     row = session.get(ValveRow, valve)
     return None if row is None else stored_valve(row)
+
+
+def read_curves(session: Session, valve: str, limit: int) -> list[EarlierCurve]:
+    """The curves of the valve's last windows that have dates and were fitted, newest first."""
+    one = ScreeningRow
+    statement = (
+        select(one.window_start, one.window_end, one.mismatch)
+        .where(one.valve == valve, one.mismatch_finding != Finding.NOT_TESTABLE.value)
+        .where(one.window_start.is_not(None), one.window_end.is_not(None))
+        .order_by(one.at.desc(), one.id.desc())
+        .limit(limit)
+    )
+    found = []
+    for start, end, stored in session.execute(statement):
+        # Versions before the curve was looked for do not say that there was none.
+        mismatch = mismatch_of(stored) if CURVE in (stored or {}) else None
+        if mismatch is not None:
+            found.append(EarlierCurve(start=start, end=end, curve=mismatch.stroke_curve))
+    return found
 
 
 def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:

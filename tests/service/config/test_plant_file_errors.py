@@ -52,9 +52,26 @@ ID, S = 'id = "V"', 'source = "s"'
             "12: valves[V].criticality: found the text '3'; expected 1, 2 or 3",
         ),
         (
+            valve(ID, S, 'stroke_curve = "50:0 40:30"'),
+            "12: valves[V].stroke_curve: found the text '50:0 40:30'; expected points "
+            '"OP:travel" in percent with spaces between them, such as "50:0 75:42 100:100": OP '
+            "rising, travel only rising or only falling; here stands OP 40 after OP 50",
+        ),
+        (
+            valve(ID, S, 'stroke_curve = "0:0 60:70 100:50"'),
+            "12: valves[V].stroke_curve: found the text '0:0 60:70 100:50'; expected points "
+            '"OP:travel" in percent with spaces between them, such as "50:0 75:42 100:100": OP '
+            "rising, travel only rising or only falling; here stands travel 50 after 70, so that "
+            "it turns round",
+        ),
+        (
+            valve(ID, S, "stroke_curve = [[0, 0], [100, 100]]"),
+            '12: valves[V].stroke_curve: found a list of 2; expected points "OP:travel" in percent',
+        ),
+        (
             valve(ID, S, 'descripton = "x"'),
             "12: valves[V].descripton: found an unknown key; expected one of area, criticality, "
-            "description, id, source, stroke, tags (did you mean 'description'?)",
+            "description, id, source, stroke, stroke_curve, tags (did you mean 'description'?)",
         ),
         (
             valve(ID, S, 'description = "a\\nb"'),

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 from stemwatch.connectors.connector import TagMapping, ValveTags
+from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
+from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.execute import PARTED_UP_TO, make_batches
-from stemwatch.service.run.task import InStore, StoredBaseline, Task, screen_tasks
+from stemwatch.service.run.task import (
+    InStore,
+    StoredBaseline,
+    Task,
+    case_of,
+    known_curve,
+    open_file,
+    screen_tasks,
+)
 from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.screenings.records import EarlierCurve
 
 
 def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
@@ -86,6 +99,25 @@ def test_tasks_and_their_screenings_can_travel(one_valve: Path) -> None:
     assert len(found.recording) == len(again.recording)
     assert found.network is not None
     assert found.network.to_bytes() == again.network.to_bytes()
+
+
+def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
+    """The last one that ended no later, and not that of the same window screened before."""
+    recording = open_file(str(one_valve), ReadOptions()).read(task(one_valve).tags)
+    curve, day = StrokeCurve(op=(50.0, 100.0), travel=(0.0, 100.0)), timedelta(days=1)
+
+    def earlier(days: int, found: StrokeCurve | None) -> EarlierCurve:
+        start, end = recording.start, recording.end
+        return EarlierCurve(start=start - days * day, end=end - days * day, curve=found)
+
+    kept = (earlier(-1, None), earlier(0, None), earlier(1, curve), earlier(2, None))
+    asked = task(one_valve, earlier_curves=kept)
+    assert known_curve(asked, recording) == KnownCurve(curve)
+    assert case_of(asked).known_curve == KnownCurve(curve)
+    given = KnownCurve(None, given=True)
+    assert known_curve(replace(asked, given_curve=given), recording) == given
+    assert known_curve(replace(asked, earlier_curves=kept[:2]), recording) is None
+    assert known_curve(asked, replace(recording, start=None)) is None
 
 
 def test_valves_of_one_small_file_are_dealt_to_all_workers(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import timedelta
 
 import numpy as np
 from sqlalchemy import text
@@ -21,6 +22,8 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     Untestable,
 )
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+from stemwatch.service.store.screenings.tables import ScreeningRow
 from stemwatch.service.store.store import Store
 
 S = Estimate(value=2.0, low=1.5, high=2.5, unit="%")
@@ -68,6 +71,25 @@ def test_a_mismatch_comes_back_without_its_samples(store: Store, make_screening)
         row = session.execute(text("SELECT mismatch_finding, mismatch_slugs FROM screenings")).one()
     assert row[0] == "named"
     assert "lost_motion" in str(row[1])
+
+
+def test_the_curves_of_the_last_windows_are_known(store: Store, make_screening) -> None:
+    """Newest first, with their windows; one of a version that looked for none says nothing."""
+    run, curve = store.begin_run(software_version="1"), StrokeCurve(op=(50, 100), travel=(0, 100))
+    first = make_screening(mismatch=replace(MISMATCH, stroke_curve=curve))
+    begin, end = first.window
+    windows = [(begin + timedelta(days=day), end + timedelta(days=day)) for day in range(3)]
+    for day, found in enumerate((curve, None, curve)):
+        recording = replace(first.recording, start=windows[day][0])
+        mismatch = replace(MISMATCH, stroke_curve=found)
+        store.save(replace(first, recording=recording, mismatch=mismatch), run)
+    assert [(one.start, one.end) for one in store.earlier_curves("FIC-101")] == windows[::-1]
+    assert [one.curve for one in store.earlier_curves("FIC-101")] == [curve, None, curve]
+    (older, *_) = store.screenings("FIC-101")
+    with store.transactions.writing("as an older version") as session:
+        row = session.get(ScreeningRow, older.id)
+        row.mismatch = {key: one for key, one in row.mismatch.items() if key != "stroke_curve"}
+    assert [one.curve for one in store.earlier_curves("FIC-101")] == [None, curve]
 
 
 def test_a_screening_knows_its_baseline(store: Store, make_screening) -> None:

@@ -1,0 +1,282 @@
+"""What an archive did not keep between its samples, and how far S and J are therefore too small.
+
+A controller acts every second or faster, an archive keeps a sample every 5 to 60 s, averages over
+them, or a value that has moved by its deviation. The stem lets go at a peak of OP; where that peak
+lies between two samples, a fit sees a lower one, and reads S and J too small.
+
+How far the stem is seen away from its command does not depend on how often one looks: a tenth of
+the samples has the same percentiles as all of them. A fit that lost the peaks lets go too early,
+and its free run then stays nearer to the command than the recorded stem does. With ``W`` the range
+from the 2nd to the 98th percentile of ``MV - OP``, recorded and simulated on the same samples,
+
+    missed = (W of the recording - W of the free run) / 2
+
+is what the breakaway level ``(S + J)/2`` lacks. The sliding level ``(S - J)/2`` is known from
+where the stem stops, so S and J both lack that much. Averages over a sample clip a triangle that
+turns every ``n`` samples to ``1 - 1/(2 n)`` of its height, by which ``W`` is divided.
+
+Reports by exception leave OP and position open by up to the deviation: S and J may be too small by
+it (the peak was not reported) or too large (the valve follows, and its reports come late).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.excitation import reversals
+from stemwatch.models.mismatch.compression import drawn_lines, held_reports
+from stemwatch.models.mismatch.findings import RecordEffect
+from stemwatch.models.own_clock import duration
+from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.problem import FitProblem
+
+BAND = (2.0, 98.0)  # percentiles of MV - OP
+# A turn of OP counts from this share of the band on: noise and hunting within it lose no peak.
+TURN = 0.2
+FEWEST_TURNS = 5
+# A stem that is seen nearer to its command than this cannot stick as much as anybody would mind.
+LEAST_BAND = 1.5  # percent
+# Samples from one turn of OP to the next: 56 simulated loops with S of 2 to 8 % that were sampled
+# every second had 9 and more (nulls of seeds 5151, 6161, 7171, 8181); peaks are kept well enough.
+FEW = 8.0
+# Below this OP may have turned twice between two samples, and nothing tells how often it did.
+TOO_FEW = 2.0
+ENOUGH = 6.0
+LATE_BY_SAMPLING = 1.2  # samples
+SLUG = "between_samples"
+# One sigma of what is missed, as a share of it, and of the level (S + J)/2: 24 simulated sticking
+# valves (seeds 5151, 6161, 7171) kept every 5, 10 and 20 s against the same kept every second.
+ERROR_OF_MISSED, LEAST_ERROR = 0.25, 0.1  # ; percent
+BETWEEN = (0.1, 0.9)  # of its way: an average over a slip, which a snapshot hardly ever meets
+MOSTLY = 0.5
+QUARTILE = 0.4506  # lower quartile of the size of white noise's steps, of its standard deviation
+JUMP = 6.0  # standard deviations of the noise
+LEAST_JUMP = 0.3  # percent
+# One sigma of S and J, in deviations of an exception report, and what S and J of sticking valves
+# lack of it: between half a deviation (OP's last report lies that far below its peak, on average)
+# and a whole one (the stem's last report lags as much). Reports of 0.5 and 1 % of 16 simulated
+# sticking valves lacked 1.1 and 0.8 deviations of S (median), 1.0 and 0.7 of J.
+REPORT_ERROR, REPORT_LACKS = 0.5, 0.75
+HIDES = 2.0  # deviations up to which S may as well be nothing
+
+
+class ArchiveKind(StrEnum):
+    """What an archive keeps."""
+
+    SNAPSHOTS = "snapshots"
+    AVERAGES = "averages"
+    REPORTS = "reports by exception"
+    LINES = "lines between stored points"
+
+
+@dataclass(frozen=True)
+class Archive:
+    """What stands between this recording and its controller.
+
+    ``per_turn`` is how many samples lie between one turn of OP and the next (median);
+    ``deviation`` what reports by exception or drawn lines leave open, percent; ``interval_s``
+    seconds from one sample to the next, ``apart`` samples from one that was stored to the next.
+    """
+
+    kind: ArchiveKind
+    per_turn: float
+    deviation: float
+    interval_s: float
+    apart: float = 1.0
+
+    @property
+    def too_slow(self) -> bool:
+        """Whether so few samples lie between two turns of OP that only a bound can be known."""
+        return self.deviation == 0.0 and self.per_turn < TOO_FEW
+
+    @property
+    def would_do_s(self) -> float:
+        """Seconds between samples from which S and J could be told; two digits at most."""
+        exact = self.interval_s * max(self.per_turn, 1.0) / ENOUGH
+        digit = 10.0 ** np.floor(np.log10(exact))
+        return float(digit * np.floor(exact / digit + 1e-9))
+
+    def missed_by(self, problem: FitProblem, simulated: Floats) -> float:
+        """What S and J lack each in a fit whose free run is ``simulated`` (n,), percent of MV."""
+        if self.deviation > 0.0:
+            return 0.0
+        scored = problem.scored
+        op, mv, run = problem.op[scored], problem.mv[scored], simulated[scored]
+        seen = _band(mv - op)
+        if self.kind is ArchiveKind.AVERAGES:
+            seen /= 1.0 - 0.5 / max(self.per_turn, 1.0)
+        return max(0.5 * (seen - _band(run - op)), 0.0)
+
+    def restored(self, S: Estimate, J: Estimate, missed: float) -> tuple[Estimate, Estimate]:
+        """S and J in percent of travel with what was ``missed``, and with its uncertainty.
+
+        Only the low end of S, and a reason, where the sampling is too slow for this loop.
+        """
+        if S.value is None or J.value is None:
+            return S, J
+        if self.deviation > 0.0:
+            lacks = self._lacks(S.value)
+            error = REPORT_ERROR * self.deviation
+            return _moved(S, lacks, error), _moved(J, lacks, error)
+        lowest, error = S.low or 0.0, max(ERROR_OF_MISSED * missed, LEAST_ERROR)
+        S, J = _moved(S, missed, error), _moved(J, missed, error)
+        if not self.too_slow:
+            return S, J
+        bound = Estimate(low=max(lowest, 0.0), reason=self.reason, unit=PERCENT)
+        return bound, Estimate.unknown(self.reason, unit=PERCENT)
+
+    def _lacks(self, S: float) -> float:
+        """What S and J lack between two reports, percent; nothing that is known of a small S."""
+        hidden = self.kind is not ArchiveKind.REPORTS or S <= HIDES * self.deviation
+        return 0.0 if hidden else REPORT_LACKS * self.deviation
+
+    @property
+    def reason(self) -> str:
+        """Why what the stem did between two samples is not known."""
+        if self.deviation > 0.0:
+            return f"the archive stored {self.kind} to {self.deviation:.2g} %"
+        return (
+            f"the archive keeps {self._what} {_seconds(self.interval_s)} and OP turns round every "
+            f"{self.per_turn:.2g} of them, so its peaks lie between; a sample every "
+            f"{_seconds(self.would_do_s)} would do"
+        )
+
+    @property
+    def _what(self) -> str:
+        averages = self.kind is ArchiveKind.AVERAGES
+        return "the average of every" if averages else "a sample every"
+
+    def as_effect(self, missed: float) -> RecordEffect:
+        """The same among what recorder and archive did; ``missed`` in percent of travel."""
+        if self.deviation > 0.0:
+            parameters = {"deviation_percent": self.deviation}
+        else:
+            parameters = {"samples_per_turn": self.per_turn, "missed_percent": missed}
+        return RecordEffect(slug=SLUG, sentence=self.sentence(missed), parameters=parameters)
+
+    def sentence(self, missed: float) -> str:
+        """What an engineer should know of it; ``missed`` percent of OP."""
+        if self.deviation > 0.0:
+            return (
+                f"The archive stored {self.kind} to {self.deviation:.2g} %: S and J are known no "
+                "better than that."
+            )
+        kept = (
+            f"The archive keeps {self._what} {_seconds(self.interval_s)}, and OP turns round every "
+            f"{self.per_turn:.2g} samples"
+        )
+        if self.too_slow:
+            enough = _seconds(self.would_do_s)
+            return f"{kept}: too slow for this loop, a sample every {enough} would do."
+        return (
+            f"{kept}: S and J are restored by {missed:.1f} % each for the peaks of OP between "
+            "samples, by how far the stem was seen from its command."
+        )
+
+
+def as_sampled(fit: StickSlipFit, archive: Archive | None) -> tuple[StickSlipFit, Archive | None]:
+    """The fit that an ``archive`` calls for, and the archive where S and J can be restored.
+
+    A slip is seen up to a sample after the peak that it came from, which reads as a dead time and a
+    lag of about a sample each, with a smaller S: then S and J are those of friction alone. What a
+    slower actuator keeps between command and stem was not lost between samples.
+    """
+    if archive is None or fit.hypothesis != "both":
+        return fit, archive
+    c, sample = fit.candidate, archive.apart * fit.evaluator.problem.interval_s
+    late = max(c[coordinate.DEAD_TIME_S], c[coordinate.LAG_UP_S], c[coordinate.LAG_DOWN_S])
+    steps = np.abs(np.diff(fit.evaluator.problem.op))
+    slow = max(c[coordinate.SLOW_UP], c[coordinate.SLOW_DOWN]) * np.percentile(steps, 90.0)
+    if max(late, slow) > LATE_BY_SAMPLING * sample:
+        return fit, archive if archive.deviation > 0.0 else None
+    return replace(fit, hypothesis="sticking", candidate=fit.naive), archive
+
+
+def find_archive(recording: Recording) -> Archive | None:
+    """What the archive of a recording in percent of travel did not keep; ``None`` where it kept
+    enough, nothing can be told, or the stem is never seen far from its command."""
+    if recording.mv is None or recording.mv.unit != recording.op.unit:
+        return None
+    both = recording.usable
+    op, mv = recording.op.values[both], recording.mv.values[both]
+    if op.size < FEWEST_TURNS:
+        return None
+    kept = _thinned(recording)
+    if kept is not None:
+        return kept
+    seen = _band(mv - op)
+    if seen < LEAST_BAND:
+        return None
+    turns = reversals(op, TURN * seen)
+    if turns.size < FEWEST_TURNS:
+        return None
+    per_turn = float(np.median(np.diff(turns)))
+    if per_turn > FEW:
+        return None
+    kind = ArchiveKind.AVERAGES if _averaged(mv) else ArchiveKind.SNAPSHOTS
+    return Archive(kind, per_turn, 0.0, _every_s(recording))
+
+
+def _thinned(recording: Recording) -> Archive | None:
+    """An archive that stored reports by exception, or drew lines."""
+    assert recording.mv is not None
+    op, mv = recording.op.values, recording.mv.values
+    # A stem that only rests and jumps looks like reports of its own; no controller's output does.
+    reports = held_reports(op, mv)
+    if reports is not None:
+        apart = float(np.median(np.diff(np.flatnonzero(reports.stored))))
+        deviation = reports.deviation
+        return Archive(ArchiveKind.REPORTS, np.inf, deviation, _every_s(recording), apart)
+    lines = drawn_lines(mv, op)
+    if lines is None:
+        return None
+    return Archive(ArchiveKind.LINES, np.inf, lines.deviation, _every_s(recording))
+
+
+def _every_s(recording: Recording) -> float:
+    """Seconds from one sample to the next, whatever clock the recording is on."""
+    return recording.interval_s * recording.unit_s
+
+
+def _seconds(seconds: float) -> str:
+    return duration(1.0, seconds, "g")
+
+
+def _band(apart: Floats) -> float:
+    low, high = np.percentile(apart, BAND)
+    return float(high - low)
+
+
+def _averaged(mv: Floats) -> bool:
+    """Whether most slips have a value between where the stem was and where it came to rest."""
+    steps = np.diff(mv)
+    # The stem slips at every other sample or so: the noise is that of the quieter steps.
+    sigma = float(np.percentile(np.abs(steps), 25.0)) / QUARTILE
+    far = max(JUMP * sigma, LEAST_JUMP)
+    way = mv[3:-1] - mv[1:-3]
+    still = (np.abs(steps[:-3]) < 0.5 * far) & (np.abs(steps[3:]) < 0.5 * far)
+    slipped = still & (np.abs(way) > far)
+    share = (mv[2:-2] - mv[1:-3])[slipped] / way[slipped]
+    return bool(share.size and np.mean((share > BETWEEN[0]) & (share < BETWEEN[1])) > MOSTLY)
+
+
+def _moved(estimate: Estimate, by: float, error: float) -> Estimate:
+    """``estimate`` larger ``by`` so much, its interval wider by an ``error`` of one sigma."""
+    value = estimate.value
+    assert value is not None
+    low, high = estimate.low, estimate.high
+    below = 0.0 if low is None else value - low
+    above = 0.0 if high is None else high - value
+    value += by
+    return replace(
+        estimate,
+        value=value,
+        low=max(value - float(np.hypot(below, 1.96 * error)), 0.0),
+        high=value + float(np.hypot(above, 1.96 * error)),
+    )

@@ -1,0 +1,183 @@
+"""What an archive did not keep: S and J restored, or what is said where they cannot be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.between_samples import Archive, ArchiveKind, as_sampled, find_archive
+from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.verdict import Verdict
+
+S, J = 6.0, 3.0
+
+
+def recorded(op: Floats, mv: Floats, interval_s: float) -> Recording:
+    signals = {Role.OP: Signal.good(op, "V.OP"), Role.MV: Signal.good(mv, "V.MV")}
+    return Recording(valve="V", signals=signals, interval_s=interval_s)
+
+
+def cycling(period: int, *, hours: float = 2.0, width: float = S, seed: int = 1) -> Recording:
+    """A loop that cycles on a sticking stem about every ``period`` s, kept every second: OP runs up
+    and down at a speed that changes from leg to leg, and turns as the stem slips."""
+    rng = np.random.default_rng(seed)
+    n = round(3600 * hours)
+    op, mv = np.empty(n), np.empty(n)
+    x, here, way = 50.0, 50.0, 1.0
+    jump = J * width / S
+    # Peaks lie between two samples of any clock: ten steps a second.
+    speed = (width + jump) / (period / 2) / 10
+    pace = speed
+    for k in range(10 * n):
+        if k % 10 == 0:
+            op[k // 10], mv[k // 10] = here, x
+        here += way * pace
+        if way * (here - x) > (width + jump) / 2:
+            x, way = here - way * (width - jump) / 2, -way
+            pace = speed * rng.uniform(0.7, 1.4)
+    return recorded(op, mv + 0.03 * rng.standard_normal(n), 1.0)
+
+
+def kept(recording: Recording, every: int, *, mean: bool = False) -> Recording:
+    def less(values: Floats) -> Floats:
+        whole = values[: values.size // every * every].reshape(-1, every)
+        return np.asarray(whole.mean(axis=1) if mean else whole[:, 0])
+
+    mv = recording.mv
+    assert mv is not None
+    return recorded(less(recording.op.values), less(mv.values), every * recording.interval_s)
+
+
+def reported(values: Floats, deviation: float) -> Floats:
+    held, last = values.copy(), values[0]
+    for place, value in enumerate(values):
+        last = value if abs(value - last) > deviation else last
+        held[place] = last
+    return held
+
+
+def screened(recording: Recording) -> Screening:
+    (found,) = screen([Case(recording=recording)], Options(narx=False, mismatch=False))
+    return found
+
+
+@pytest.mark.parametrize("mean", [False, True])
+@pytest.mark.parametrize("every", [5, 10])
+def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
+    """Snapshots and averages of a cycling loop: S comes out within 12 %, with its truth inside."""
+    slow = kept(cycling(16 * every), every, mean=mean)
+    own = on_own_clock(slow)
+    plain, archive = as_sampled(fit_stickslip(own), find_archive(own))
+    assert archive is not None
+    assert archive.kind is (ArchiveKind.AVERAGES if mean else ArchiveKind.SNAPSHOTS)
+    missed = archive.missed_by(plain.evaluator.problem, plain.evaluator.simulate(plain.candidate))
+    found = screened(slow)
+    assert found.S.value == pytest.approx(plain.S + missed)
+    assert found.J.value == pytest.approx(plain.J + missed)
+    assert abs(found.S.value - S) < 0.12 * S
+    assert found.S.low is not None
+    assert found.S.high is not None
+    assert found.S.low <= S <= found.S.high
+    assert any("restored" in told for told in found.provenance.decisions)
+
+
+def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
+    """A sample every second of a loop that takes 50 s: the fit's own numbers, to the bit."""
+    plain = cycling(50)
+    assert find_archive(plain) is None
+    fit, found = fit_stickslip(plain), screened(plain)
+    assert found.S.value == fit.S
+    assert found.J.value == fit.J
+
+
+def test_where_the_sampling_is_too_slow_a_bound_is_given_and_the_interval_that_would_do() -> None:
+    """OP turns at every sample: S is at least its low end, J is not known, and 5 s would do."""
+    archive = Archive(ArchiveKind.SNAPSHOTS, per_turn=1.0, deviation=0.0, interval_s=30.0)
+    assert archive.too_slow
+    assert archive.would_do_s == 5.0
+    numbers = [Estimate(value=v, low=v - 0.5, high=v + 0.5, unit=PERCENT) for v in (4.0, 1.0)]
+    width, jump = archive.restored(numbers[0], numbers[1], 2.0)
+    assert width.value is None
+    assert width.at_least == 3.5
+    assert "a sample every 5 s would do" in str(width)
+    assert str(width).startswith("at least 3.50 %: ")
+    assert jump.value is None
+    assert jump.at_least is None
+    assert "too slow" in archive.sentence(2.0)
+
+
+def test_reports_by_exception_hide_what_is_smaller() -> None:
+    """A stem that follows looks as if it stuck by the deviation; that is said."""
+    rng = np.random.default_rng(3)
+    op = 50.0 + np.cumsum(np.convolve(rng.normal(0.0, 0.3, 3600), np.ones(20) / 20, "same"))
+    op = op - np.linspace(0.0, op[-1] - op[0], op.size)
+    mv = op + 0.02 * rng.standard_normal(op.size)
+    assert screened(recorded(op, mv, 1.0)).verdict is Verdict.HEALTHY
+    found = screened(recorded(reported(op, 1.0), reported(mv, 1.0), 1.0))
+    assert found.verdict is Verdict.UNDETERMINED
+    assert "reports by exception to 1 %" in found.reason
+
+
+def test_reports_by_exception_widen_what_they_leave_open() -> None:
+    """Reports of 0.5 %: both intervals hold the truth."""
+    plain = cycling(40)
+    assert plain.mv is not None
+    held = recorded(reported(plain.op.values, 0.5), reported(plain.mv.values, 0.5), 1.0)
+    archive = find_archive(held)
+    assert archive is not None
+    assert archive.kind is ArchiveKind.REPORTS
+    assert archive.deviation == pytest.approx(0.5, abs=0.05)
+    found = screened(held)
+    for estimate, truth in ((found.S, S), (found.J, J)):
+        assert estimate.low is not None
+        assert estimate.high is not None
+        assert estimate.low <= truth <= estimate.high
+
+
+widths = st.floats(0.0, 20.0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(widths, widths, widths, st.floats(1.0, 8.0), st.sampled_from([0.0, 0.5]))
+@example(0.0, 0.0, 0.0, 1.0, 0.0)
+def test_restored_numbers_stay_in_their_intervals(
+    width: float, jump: float, missed: float, per_turn: float, deviation: float
+) -> None:
+    """Restoring never lowers a number, and never leaves one outside of its interval."""
+    archive = Archive(
+        ArchiveKind.REPORTS if deviation else ArchiveKind.SNAPSHOTS, per_turn, deviation, 10.0
+    )
+    numbers = [
+        Estimate(value=v, low=max(v - 0.3, 0.0), high=v + 0.3, unit=PERCENT) for v in (width, jump)
+    ]
+    for before, after in zip(
+        numbers, archive.restored(numbers[0], numbers[1], missed), strict=True
+    ):
+        if after.value is None:
+            assert archive.too_slow
+            continue
+        assert before.value is not None
+        assert after.low is not None
+        assert after.high is not None
+        assert before.value <= after.value
+        assert 0.0 <= after.low <= after.value <= after.high
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 5), st.floats(0.001, 60.0))
+def test_what_is_found_does_not_depend_on_how_long_a_second_is(seed: int, factor: float) -> None:
+    """The same samples on another clock: the same kind of archive, as many samples to a turn."""
+    slow = kept(cycling(50, hours=0.5, seed=seed), 5)
+    assert slow.mv is not None
+    other = recorded(slow.op.values, slow.mv.values, factor * slow.interval_s)
+    found, again = find_archive(slow), find_archive(other)
+    assert found is not None
+    assert again is not None
+    assert (found.kind, found.per_turn) == (again.kind, again.per_turn)
