@@ -3,9 +3,9 @@
 The samples of a recording do not know how long a second is. A lag of two samples is as plain at
 1 kHz as at one sample a minute, and what cannot be told at one rate cannot be told at the other. So
 ``screen`` and ``explain`` lay a recording on its own clock first (``on_own_clock``). Its unit is
-the sample, or some samples where the valve takes so many to answer; grids, blocks, limits and
-starts count in it, and whatever is called seconds inside the fits is so many units. A recording
-with a sample every second is on its own clock already, to the bit.
+the sample, or some samples where the valve takes dozens to answer (``stickslip.own_unit``). Grids,
+blocks, limits and starts count in it, and what is called seconds inside the fits is so many units.
+A recording with a sample every second is on its own clock already, to the bit.
 
 What leaves ``screen`` and ``explain`` is in seconds again: numbers go through ``seconds_of``, by
 their unit; what a sentence says of time through ``duration`` and ``rate``, or a ``SpokenEstimate``.
@@ -22,6 +22,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Recording
+from stemwatch.models.stickslip.own_unit import samples_in_unit
 
 # The power of time in each unit that a result may have.
 POWER_OF_TIME: Mapping[str, int] = MappingProxyType(
@@ -38,7 +39,7 @@ def on_own_clock(recording: Recording) -> Recording:
     """``recording`` with its times in units of its own clock; itself where they already are."""
     if recording.own_unit_s is not None:
         return recording
-    unit_s = recording.interval_s
+    unit_s = samples_in_unit(recording) * recording.interval_s
     return replace(_counted(recording, unit_s), own_unit_s=unit_s)
 
 

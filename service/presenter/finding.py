@@ -5,11 +5,12 @@ HTML, PDF, work orders, tables, JSON, mail and terminal lay these texts out; non
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, term_words
@@ -28,12 +29,10 @@ from stemwatch.service.presenter.work_decision import WorkDecision, decide
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
 
-# Below a tenth of the sampling interval a time is not seen in samples but guessed between them,
-# and below a tenth of a second nobody at a control valve asks.
+# Below a tenth of the sampling interval a time is not seen in samples but guessed between them.
 LEAST_SHARE_OF_INTERVAL = 0.1
-SMALLEST_TIME_S = 0.1
-# A stem that crosses its travel in five seconds is no slow one.
-FASTEST_PERCENT_PER_S = 20.0
+# A stem that crosses its travel in five seconds is no slow one, on a faster record in five samples.
+FASTEST_PERCENT = 20.0
 ALIKE_SHARE = 0.2  # two directions closer than this are said once
 NAIVE_SHARE = 1 / 3
 SMALLEST_NAIVE_STEP_PERCENT = 0.2
@@ -223,45 +222,56 @@ def _value(screening: Screening, name: str) -> float | None:
     return None if indicator is None else finite(indicator.value)
 
 
+def _interval_s(screening: Screening) -> float:
+    return 1.0 if screening.seen is None else screening.seen.interval_s
+
+
 def _time(screening: Screening, name: str) -> float | None:
     """The time where the recording is fine enough to have shown it."""
-    seen = screening.seen
-    interval_s = 0.0 if seen is None else seen.interval_s
     value = _value(screening, name)
-    if value is None or value < max(LEAST_SHARE_OF_INTERVAL * interval_s, SMALLEST_TIME_S):
+    if value is None or value < LEAST_SHARE_OF_INTERVAL * _interval_s(screening):
         return None
     return value
 
 
+def _time_said(screening: Screening, value: float) -> str:
+    interval_s = _interval_s(screening)
+    return duration(value / interval_s, interval_s, ".1f")
+
+
 def _late(screening: Screening) -> str:
     dead = _time(screening, "dead_time_s")
-    return "" if dead is None else f"command arrives {dead:.1f} s late"
+    return "" if dead is None else f"command arrives {_time_said(screening, dead)} late"
 
 
 def _lag(screening: Screening) -> str:
     times = _time(screening, "lag_rising_s"), _time(screening, "lag_falling_s")
-    return _two_ways(*times, "s", "follows with a lag of")
+    return _two_ways(*times, lambda time: _time_said(screening, time), "follows with a lag of")
 
 
 def _speed(screening: Screening) -> str:
+    interval_s = _interval_s(screening)
     names = ("speed_rising_percent_per_s", "speed_falling_percent_per_s")
+    fastest = FASTEST_PERCENT / min(interval_s, 1.0)
     speeds = [_value(screening, name) for name in names]
-    slow = [
-        speed if speed is not None and speed <= FASTEST_PERCENT_PER_S else None for speed in speeds
-    ]
-    return _two_ways(slow[0], slow[1], "%/s", "moves at most")
+    slow = [speed if speed is not None and speed <= fastest else None for speed in speeds]
+
+    def said(speed: float) -> str:
+        return rate(speed * interval_s, interval_s)
+
+    return _two_ways(slow[0], slow[1], said, "moves at most")
 
 
-def _two_ways(rising: float | None, falling: float | None, unit: str, what: str) -> str:
-    if rising is None and falling is None:
-        return ""
+def _two_ways(
+    rising: float | None, falling: float | None, said: Callable[[float], str], what: str
+) -> str:
     if rising is None:
-        return f"{what} {falling:.1f} {unit} when position falls"
+        return "" if falling is None else f"{what} {said(falling)} when position falls"
     if falling is None:
-        return f"{what} {rising:.1f} {unit} when position rises"
+        return f"{what} {said(rising)} when position rises"
     if abs(rising - falling) <= ALIKE_SHARE * max(rising, falling):
-        return f"{what} {(rising + falling) / 2:.1f} {unit}"
-    return f"{what} {rising:.1f} {unit} rising and {falling:.1f} {unit} falling"
+        return f"{what} {said((rising + falling) / 2)}"
+    return f"{what} {said(rising)} rising and {said(falling)} falling"
 
 
 def stiction_grown(before: Estimate | None, now: Estimate) -> str:

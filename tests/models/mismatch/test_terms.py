@@ -11,6 +11,7 @@ import pytest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 
 CATALOGUE = catalogue()
 everywhere = pytest.mark.parametrize("slug", sorted(CATALOGUE))
@@ -263,3 +264,49 @@ def test_only_one_stop_is_spoken_of_where_there_is_one():
     assert "rise above" not in said("travel_stop", [38.0, 0.0])
     assert "fall below" not in said("travel_stop", [0.0, 39.0])
     assert " and does not rise above 61" in said("travel_stop", [38.0, 39.0])
+
+
+# A number with a unit of time, as sentences have it, and its seconds.
+_SAID = re.compile(r"([\d.e+-]+)(?: \(([\d.e+-]+) to ([\d.e+-]+)\))? (%/)?(ms|rad/s|s|min|h|d)\b")
+_SECONDS = {"ms": 1e-3, "s": 1.0, "rad/s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+
+
+def times_said(sentence: str) -> list[float]:
+    """Times in seconds, speeds and frequencies by the second, in the order in which they stand."""
+    found = []
+    for value, low, high, speed, unit in _SAID.findall(sentence):
+        factor = 1.0 / _SECONDS[unit] if speed else _SECONDS[unit]
+        found += [factor * float(one) for one in (value, low, high) if one]
+    return found
+
+
+@pytest.mark.parametrize("unit_s", [0.001, 0.01, 5.0, 60.0])
+@everywhere
+def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
+    """Every time and speed scales with the recording's own unit, whichever unit it is said in."""
+    term = CATALOGUE[slug]
+    for values in term.starts(LOOK):
+        own = {
+            name: Estimate(value=value, low=0.9 * value, high=1.1 * value, unit=unit)
+            if value >= 0.0
+            else Estimate(value=value, low=1.1 * value, high=0.9 * value, unit=unit)
+            for name, (value, unit) in term.parameters(values).items()
+        }
+        for one in own.values():
+            power = {"s": 1, "%/s": -1, "rad/s": -1}.get(one.unit, 0)
+            assert estimate_in_seconds(one, unit_s).value == pytest.approx(
+                one.value * unit_s**power
+            )
+        plain, other = (
+            term.sentence(
+                {name: SpokenEstimate.of(one, unit) for name, one in own.items()}, "up", "down"
+            )
+            for unit in (1.0, unit_s)
+        )
+        faster = [unit in plain for unit in ("%/s", "rad/s")]
+        said = times_said(plain), times_said(other)
+        assert len(said[0]) == len(said[1])
+        if not any(faster):
+            assert said[1] == pytest.approx([unit_s * one for one in said[0]], rel=0.02)
+        elif faster[0]:
+            assert said[1] == pytest.approx([one / unit_s for one in said[0]], rel=0.02)
