@@ -15,7 +15,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from stemwatch.models.recording import PERCENT, Floats, Quality, Recording, Role
 from stemwatch.models.stickslip import kernel
@@ -88,6 +87,8 @@ def _follow(op: Floats, band: float, delay: float, lag: float, interval_s: float
 
 def _curve(stem: Floats, flow: Floats) -> tuple[float, Characteristic]:
     """The sum of squares that the isotonic curve leaves, and the curve on even knots."""
+    from scipy.optimize import isotonic_regression  # slow to import; where MV is measured, unused
+
     order = np.argsort(stem, kind="stable")
     x, y = stem[order], flow[order]
     fitted = isotonic_regression(y).x

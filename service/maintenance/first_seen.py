@@ -58,7 +58,7 @@ def shows(kind: str, past: PreviousFinding) -> bool:
 
 
 def sentence(first_seen: FirstSeen, zone: tzinfo) -> str:
-    """The same for a reader; dates in ``zone``."""
+    """Since when and how often it was found, as a sentence; dates in ``zone``."""
     if first_seen.first is None:
         if first_seen.before is None:
             return "First screening that is known of this valve: nothing to compare with."

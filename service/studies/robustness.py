@@ -95,12 +95,14 @@ def _reported(deviation: float) -> Callable[[Floats], Floats]:
 
 @dataclass(frozen=True)
 class Way:
-    """How a recording is changed; ``strokes`` where OP then means other percents of travel, and
-    ``true_names`` what may rightly be named of it."""
+    """How a recording is changed; ``strokes`` where OP then means other percents of travel.
+
+    ``true`` are effects that the change really puts there: naming them is no error.
+    """
 
     change: Change
     strokes: bool = False
-    true_names: tuple[str, ...] = ()
+    true: frozenset[str] = frozenset()
 
 
 WAYS: dict[str, Way] = {
@@ -124,9 +126,12 @@ WAYS: dict[str, Way] = {
         lambda r: _changed(r, op=lambda v: 10 * np.sqrt(_opening(v))), strokes=True
     ),
     "position reversed": Way(lambda r: _changed(r, mv=lambda v: 100 - v)),
-    "tight shut-off below 12 % of the record": Way(_shut_off),
+    # MV stands still while OP goes on: the catalogue calls that a stop.
+    "tight shut-off below 12 % of the record": Way(_shut_off, true=frozenset({"travel_stop"})),
     "OP stored 5 s late": Way(lambda r: _changed(r, op=_late(5))),
-    "position stored 5 s late": Way(lambda r: _changed(r, mv=_late(5)), true_names=("dead_time",)),
+    "position stored 5 s late": Way(
+        lambda r: _changed(r, mv=_late(5)), true=frozenset({"dead_time"})
+    ),
     "position in steps of 0.5 %": Way(lambda r: _changed(r, mv=lambda v: np.round(2 * v) / 2)),
     "OP in steps of 0.5 %": Way(lambda r: _changed(r, op=lambda v: np.round(2 * v) / 2)),
     "averages of 10 s": Way(lambda r: _changed(r, every=_means(10), slower=10)),
@@ -270,9 +275,7 @@ def _answer(way: str, valve: Valve, screening: Screening, scale: float) -> Answe
         J=numbers[1],
         true_S=scale * valve.S,
         true_J=scale * valve.J,
-        named=tuple(
-            effect.slug for effect in effects if not set(effect.members) & set(WAYS[way].true_names)
-        ),
+        named=tuple(effect.slug for effect in effects if effect.slug not in WAYS[way].true),
         seconds=screening.seconds,
     )
 

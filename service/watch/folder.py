@@ -48,7 +48,7 @@ class FileAttempts:
         self._write(noted)
 
     def end(self, digest: str) -> None:
-        """Whatever came of it, it came to an end."""
+        """Forget the attempts: the file was read or rejected, and the process lived."""
         noted = self._read()
         if noted.pop(digest, None) is not None:
             self._write(noted)

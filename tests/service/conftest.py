@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import pytest
+from argon2 import PasswordHasher
 
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
+from stemwatch.service.access import passwords
 from stemwatch.service.cli import main, views
 from stemwatch.service.studies.simulated_export import write_export
 
@@ -28,6 +30,30 @@ START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 WIDTH = 200  # columns, so that a sentence stands on one line
 HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"  # tags of the small plant
 _PLACES = {HEALTHY: 6, STICKY: 3, BLIND: 12}
+
+
+# Of the same kind as the product's, and made in no time.
+QUICK = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1, hash_len=32, salt_len=16)
+OURS, OUR_NOBODYS = passwords._HASHER, passwords.NOBODYS
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _quick_passwords() -> Iterator[None]:
+    """Passwords are hashed cheaply in this process; ``real_passwords`` has them hashed as they
+    are."""
+    nobodys = QUICK.hash("a password that nobody has")
+    with patch.object(passwords, "_HASHER", QUICK), patch.object(passwords, "NOBODYS", nobodys):
+        yield
+
+
+@pytest.fixture
+def real_passwords(_quick_passwords: None) -> Iterator[None]:
+    """Passwords are hashed as the product does it, with all its memory and passes."""
+    with (
+        patch.object(passwords, "_HASHER", OURS),
+        patch.object(passwords, "NOBODYS", OUR_NOBODYS),
+    ):
+        yield
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ class Truth:
     parameters: dict[str, Plain]
 
     def as_json(self) -> dict[str, object]:
-        """The same in types that ``json.dumps`` takes."""
+        """The truth in types that ``json.dumps`` takes."""
         return asdict(self) | {"effects": list(self.effects)}
 
 

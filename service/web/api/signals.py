@@ -41,7 +41,7 @@ class SignalWindow:
 
     @property
     def window(self) -> Window:
-        """The same for a connector."""
+        """The window as a connector is asked for it."""
         return Window(start=self.start, stop=self.stop)
 
     def at_most(self, length: timedelta) -> SignalWindow:

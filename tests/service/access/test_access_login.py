@@ -140,7 +140,7 @@ def test_good_and_bad_logins_are_in_the_audit_log(store: Store, ann: User) -> No
     assert found == [("Ann Berg", "198.51.100.9", "done"), ("Ann Berg", HERE, "refused")]
 
 
-def test_a_dated_hash_is_renewed_by_a_login(store: Store) -> None:
+def test_a_dated_hash_is_renewed_by_a_login(store: Store, real_passwords: None) -> None:
     """Parameters can be raised without anybody choosing a new password."""
     weak = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1).hash(PASSWORD)
     store.accounts.add("Old", UserRole.VIEWER, weak, by="test", now=NOW)

@@ -18,6 +18,12 @@ from stemwatch.service.access.passwords import (
 from tests.service.access.conftest import PASSWORD
 
 
+@pytest.fixture
+def hashed(real_passwords: None) -> str:
+    """The hash of ``PASSWORD`` as the product makes it."""
+    return hash_password(PASSWORD)
+
+
 @pytest.mark.parametrize(
     ("password", "said"),
     [
