@@ -32,9 +32,11 @@ LEAST_JUMP = 0.4  # of J, beyond what the command moved: an onset of motion that
 SLIPPING_SAMPLES = 2  # after its first sample of motion a slip is over
 FARTHEST = 0.35  # share of the fitted level; beyond it the onsets are not this element's slips
 TRIM = 3.5  # robust standard deviations
-# Samples by which a stem is late, mean and standard deviation over valves, and those tried.
-DELAYS = np.arange(0.0, 4.1, 0.25)
-LATE = (0.3, 0.35)
+# Samples by which a stem is late, mean and standard deviation over valves; the delay that a fit
+# found is as uncertain and a quarter of itself more.
+LATE, LATE_SHARE = (0.3, 0.35), 0.25
+SLOW_SAMPLES = 1.0  # from which the fitted dead time and lag stand between command and stem
+TRIED, FARTHEST_TRIED = 17, 4.0  # delays, from none to so many samples
 # Share of a sample's command that lies between a slip and the sample after it, in the same way: 0
 # for a stem that slides on with its command, a half for one that sticks at once.
 SINCE = (0.4, 0.4)
@@ -102,13 +104,21 @@ class Breakaways:
 
 
 def breakaways(
-    problem: FitProblem, gain: float, zero: float, S: float, J: float
+    problem: FitProblem,
+    gain: float,
+    zero: float,
+    S: float,
+    J: float,
+    late_s: float = 0.0,
+    unhindered: Floats | None = None,
 ) -> Breakaways | None:
     """The breakaways of a recorded position, or ``None`` where too few tell of them.
 
     ``gain`` is MV's percent for one of OP and ``zero`` its offset, percent of MV. ``S`` and ``J``,
     percent of OP, are those of the fitted element: an onset of motion without a jump is no
-    breakaway, and a level far from the fitted one is not the element's.
+    breakaway, and a level far from the fitted one is not the element's. ``late_s`` is the dead
+    time and lag that were fitted, and ``unhindered`` (n,) where the stem would be behind them
+    without friction, percent of MV: from a sample of lag on, a delay of OP does not stand for it.
     """
     if J < LEAST_J:
         return None
@@ -116,14 +126,22 @@ def breakaways(
     stem, place = (problem.mv - zero) / gain, (seen.place - zero) / gain
     side, sigma = seen.side * np.sign(gain), problem.sigma / abs(gain)
     clock = np.arange(problem.op.size, dtype=np.float64)
+    late, command = late_s / problem.interval_s, problem.op
+    usual, delays = LATE[0], np.linspace(0.0, FARTHEST_TRIED, TRIED)
+    if unhindered is not None and late >= SLOW_SAMPLES:
+        usual, delays = 0.0, np.linspace(-late, late, TRIED)
+        command = (unhindered - zero) / gain
+    spread = LATE[1] + LATE_SHARE * late
     tried = []
-    for delay in DELAYS:
-        command = np.interp(clock - delay, clock, problem.op)
-        near, far, after, rate, jump = _distances(stem, command, seen.at, side, seen.rested, place)
+    for delay in delays:
+        command_then = np.interp(clock - delay, clock, command)
+        near, far, after, rate, jump = _distances(
+            stem, command_then, seen.at, side, seen.rested, place
+        )
         slip = (jump >= LEAST_JUMP * J) & (far > 0.0)
         if np.count_nonzero(slip) >= FEWEST:
             told = (near[slip], far[slip], after[slip], rate[slip], side[slip])
-            tried.append(_levels(*told, sigma, float(delay)))
+            tried.append(_levels(*told, sigma, (float(delay) - usual) / spread))
     if not tried:
         return None
     found = _weighted(tried)
@@ -162,17 +180,17 @@ def _levels(
     rate: Floats,
     side: Floats,
     sigma: float,
-    delay: float,
+    unusual: float,
 ) -> _Levels:
-    """Both levels for one delay, from slips (m,) with noise ``sigma``, percent of OP."""
+    """Both levels for one delay, from slips (m,) with noise ``sigma``, percent of OP; the delay is
+    ``unusual`` standard deviations from what is usual."""
     half = 0.5 * (far - near)
     level, spread, error, kept = _mean_of_sides(near + half, side)
     # The slip lies anywhere in its sample, and the resting place is a mean of five.
     within = float(np.mean(half[kept] ** 2)) / 3.0 + sigma**2 / 5.0
     variance = max(spread**2, 0.5 * within, (LEAST_SCATTER * level) ** 2)
-    late = (delay - LATE[0]) / LATE[1]
     # Half the log-likelihood of independent slips: those of one oscillation are alike.
-    weight = -0.25 * kept.size * np.log(variance) - 0.5 * late * late
+    weight = -0.25 * kept.size * np.log(variance) - 0.5 * unusual**2
     kinetic, kinetic_error = _kinetic(after, rate, side, sigma, level)
     return _Levels(
         weight=float(weight),

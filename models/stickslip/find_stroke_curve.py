@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.signal_pairing import correlation
 from stemwatch.models.stickslip import parameters as coordinate
@@ -84,14 +85,16 @@ NOT_AS_GIVEN = (
 )
 KNOTS = 33
 USED = (0.5, 99.5)  # percentiles between which OP counts as used
-STOP_SHARE = 0.02  # of the samples at the lowest or highest position: a stop, or a tight shut-off
+# A stop, or a tight shut-off: the share of samples at the lowest or highest position, how many
+# standard deviations of noise about it, and how far OP goes on there, percent.
+STOP_SHARE, STOP_NOISES, GOES_ON = 0.02, 4.0, 12.0
 
 
 def suspected(recording: Recording) -> bool:
     """Whether the position lies off the command as no zero and span of a transmitter explains."""
     if recording.mv is None or recording.mv.unit != recording.op.unit:
         return False
-    both = recording.usable
+    both = _off_the_stops(recording)
     if both.sum() < MOVING_SAMPLES:
         return False
     off = (recording.mv.values - recording.op.values)[both]
@@ -108,9 +111,12 @@ def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> fl
     Sticking moves a mean by less than S, and lags hardly at all. ``None`` where OP did not stay
     in several places for long, or the means correlate by less than ``together``.
     """
-    both, mv = recording.usable, recording.mv
+    mv = recording.mv
+    if mv is None:
+        return None
+    both = _off_the_stops(recording)
     length = int(both.sum()) // MEANS
-    if mv is None or length == 0:
+    if length == 0:
         return None
     op, position = (
         signal.values[both][: MEANS * length].reshape(MEANS, length).mean(axis=1)
@@ -121,6 +127,16 @@ def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> fl
     if abs(np.corrcoef(op, position)[0, 1]) < together:
         return None
     return float(np.cov(op, position)[0, 1] / op.var(ddof=1))
+
+
+def _off_the_stops(recording: Recording) -> Bools:
+    """(n,) True where both may be used and the stem does not stand on a stop: there OP goes on
+    without it, which tells nothing of a curve."""
+    assert recording.mv is not None
+    usable = recording.usable
+    stopped = np.zeros(usable.size, dtype=bool)
+    stopped[usable] = _at_a_stop(recording.op.values[usable], recording.mv.values[usable])
+    return usable & ~stopped
 
 
 def stroke_curve_of(
@@ -286,7 +302,7 @@ class _Reading:
         simulated = self.evaluator.simulate(self.best.candidate, resynced=True)
         step = np.diff(simulated, prepend=simulated[0])
         use = (np.abs(step) > 1e-9) & np.append(blocks, False)[problem.block]
-        use &= ~_at_a_stop(problem.mv)
+        use &= ~_at_a_stop(problem.op, problem.mv)
         if use.sum() < MOVING_SAMPLES:
             return None
         op = recording.op.values
@@ -387,12 +403,15 @@ def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
     return coefficients
 
 
-def _at_a_stop(mv: Floats) -> Bools:
-    """(n,) True where the position is at its lowest or highest value and often there."""
+def _at_a_stop(op: Floats, mv: Floats) -> Bools:
+    """(n,) True where the position stands at its lowest or highest value while OP goes on, by
+    further than a stem that sticks there would let it."""
     stopped = np.zeros(mv.size, dtype=bool)
-    for extreme in (mv.min(), mv.max()):
-        there = np.abs(mv - extreme) < 1e-6
-        if there.mean() > STOP_SHARE:
+    reach = max(STOP_NOISES * noise_sigma(mv), 1e-6)
+    for extreme, percentile in ((mv.min(), 1.0), (mv.max(), 99.0)):
+        end = float(np.percentile(mv, percentile))
+        there = np.abs(mv - end) <= max(reach, abs(extreme - end))
+        if there.mean() > STOP_SHARE and np.ptp(np.percentile(op[there], (5.0, 95.0))) > GOES_ON:
             stopped |= there
     return stopped
 

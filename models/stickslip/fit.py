@@ -368,13 +368,21 @@ def fit_stickslip(recording: Recording) -> StickSlipFit:
         of_sticking=of_sticking,
         naive=naive.candidate,
         first_heldout=int(np.ceil(problem.op.size * train.sum() / problem.n_blocks)),
-        breakaways=_breakaways(problem, final.candidate),
+        breakaways=_breakaways(evaluator, final.candidate),
     )
 
 
-def _breakaways(problem: FitProblem, candidate: Floats) -> Breakaways | None:
+def _breakaways(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways | None:
     gain, zero = 1.0 + float(candidate[coordinate.GAIN]), float(candidate[coordinate.ZERO])
-    return breakaways(problem, gain, zero, *S_and_J(candidate)) if gain else None
+    if gain == 0.0:
+        return None
+    S, J = S_and_J(candidate)
+    lag_s = 0.5 * (candidate[coordinate.LAG_UP_S] + candidate[coordinate.LAG_DOWN_S])
+    late_s = float(candidate[coordinate.DEAD_TIME_S] + lag_s)
+    without = candidate.copy()
+    without[list(coordinate.STICKING)] = 0.0
+    unhindered = evaluator.simulate(without)
+    return breakaways(evaluator.problem, gain, zero, S, J, late_s, unhindered)
 
 
 def _polish(

@@ -80,6 +80,7 @@ class FitProblem:
         n = self.op.size
         marks = self.start.copy()
         begins = -(-np.arange(1, self.n_blocks) * n // self.n_blocks)  # rounded up, as ``block`` is
+        begins = begins[begins < n]  # of fewer samples than blocks the last blocks are empty
         marks[begins[marks[begins] == 0]] = kernel.RESYNC
         return marks
 
