@@ -407,6 +407,8 @@ def _at_a_stop(op: Floats, mv: Floats) -> Bools:
     """(n,) True where the position stands at its lowest or highest value while OP goes on, by
     further than a stem that sticks there would let it."""
     stopped = np.zeros(mv.size, dtype=bool)
+    if not mv.size:
+        return stopped
     reach = max(STOP_NOISES * noise_sigma(mv), 1e-6)
     for extreme, percentile in ((mv.min(), 1.0), (mv.max(), 99.0)):
         end = float(np.percentile(mv, percentile))

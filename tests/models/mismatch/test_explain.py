@@ -261,6 +261,7 @@ ODD_COMMANDS = {
 @example(samples=420, interval_s=0.1, of_op="huge", of_mv="usual", seed=0)
 @example(samples=80, interval_s=0.1, of_op="huge", of_mv="constant", seed=0)
 @example(samples=3, interval_s=0.1, of_op="usual", of_mv="usual", seed=0)
+@example(samples=80, interval_s=1.0, of_op="usual", of_mv="none good", seed=0)
 @settings(max_examples=25, deadline=None)
 def test_whatever_a_recording_holds_something_sound_is_said(
     samples, interval_s, of_op, of_mv, seed
