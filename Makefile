@@ -25,6 +25,9 @@ unexport PYTHONDONTWRITEBYTECODE
 # stays on its own core, and all share one cache of compiled kernels.
 test test-all explore: export OMP_NUM_THREADS ?= 1
 test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
+# What the tests run is compiled while the type checks leave a core idle: test processes that begin together would
+# each compile it.
+test test-all: MEANWHILE = $(BIN)/python tests/compile_kernels.py &
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
 BIN := $(VENV)/bin
@@ -67,8 +70,7 @@ explore: $(VENV)/can-test ## Property tests with new random draws for SECONDS=60
 check: $(VENV)/can-test ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
 	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports --no-cache)
-	$(call step,Checking the types of the packages (mypy),$(BIN)/mypy)
-	$(call step,Checking the types of the tests (mypy),$(BIN)/mypy tests)
+	$(call step,Checking the types (mypy),$(MEANWHILE) $(BIN)/mypy && $(BIN)/mypy tests && wait)
 
 bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; FULL=yes takes longer
 	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)

@@ -27,6 +27,9 @@ from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidden
 
 FACTORS = (0.001, 0.01, 5.0, 60.0)
+# The fastest and the slowest clock in every run; those between where one effect shows them.
+SHORT = (0.001, 60.0)
+IN_LONG = [one if one in SHORT else pytest.param(one, marks=pytest.mark.long) for one in FACTORS]
 QUICK = Options(narx=False)
 HIDDEN = ("dead_time", "rate_limit")
 
@@ -45,6 +48,11 @@ def slower(recording, factor):
 @cache
 def screened(slug, factor):
     return screen([Case(recording=slower(lasting(slug), factor))], QUICK)[0]
+
+
+@cache
+def with_network(factor):
+    return screen([Case(recording=slower(lasting("dead_time"), factor))])[0]
 
 
 @cache
@@ -73,8 +81,16 @@ def same_but_for_time(found, expected, factor):
     assert refused[0] == refused[1]
 
 
-@pytest.mark.parametrize("factor", FACTORS)
-@pytest.mark.parametrize("slug", HIDDEN)
+@pytest.mark.parametrize(
+    ("slug", "factor"),
+    [
+        pytest.param(
+            slug, one, marks=[pytest.mark.long] if slug != "dead_time" and one not in SHORT else []
+        )
+        for slug in HIDDEN
+        for one in FACTORS
+    ],
+)
 def test_a_screening_does_not_depend_on_how_long_a_second_is(slug, factor):
     """Verdict, S, J and names to the bit; times and speeds scale with the interval."""
     plain, other = screened(slug, 1.0), screened(slug, factor)
@@ -93,7 +109,7 @@ def test_a_screening_does_not_depend_on_how_long_a_second_is(slug, factor):
         close(other.indicators[name].value, factor**power * indicator.value)
 
 
-@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("factor", IN_LONG)
 def test_an_explanation_does_not_depend_on_how_long_a_second_is(factor):
     """``explain`` on its own, as ``screen``."""
     same_but_for_time(explained("dead_time", factor), explained("dead_time", 1.0), factor)
@@ -117,12 +133,10 @@ def test_a_result_keeps_the_recording_with_its_own_seconds():
     assert 0.01 == found.recording.interval_s == found.seen.interval_s
 
 
-@pytest.mark.parametrize("factor", [0.01, 60.0])
+@pytest.mark.parametrize("factor", [0.01, pytest.param(60.0, marks=pytest.mark.long)])
 def test_a_network_is_kept_in_seconds_and_follows_a_later_window(factor):
     """Its actuator's times scale, and it follows as well as it does at 1 s."""
-    plain, scaled = (
-        screen([Case(recording=slower(lasting("dead_time"), one))])[0] for one in (1.0, factor)
-    )
+    plain, scaled = with_network(1.0), with_network(factor)
     assert scaled.network.interval_s == pytest.approx(factor)
     for name, value in plain.network.actuator.items():
         close(scaled.network.actuator[name], factor * value)

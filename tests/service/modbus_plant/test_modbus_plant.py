@@ -8,6 +8,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -34,6 +35,22 @@ from stemwatch.service.modbus_plant.simulated_ahead import (
 from stemwatch.service.modbus_plant.wear import worn
 
 HEALTHY, BLIND = 0, 12  # places in the demo plant: a flow loop, and a valve without a transmitter
+
+
+@pytest.fixture(autouse=True)
+def _simulated_in_a_thread(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stretches are simulated in a thread of this process, which is there at once; those tests that
+    are about the process ask for ``own_process``."""
+    if "own_process" not in request.fixturenames:
+        monkeypatch.setattr(
+            "stemwatch.service.modbus_plant.live.ProcessPoolExecutor",
+            lambda max_workers, **_: ThreadPoolExecutor(max_workers),
+        )
+
+
+@pytest.fixture
+def own_process() -> None:
+    """Stretches are simulated in another process, as in the product."""
 
 
 def loops() -> list[PlantLoop]:
@@ -72,6 +89,7 @@ def running(plant: LivePlant, clock: list[float]) -> Iterator[PlantServer]:
         thread.join()
 
 
+@pytest.mark.usefixtures("own_process")
 def test_the_plant_is_read_with_the_map_it_writes() -> None:
     """Every signal of each loop, in engineering units, as it was simulated for that second."""
     clock = [100.0]
@@ -263,6 +281,7 @@ def test_a_valve_that_is_repaired_is_out_of_service_first() -> None:
         plant.close()
 
 
+@pytest.mark.usefixtures("own_process")
 def test_a_repair_takes_effect_at_once() -> None:
     """What was simulated ahead with the worn valve is forgotten."""
     wear = {loops()[0].tag: Wear(S_percent=8.0, over_s=1.0)}
