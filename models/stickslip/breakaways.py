@@ -34,7 +34,7 @@ FARTHEST = 0.35  # share of the fitted level; beyond it the onsets are not this 
 TRIM = 3.5  # robust standard deviations
 # Samples by which a stem is late, mean and standard deviation over valves; the delay that a fit
 # found is as uncertain and a quarter of itself more.
-LATE, LATE_SHARE = (0.3, 0.35), 0.25
+LATE, LATE_SHARE = (0.2, 0.35), 0.25
 SLOW_SAMPLES = 1.0  # from which the fitted dead time and lag stand between command and stem
 TRIED, FARTHEST_TRIED = 17, 4.0  # delays, from none to so many samples
 # Share of a sample's command that lies between a slip and the sample after it, in the same way: 0
@@ -47,6 +47,9 @@ LEAST_SCATTER = 0.01  # of the level
 # draw_sticky, seed 11; `stemwatch trial` and `stemwatch robustness` print on others how many
 # intervals hold.
 MODEL_ERROR = 0.02
+# And of both levels together, as a share of what the command moves in a sample: when in its sample
+# the stem let go, and what OP did in the rest of it, is not in the record.
+WITHIN_SAMPLE = 0.15
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class _Levels:
     kinetic: float
     kinetic_error: float
     scatter: float
+    rate: float
     count: int
 
 
@@ -67,13 +71,15 @@ class _Levels:
 class Breakaways:
     """``count`` breakaways: the mean distance of command and stem at which the stem lets go
     (``level``) and at which it stays behind (``kinetic``), percent of OP, and
-    the ``scatter`` from one breakaway to the next, a share of the level. ``tried`` is the same
+    the ``scatter`` from one breakaway to the next, a share of the level; ``rate`` is what the
+    command moves in the sample of a slip, percent of OP (median). ``tried`` is the same
     for each delay of the stem, with ``weights`` that sum to one."""
 
     count: int
     level: float
     kinetic: float
     scatter: float
+    rate: float
     tried: tuple[_Levels, ...]
     weights: Floats
 
@@ -97,9 +103,10 @@ class Breakaways:
         numbers = np.array(
             [(o.level, o.level_error, o.kinetic, o.kinetic_error) for o in self.tried]
         )[delays]
-        normal = rng.standard_normal((count, 2))
-        level = numbers[:, 0] + np.hypot(numbers[:, 1], model) * normal[:, 0]
-        kinetic = numbers[:, 2] + np.hypot(numbers[:, 3], model) * normal[:, 1]
+        normal = rng.standard_normal((count, 3))
+        both = WITHIN_SAMPLE * self.rate * normal[:, 2]
+        level = numbers[:, 0] + both + np.hypot(numbers[:, 1], model) * normal[:, 0]
+        kinetic = numbers[:, 2] + both + np.hypot(numbers[:, 3], model) * normal[:, 1]
         return np.maximum(level + kinetic, 0.0), np.maximum(level - kinetic, 0.0)
 
 
@@ -199,6 +206,7 @@ def _levels(
         kinetic=kinetic,
         kinetic_error=kinetic_error,
         scatter=float(np.sqrt(max(spread**2 - within, 0.0)) / max(level, 1e-9)),
+        rate=float(np.median(np.abs(rate))),
         count=int(kept.sum()),
     )
 
@@ -259,6 +267,7 @@ def _weighted(tried: list[_Levels]) -> Breakaways:
         level=mean("level"),
         kinetic=mean("kinetic"),
         scatter=mean("scatter"),
+        rate=mean("rate"),
         tried=tuple(tried),
         weights=weights,
     )
