@@ -18,9 +18,15 @@ LATE = 5
 
 
 @cache
+def valves():
+    """Four sticking and four healthy ones; drawing them takes seconds."""
+    return draw_valves(4, 8484)
+
+
+@cache
 def recorded(place: int):
     """A valve, sticking below 4 and healthy above, and what was recorded of it."""
-    valve = draw_valves(4, 8484)[place]
+    valve = valves()[place]
     return valve, simulate_loop(valve.case.loop, valve.case.seed).recording
 
 

@@ -121,7 +121,7 @@ def test_an_isolated_executor_does_nothing_itself() -> None:
 
 def test_an_item_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its process is killed when its time is over, and the rest is finished."""
-    monkeypatch.setattr("stemwatch.service.executors.local_processes._FIRST_S", 8.0)
+    monkeypatch.setattr("stemwatch.service.executors.local_processes._FIRST_S", 4.0)
     found = found_of(LocalProcesses(2, 1.0), [["hang", 1], [2]])
     assert found["hang"] == (None, "no result after 1 s")
     assert (found[1][0], found[2][0]) == (2, 4)

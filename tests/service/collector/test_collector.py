@@ -140,7 +140,8 @@ def test_samples_that_the_store_refuses_hold_up_nobody(tmp_path: Path) -> None:
         table.refuses = 4.0
         async with counting_server() as (port, served):
             async with collecting(table, tmp_path / "spool", counter(port)) as collector:
-                await until(lambda: len(stored(tmp_path / "db")) >= 8)
+                # On a busy machine a poll may be missed: that is stored too, but has no number.
+                await until(lambda: len(stored(tmp_path / "db", GOOD)) >= 7)
             return served, collector
 
     _, collector = asyncio.run(run())

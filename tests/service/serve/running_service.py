@@ -17,9 +17,12 @@ import pytest
 
 from stemwatch.service.store.store import Store, open_store
 
+# The service looks for what another process queued ten times as often as at a plant.
 COMMAND = """
 import typer
 from stemwatch.service.cli.serve import run_now, serve
+from stemwatch.service.run import queue_worker
+queue_worker._LOOK_S = 0.5
 app = typer.Typer()
 app.command()(serve)
 app.command()(run_now)
