@@ -33,7 +33,7 @@ from stemwatch.models.mismatch.findings import RecordEffect
 from stemwatch.models.own_clock import duration
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import StickSlipFit
+from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
 
 BAND = (2.0, 98.0)  # percentiles of MV - OP
@@ -49,6 +49,8 @@ FEW = 8.0
 TOO_FEW = 2.0
 ENOUGH = 6.0
 LATE_BY_SAMPLING = 1.2  # samples
+# Share of the S of friction alone below which a lag, and not the sampling, stands for the rest.
+LEFT_BY_A_LAG = 0.5
 SLUG = "between_samples"
 # One sigma of what is missed, as a share of it, and of the level (S + J)/2: 24 simulated sticking
 # valves (seeds 5151, 6161, 7171) kept every 5, 10 and 20 s against the same kept every second.
@@ -193,6 +195,8 @@ def as_sampled(fit: StickSlipFit, archive: Archive | None) -> tuple[StickSlipFit
     single, fit = fit, replace(fit, breakaways=None)
     if fit.hypothesis != "both":
         return fit, archive
+    if S_and_J(fit.candidate)[0] < LEFT_BY_A_LAG * S_and_J(fit.naive)[0]:
+        return single, None
     c, sample = fit.candidate, archive.apart * fit.evaluator.problem.interval_s
     late = max(c[coordinate.DEAD_TIME_S], c[coordinate.LAG_UP_S], c[coordinate.LAG_DOWN_S])
     steps = np.abs(np.diff(fit.evaluator.problem.op))
@@ -200,6 +204,12 @@ def as_sampled(fit: StickSlipFit, archive: Archive | None) -> tuple[StickSlipFit
     if max(late, slow) > LATE_BY_SAMPLING * sample:
         return (fit, archive) if archive.deviation > 0.0 else (single, None)
     return replace(fit, hypothesis="sticking", candidate=fit.naive), archive
+
+
+def stands_for_friction(S: Estimate, alone: Estimate) -> bool:
+    """Whether something slow explains most of the S that friction alone would have."""
+    known = S.value is not None and alone.value is not None
+    return known and (S.value or 0.0) < LEFT_BY_A_LAG * (alone.value or 0.0)
 
 
 def find_archive(recording: Recording) -> Archive | None:

@@ -32,7 +32,7 @@ from stemwatch.models.mismatch.base_fit import (
     naive_layout,
 )
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.between_samples import find_archive
+from stemwatch.models.mismatch.between_samples import find_archive, stands_for_friction
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -299,7 +299,9 @@ def _told(case: _Case) -> Mismatch:
     archive, record_effects = find_archive(case.recording), case.settled.effects
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = finding is Finding.NONE and archive is None
+    alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
     restated = _stiction(evaluator, drawn, best, by_breakaways=told)
+    archive = None if stands_for_friction(restated.S, alone.S) else archive
     # What a slow actuator keeps between command and stem was not lost between two samples.
     slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in effects)
     if archive is not None and (archive.deviation > 0.0 or not slow):
@@ -310,7 +312,7 @@ def _told(case: _Case) -> Mismatch:
     return Mismatch(
         finding=finding,
         sentence=_sentence(finding, effects, case.refused, before),
-        naive=_stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told),
+        naive=alone,
         restated=restated,
         effects=effects,
         record_effects=record_effects,

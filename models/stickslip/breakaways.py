@@ -31,6 +31,7 @@ LEAST_J = 0.4  # percent; below it a slip cannot be told from a stem that creeps
 LEAST_JUMP = 0.4  # of J, beyond what the command moved: an onset of motion that is a slip
 SLIPPING_SAMPLES = 2  # after its first sample of motion a slip is over
 FARTHEST = 0.35  # share of the fitted level; beyond it the onsets are not this element's slips
+ALIKE = 0.02  # scatter below which a run with one level tells S and J as well
 TRIM = 3.5  # robust standard deviations
 # Samples by which a stem is late, mean and standard deviation over valves; the delay that a fit
 # found is as uncertain and a quarter of itself more.
@@ -123,7 +124,8 @@ def breakaways(
 
     ``gain`` is MV's percent for one of OP and ``zero`` its offset, percent of MV. ``S`` and ``J``,
     percent of OP, are those of the fitted element: an onset of motion without a jump is no
-    breakaway, and a level far from the fitted one is not the element's. ``late_s`` is the dead
+    breakaway, and a level far from the fitted one is not the element's; breakaways that are all
+    alike tell no more than the fit. ``late_s`` is the dead
     time and lag that were fitted, and ``unhindered`` (n,) where the stem would be behind them
     without friction, percent of MV: from a sample of lag on, a delay of OP does not stand for it.
     """
@@ -153,7 +155,9 @@ def breakaways(
         return None
     found = _weighted(tried)
     level = 0.5 * (S + J)
-    return found if abs(found.level - level) <= FARTHEST * level else None
+    if found.scatter < ALIKE or abs(found.level - level) > FARTHEST * level:
+        return None
+    return found
 
 
 @njit(cache=True)
