@@ -283,6 +283,7 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
                 curve=fitted.curve,
                 look_for_curve=fitted.case.known_curve is None,
                 late_s=fitted.late_s,
+                restore=fitted.archive is not None,
             )
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, left_out, options.limits

@@ -106,6 +106,7 @@ def explain(
     curve: StrokeCurve | None = None,
     late_s: float | None = None,
     look_for_curve: bool = True,
+    restore: bool = True,
 ) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
@@ -113,9 +114,11 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here, unless ``look_for_curve`` says that there is none. ``late_s`` is how
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
+    ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks.
     """
     began, recording = time.perf_counter(), possible(on_own_clock(recording))
-    settled = settle(recording)  # what the archive did to OP is seen in OP as it was recorded
+    # What the archive did to OP is seen in OP as it was recorded.
+    settled = replace(settle(recording), restore=restore)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
@@ -296,7 +299,8 @@ def _told(case: _Case) -> Mismatch:
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
-    archive, record_effects = find_archive(case.recording), case.settled.effects
+    archive = find_archive(case.recording) if case.settled.restore else None
+    record_effects = case.settled.effects
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = finding is Finding.NONE and archive is None
     alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)

@@ -38,7 +38,8 @@ class Exercised:
     least 0.2 %/s over 5 s each way, ``openings`` its rises by 2 % or more within 10 s; ``restarts``
     starts in the direction of the motion before; ``slow_s`` the time of ramps slower than
     0.25 %/s; ``rests`` (m,) lengths in seconds; ``passes`` the most through any band of travel.
-    ``bends`` is the share of the samples at which OP bends by more than a tenth of its swing;
+    ``bends`` is the share of the samples at which OP bends by more than a tenth of its swing, and
+    ``noisy`` whether its noise does;
     ``at_low`` and ``at_high`` tell whether MV stands at that end while OP goes further.
     """
 
@@ -56,6 +57,7 @@ class Exercised:
     at_low: bool
     at_high: bool
     bends: float = 0.0
+    noisy: bool = False
     unit_s: float = 1.0  # seconds in the unit of the times, see ``own_clock``
 
 
@@ -97,8 +99,17 @@ def exercised(
         at_low=_at_end(-op, -mv, sigma, S, J),
         at_high=_at_end(op, mv, sigma, S, J),
         bends=float(np.mean(np.abs(np.diff(op, 2)) > SHARP_BEND * swing(op))),
+        noisy=correlation_of_steps(op) < NOISE,
         unit_s=unit_s,
     )
+
+
+def correlation_of_steps(op: Floats) -> float:
+    """Correlation of a step of OP (n,) with the one before it; 0 where OP does not move."""
+    steps = np.diff(op)
+    if steps.size < LEAST_STEPS or steps[1:].std() == 0.0 or steps[:-1].std() == 0.0:
+        return 0.0
+    return float(np.corrcoef(steps[1:], steps[:-1])[0, 1])
 
 
 def _restarts(simulated: Floats, ends: NDArray[np.int64], lengths: NDArray[np.int64]) -> int:
@@ -218,6 +229,9 @@ BENDS_UNSEEN, MOST_BENDS = 0.015, 0.035
 # A command that bends at nearly every sample is dithered, and shows quick effects all the time: of
 # 64 simulated loops at 5 to 60 s none bends at more than 0.64 of its samples.
 DITHERED = 0.7
+# Correlation of a step of OP with the one before it: -0.5 for white noise, which bends without
+# turning, and around 0 or above for a loop whose turns fall between samples.
+NOISE, LEAST_STEPS = -0.25, 10
 LEAST_MOVES = 2
 LEAST_SLIPS = 3  # each way, for their sizes to be compared at all
 LEAST_QUICK = 1
@@ -287,7 +301,7 @@ def _lost_turns(seen: Exercised, interval_s: float) -> Refusals:
         "turns fall between them, and so does such an effect; record faster than every "
         f"{duration(interval_s, seen.unit_s, 'g')}"
     )
-    if seen.bends > DITHERED:
+    if seen.noisy or seen.bends > DITHERED:
         return
     if seen.bends > BENDS_UNSEEN:
         yield from ((slug, reason) for slug in _BETWEEN_SAMPLES)

@@ -62,7 +62,8 @@ class RecordSettled:
     steps leave, percent: ``step / sqrt(12)``, or ``deviation / sqrt(3)`` of held reports.
     ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
     averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
-    drew may lie from the one it dropped, percent, and 0 at all others.
+    drew may lie from the one it dropped, percent, and 0 at all others. ``restore``: S and J may be
+    raised by what a slow archive lost of OP's peaks.
     """
 
     effects: tuple[RecordEffect, ...]
@@ -70,6 +71,7 @@ class RecordSettled:
     sigma_floor: float
     spacing_s: float
     slack: Floats
+    restore: bool = True
 
 
 def settle(recording: Recording) -> RecordSettled:

@@ -156,12 +156,14 @@ def test_a_flow_is_not_taken_for_a_position(
         assert "is in gal/min, not in percent of travel" in valve["reason"]
 
 
-def test_a_short_recording_of_a_slide_is_too_short(screened: Screened) -> None:
-    """Twenty-five seconds are no basis, however many samples they hold."""
+def test_a_recording_of_25_seconds_is_judged_by_its_samples(screened: Screened) -> None:
+    """Five thousand samples 5 ms apart are enough to fit; a motor's lag is no sticking."""
     tags = ("--op", "u_in", "--mv", "q_meas")
     outcome, (valve,) = screened("emps/emps_estimation.csv", *tags)
     assert outcome.status == 0
-    assert "the recording is too short: 4968 usable samples in 0.4 minutes" in valve["reason"]
+    assert valve["verdict"] in ("watch", "undetermined")
+    assert valve["S"]["value"] is None or valve["S"]["value"] < 1.5
+    assert "lag of" in valve["reason"]
 
 
 def test_two_tanks_are_not_a_sticking_valve(screened: Screened) -> None:
@@ -177,7 +179,7 @@ def test_the_faults_of_a_poor_archive_are_found(screened: Screened) -> None:
     _, (valve,) = screened("historian_faults")
     said = " ".join([*valve["quality"]["reasons"], *valve["still_seen"]])
     for fact in (
-        "1 gaps, the longest 825 s",
+        "1 gaps, the longest 13.8 min",
         "OP is recorded in steps of 1 %",
         "PV is recorded in steps of 0.01",
         "OP is at its lower limit for 33 % of the time",
