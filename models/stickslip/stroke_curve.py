@@ -23,6 +23,8 @@ from stemwatch.models.recording import Floats, Recording, Role, Signal
 
 # By how much J may be wrong either way where the slope is not known.
 SLOPE_UNKNOWN = 2.0
+# S is told by OP alone, but what the slope mistakes for lag or friction is not: a tenth of it.
+S_BY_SLOPE = 1.1
 NEARLY_LINEAR_PERCENT = 1.5  # of travel, off the chord
 LEAST_TRAVEL_PERCENT = 0.5  # less is no curve
 POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
@@ -58,7 +60,9 @@ class StrokeCurve:
         if estimate.value is None and estimate.at_least is None:
             return estimate
         scale = 1.0 / abs(self.slope)
-        wider = SLOPE_UNKNOWN if is_jump and not self.slope_known else 1.0
+        wider = 1.0
+        if not self.slope_known:
+            wider = SLOPE_UNKNOWN if is_jump else S_BY_SLOPE
         low, high = estimate.low, estimate.high
         return replace(
             estimate,
