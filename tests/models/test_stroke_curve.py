@@ -239,10 +239,13 @@ def test_means_tell_the_slope_only_where_op_was_in_several_places():
 
 
 def test_where_the_slope_is_not_known_the_jump_is_given_more_room():
-    """S in percent of OP stands; J may be half or twice as large."""
+    """S in percent of OP stands to a tenth; J may be half or twice as large."""
     curve = StrokeCurve(op=(70.0, 75.0), travel=(40.0, 50.0), slope_known=False)
     jump = Estimate(value=4.0, low=3.0, high=5.0, unit="%")
-    assert curve.in_op(jump) == Estimate(value=2.0, low=1.5, high=2.5, unit="%")
+    stated = curve.in_op(jump)
+    assert (stated.value, stated.low, stated.high) == pytest.approx((2.0, 1.5 / 1.1, 2.5 * 1.1))
+    known = replace(curve, slope_known=True)
+    assert known.in_op(jump) == Estimate(value=2.0, low=1.5, high=2.5, unit="%")
     assert curve.in_op(jump, is_jump=True) == Estimate(value=2.0, low=0.75, high=5.0, unit="%")
     assert "slope is not known" in curve.sentence()
 
