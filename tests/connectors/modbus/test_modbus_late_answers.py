@@ -245,13 +245,14 @@ def test_another_length_is_asked_for_while_an_answer_may_still_come() -> None:
     """It can be told apart; the same length cannot, until the answer has come or cannot come."""
 
     async def run() -> tuple[list, list]:
-        async with behind_pty(Units(Script(0.3))) as link:
-            link = replace(link, timeout_s=0.1)
-            heard = await reads(link, (0, 4), (100, 3), (100, 4), (0, 4), wait_s=0.08)
-            lost = replace(link, latest_answer_s=0.5)
+        # Long against what a busy machine adds: the third read must fall before the late answer.
+        async with behind_pty(Units(Script(0.9))) as link:
+            link = replace(link, timeout_s=0.3)
+            heard = await reads(link, (0, 4), (100, 3), (100, 4), (0, 4), wait_s=0.24)
+            lost = replace(link, latest_answer_s=1.0)
         async with behind_pty(Units(Script(None))) as other:
             lost = replace(lost, target=other.target)
-            return heard, await reads(lost, (0, 4), (100, 4), (100, 4), wait_s=0.5)
+            return heard, await reads(lost, (0, 4), (100, 4), (100, 4), wait_s=1.0)
 
     heard, lost = asyncio.run(run())
     three, four = words_of(100, 3), words_of(0, 4)
