@@ -187,11 +187,11 @@ def test_when_every_answer_is_late_no_read_gives_words(line: Any) -> None:
     """Each answer would fit the read after the one it belongs to."""
 
     async def run() -> tuple[list[int], list[str]]:
-        units = Units(lambda: 1.3 * 0.1)
+        units = Units(lambda: 1.3 * 0.3)
         words: list[int] = []
         reasons: list[str] = []
         async with line(units) as link:
-            asked = Connection(replace(link, timeout_s=0.1))
+            asked = Connection(replace(link, timeout_s=0.3))
             await asked.open()
             for turn in range(12):
                 try:
@@ -205,8 +205,8 @@ def test_when_every_answer_is_late_no_read_gives_words(line: Any) -> None:
     words, reasons = asyncio.run(run())
     assert words == []
     assert len(reasons) == 12
-    assert reasons[0] == "no answer within 0.1 s"
-    assert reasons[1].startswith("not asked: an answer that did not come within 0.1 s may still")
+    assert reasons[0] == "no answer within 0.3 s"
+    assert reasons[1].startswith("not asked: an answer that did not come within 0.3 s may still")
 
 
 class Script:
@@ -246,13 +246,13 @@ def test_another_length_is_asked_for_while_an_answer_may_still_come() -> None:
 
     async def run() -> tuple[list, list]:
         # Long against what a busy machine adds: the third read must fall before the late answer.
-        async with behind_pty(Units(Script(0.9))) as link:
-            link = replace(link, timeout_s=0.3)
-            heard = await reads(link, (0, 4), (100, 3), (100, 4), (0, 4), wait_s=0.24)
-            lost = replace(link, latest_answer_s=1.0)
+        async with behind_pty(Units(Script(1.85))) as link:
+            link = replace(link, timeout_s=0.6)
+            heard = await reads(link, (0, 4), (100, 3), (100, 4), (0, 4), wait_s=0.48)
+            lost = replace(link, latest_answer_s=1.2)
         async with behind_pty(Units(Script(None))) as other:
             lost = replace(lost, target=other.target)
-            return heard, await reads(lost, (0, 4), (100, 4), (100, 4), wait_s=1.0)
+            return heard, await reads(lost, (0, 4), (100, 4), (100, 4), wait_s=1.2)
 
     heard, lost = asyncio.run(run())
     three, four = words_of(100, 3), words_of(0, 4)
