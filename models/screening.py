@@ -53,8 +53,9 @@ from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
+from stemwatch.models.stickslip.stored_range import in_percent
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
-from stemwatch.models.validity_checks import reversed_obstacles
+from stemwatch.models.validity_checks import reversed_obstacles, wiring_obstacles
 from stemwatch.models.verdict import Verdict
 
 
@@ -157,6 +158,7 @@ def _fit_or_reason(case: Case, limits: Limits) -> _Fitted | Screening:
 
 def _fit(case: Case, limits: Limits) -> _Fitted:
     began = time.perf_counter()
+    case = replace(case, recording=in_percent(case.recording))
     own = on_own_clock(case.recording)
     assessment = assess(own, limits)
     recording, masked, stretch = own, assessment.recording, None
@@ -167,7 +169,11 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         late_s = find_op_late(masked)
         masked = brought_forward(masked, late_s)
         curve, changed = stroke_curve_of(masked, case.known_curve)
-        assessment = assessment if curve else with_obstacles(assessment, reversed_obstacles(masked))
+        against = [] if curve else reversed_obstacles(masked)
+        wired = in_travel(masked, curve)
+        assessment = with_obstacles(
+            assessment, against or wiring_obstacles(wired, brought_forward=late_s > 0.0)
+        )
     if not assessment.obstacles:
         commanded = in_travel(masked, curve)
         fit = fit_stickslip(commanded)

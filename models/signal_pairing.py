@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 from stemwatch.models.cross_correlation import lagged_products
-from stemwatch.models.excitation import swing
-from stemwatch.models.forensics import quantum
-from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.excitation import swing, travel
+from stemwatch.models.forensics import noise_sigma, quantum
+from stemwatch.models.frozen import repeated
+from stemwatch.models.recording import Floats, Recording, Role
 
 LONGEST_DELAY_S = 120.0
 COPIED_SHARE = 0.99  # of the samples
 DELAYS = (0, 1, 2)  # samples by which a copy of OP may have been recorded late
+LONGEST_COPY_DELAY = 600  # samples
+LEAST_COPIED = 50  # samples that tell a copy from chance
+# A stem's reading has noise, two hundredths of a percent and more; a computed one has none.
+WITHOUT_NOISE = 1e-4  # of the range
+LAGS = np.geomspace(0.3, 300.0, 31)  # samples
+TWO_PLACES = 3  # values of a reading that tells no more than open or shut
+# Of OP - MV from one sample to the next. A valve gives -0.5 at least, where both are white noise.
+EXCHANGED = -0.75
+LEAST_MOVE_PERCENT = 1.0
+SETTLED_S = 30.0  # of the own clock, after which a stem has followed an OP that stands still
 
 
 def _pairs(recording: Recording) -> tuple[Floats, Floats]:
@@ -34,6 +47,142 @@ def is_copy(recording: Recording) -> bool:
     return any(
         float(np.mean(np.abs(mv[late:] - op[: op.size - late]) <= tolerance)) > COPIED_SHARE
         for late in DELAYS
+    )
+
+
+def copied_from(recording: Recording) -> Role | None:
+    """Which of OP, PV and SP the "position" repeats: on any scale, late, or through a filter.
+
+    A copy leaves nothing but its rounding; a stem's reading leaves its noise and its friction.
+    """
+    mv = recording.mv
+    assert mv is not None
+    for role in (Role.OP, Role.PV, Role.SP):
+        source = recording.get(role)
+        if source is None:
+            continue
+        usable = mv.usable & source.usable
+        given, shown = source.values[usable], mv.values[usable]
+        if given.size < LEAST_COPIED or swing(given) == 0.0 or swing(shown) == 0.0:
+            continue
+        if _same_line(given, shown) or (role is Role.OP and _filtered(given, shown)):
+            return role
+    return None
+
+
+def command_is(recording: Recording) -> Role | None:
+    """PV or SP where the "command" repeats it sample for sample."""
+    for role in (Role.PV, Role.SP):
+        source = recording.get(role)
+        if source is None:
+            continue
+        usable = recording.op.usable & source.usable
+        given, shown = source.values[usable], recording.op.values[usable]
+        if given.size >= LEAST_COPIED and swing(given) > 0.0 and np.array_equal(given, shown):
+            return role
+    return None
+
+
+def tells_two_places(recording: Recording) -> bool:
+    """True where the position has two or three values only, as a limit switch has."""
+    assert recording.mv is not None
+    values = recording.mv.values[recording.mv.usable]
+    return bool(values.size) and 1 < np.unique(values).size <= TWO_PLACES
+
+
+def samples_exchanged(recording: Recording) -> bool:
+    """True where OP and position change places from one sample to the next."""
+    op, mv = _pairs(recording)
+    if op.size < LEAST_COPIED:
+        return False
+    apart = op - mv
+    apart = apart - np.median(apart)
+    power = float(apart @ apart)
+    return power > 0.0 and float(apart[1:] @ apart[:-1]) / power < EXCHANGED
+
+
+def moved_without_command(recording: Recording) -> float:
+    """Share of the position's way that it makes while OP has stood still for long, 0 to 1."""
+    op, mv = _pairs(recording)
+    if not op.size:
+        return 0.0
+    least = max(6.0 * noise_sigma(mv), LEAST_MOVE_PERCENT)
+    settled = max(round(SETTLED_S / recording.interval_s), 2)
+    way = travel(mv, least)
+    runs = [(first + settled, last) for first, last in repeated(op) if last - first > 2 * settled]
+    return sum(travel(mv[first:last], least) for first, last in runs) / way if way else 0.0
+
+
+def _tolerance(shown: Floats) -> float:
+    return max(0.51 * quantum(shown), 1e-6 * swing(shown))
+
+
+def _same_line(given: Floats, shown: Floats) -> bool:
+    """Whether ``shown`` is ``given`` times a number plus a number, at once or some samples late."""
+    delays = {*DELAYS, _agreed_delay(given, shown)}
+    return any(
+        _on_a_line(given[: given.size - late], shown[late:])
+        for late in delays
+        if given.size - late >= LEAST_COPIED
+    )
+
+
+def _agreed_delay(given: Floats, shown: Floats) -> int:
+    longest = min(LONGEST_COPY_DELAY, given.size // 3)
+    return int(np.argmax(np.abs(lagged_products(np.diff(given), np.diff(shown), longest))))
+
+
+def _on_a_line(given: Floats, shown: Floats) -> bool:
+    """Whether all but a few samples lie on one line, within the rounding."""
+    tolerance, kept = _tolerance(shown), np.ones(given.size, dtype=bool)
+    for _ in range(2):
+        if kept.sum() < LEAST_COPIED or np.ptp(given[kept]) == 0.0:
+            return False
+        gain, zero = np.polyfit(given[kept], shown[kept], 1)
+        off = np.abs(shown - gain * given - zero)
+        kept = off <= max(float(np.percentile(off, 90.0)), tolerance)
+    return bool(gain != 0.0 and np.mean(off <= tolerance) > COPIED_SHARE)
+
+
+def _filtered(given: Floats, shown: Floats) -> bool:
+    """Whether ``shown`` is ``given`` through a lag of the first order and nothing else."""
+    if not _without_noise(given, shown):
+        return False
+    if quantum(shown) == 0.0:
+        return True
+    off = [_off_a_line(given, shown, lag) for lag in LAGS]
+    best = float(LAGS[int(np.argmin(off))])
+    about = minimize_scalar(
+        lambda lag: _off_a_line(given, shown, lag),
+        bounds=(0.7 * best, 1.4 * best),
+        method="bounded",
+    )
+    settled = shown.size // 10
+    return _on_a_line(_lagged(given, float(about.x))[settled:], shown[settled:])
+
+
+def _off_a_line(given: Floats, shown: Floats, lag: float) -> float:
+    """How far ``shown`` lies off a line over the lagged ``given``, as a sum of squares."""
+    lagged = _lagged(given, lag)
+    columns = np.column_stack((lagged, np.ones(lagged.size)))
+    off = shown - columns @ np.linalg.lstsq(columns, shown, rcond=None)[0]
+    return float(off @ off)
+
+
+def _without_noise(given: Floats, shown: Floats) -> bool:
+    """Whether each sample follows from the one before and the command, by one rule."""
+    size = shown.size - 1
+    columns = np.column_stack((shown[:-1], given[1:], given[:-1], np.ones(size)))
+    weights = np.linalg.lstsq(columns, shown[1:], rcond=None)[0]
+    off = np.abs(shown[1:] - columns @ weights)
+    tolerance = max(2.0 * _tolerance(shown), WITHOUT_NOISE * swing(shown))
+    return bool(np.mean(off <= tolerance) > COPIED_SHARE)
+
+
+def _lagged(values: Floats, lag: float) -> Floats:
+    share = 1.0 - np.exp(-1.0 / lag)
+    return np.asarray(
+        lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])[0]
     )
 
 

@@ -123,7 +123,7 @@ def sticking_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     return candidates
 
 
-def _actuator_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
+def actuator_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     """(m, 9) candidates over dead time, lag and slowness in each direction."""
     dt = evaluator.problem.interval_s
     dead_times = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0]) * max(dt, 1.0)
@@ -194,7 +194,7 @@ def _fit_all(evaluator: StickSlipEvaluator, blocks: Bools, base: Floats) -> dict
     loss = evaluator.loss(blocks)
     starts = best_of(loss, sticking_grid(evaluator, base), keep=4)
     sticking = search(evaluator, loss, starts, coordinate.STICKING, 0.06, 7)
-    starts = best_of(loss, _actuator_grid(evaluator, base), keep=2)
+    starts = best_of(loss, actuator_grid(evaluator, base), keep=2)
     actuator = search(evaluator, loss, starts, coordinate.ACTUATOR, 0.08, 8)
     starts = _both_starts(sticking, actuator, loss, evaluator)
     both = search(evaluator, loss, starts, BOTH.free, 0.06, 9)

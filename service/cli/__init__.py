@@ -19,6 +19,7 @@ from stemwatch.service.cli.explain import explain
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
 from stemwatch.service.cli.maintenance_report import maintenance_report
+from stemwatch.service.cli.miswiring import miswiring
 from stemwatch.service.cli.modbus import modbus_app
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.reproduce import reproduce
@@ -76,6 +77,7 @@ for command in (
     trial,
     prove,
     robustness,
+    miswiring,
     calibrate_mismatch,
     drift,
     maintenance,

@@ -107,11 +107,12 @@ def _mismatch(
     from stemwatch.models.quality import assess
     from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
     from stemwatch.models.stickslip.fit import fit_stickslip
+    from stemwatch.models.stickslip.stored_range import in_percent
     from stemwatch.models.stickslip.stroke_curve import in_travel
 
     if narx:
         import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
-    began, recording = time.perf_counter(), on_own_clock(recording)
+    began, recording = time.perf_counter(), on_own_clock(in_percent(recording))
     assessment = assess(recording, limits)
     masked, ceiling, curve = assessment.recording, None, None
     if not assessment.obstacles:

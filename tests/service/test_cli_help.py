@@ -13,6 +13,7 @@ COMMANDS = {
     "demo": "leave a report",
     "trial": "Count right and wrong verdicts",
     "robustness": "Count right and wrong answers",
+    "miswiring": "Count confident wrong answers",
     "maintenance": "new baseline",
 }
 

@@ -1,0 +1,135 @@
+"""Which recorded signal is the command of which, and when: judged by what sticking explains.
+
+The cheapest of a few stick-slip elements is run over a command, put right at the start of each
+block of time as in a fit, and its loss is divided by that of a stem that never moves. A valve's own
+command leaves 0.03 to 0.3 of it, whatever sticks; another valve's, or its own of another hour,
+leaves nearly all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.cross_correlation import lagged_products
+from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.fit import StickSlipEvaluator, actuator_grid, first_look
+from stemwatch.models.stickslip.problem import FitProblem, make_problem
+
+# Samples by which a command may be brought forward: never by more than nothing, for then the stem
+# would move first; and a little more, where only clocks differ.
+BEFORE = (0.0, -1.0, -3.0, -5.0)
+NEAR = (*BEFORE, 1.0, 3.0)
+FAR = (20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0)
+ABOUT = np.linspace(0.8, 1.25, 10)  # times the best of them
+SHARES = np.linspace(0.0, 1.0, 12) ** 1.6  # of the widest S
+RATIOS = (0.0, 0.3, 0.6, 1.0)  # J/S
+NEVER_MOVES = 50.0  # times the swing of OP
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What is ``left`` of the loss of a stem that never moves, with the command brought forward by
+    ``samples``."""
+
+    left: float
+    samples: float
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """A position with a command that may be its own."""
+
+    evaluator: StickSlipEvaluator
+    candidates: Floats
+    still: float  # loss of a stem that never moves
+
+    @classmethod
+    def of(cls, recording: Recording) -> Pairing | None:
+        """``None`` where one of the two hardly moves, or nothing can be scored."""
+        problem = make_problem(recording)
+        if not problem.scored.any() or min(problem.swing, float(np.ptp(problem.mv))) <= 0.0:
+            return None
+        evaluator, base = first_look(problem)
+        stuck = base.copy()
+        stuck[coordinate.S_PERCENT] = NEVER_MOVES * problem.swing
+        still = _loss(evaluator, problem, stuck[None, :])
+        return cls(evaluator, _elements(evaluator, base), still) if still > 0.0 else None
+
+    def explained(self, samples: Sequence[float]) -> Explained:
+        """The best over commands brought forward by each of ``samples``."""
+        problem = self.evaluator.problem
+        tried = [
+            Explained(
+                _loss(self.evaluator, _shifted(problem, by), self.candidates) / self.still, by
+            )
+            for by in samples
+        ]
+        return min(tried, key=lambda one: one.left)
+
+    def by_a_slow_actuator(self) -> float:
+        """What is left where a dead time, a lag and a limited speed stand for the sticking."""
+        base = self.candidates[0].copy()
+        grid = actuator_grid(self.evaluator, base)
+        return _loss(self.evaluator, self.evaluator.problem, grid) / self.still
+
+    def far_away(self) -> Explained:
+        """The best over commands from 20 to 600 samples earlier or later."""
+        problem = self.evaluator.problem
+        furthest = problem.op.size / 3.0
+        tried = [by for by in (*FAR, *_where_moves_agree(problem)) if FAR[0] <= by <= furthest]
+        if not tried:
+            return Explained(np.inf, 0.0)
+        best = self.explained([way * by for by in tried for way in (1.0, -1.0)])
+        return self.explained([best.samples, *np.round(best.samples * ABOUT)])
+
+
+def paired(recording: Recording, command: Role, position: Role) -> Pairing | None:
+    """The pairing with two of the recorded signals as command and position, in percent both."""
+    first, second = recording.get(command), recording.get(position)
+    if first is None or second is None:
+        return None
+    unit = recording.op.unit
+    signals = {Role.OP: replace(first, unit=unit), Role.MV: replace(second, unit=unit)}
+    wired = replace(recording, signals={**recording.signals, **signals})
+    return Pairing.of(wired) if wired.usable.any() else None
+
+
+def _elements(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
+    """(m, 9) over S and J/S, the first without either."""
+    widths, ratios = np.meshgrid(
+        evaluator.bounds.high[coordinate.S_PERCENT] * SHARES, RATIOS, indexing="ij"
+    )
+    elements = np.tile(base, (widths.size, 1))
+    elements[:, coordinate.S_PERCENT] = widths.ravel()
+    elements[:, coordinate.RATIO] = ratios.ravel()
+    return elements
+
+
+def _loss(evaluator: StickSlipEvaluator, problem: FitProblem, candidates: Floats) -> float:
+    losses, counts = replace(evaluator, problem=problem).block_losses(candidates)
+    return float(losses.sum(axis=1).min() / max(counts.sum(), 1.0))
+
+
+def _shifted(problem: FitProblem, samples: float) -> FitProblem:
+    """The problem with its command brought forward; the edge is held."""
+    if samples == 0.0:
+        return problem
+    at = np.clip(np.arange(problem.op.size) + round(samples), 0, problem.op.size - 1)
+    return replace(problem, op=problem.op[at])
+
+
+def _where_moves_agree(problem: FitProblem) -> tuple[float, ...]:
+    """Samples, either way, by which the moves of command and position agree best."""
+    furthest = int(min(FAR[-1], problem.op.size / 3.0))
+    if furthest <= FAR[0]:
+        return ()
+    moves = [np.diff(values) for values in (problem.op, problem.mv)]
+    near = int(FAR[0])
+    return tuple(
+        float(near + np.argmax(lagged_products(first, second, furthest)[near:]))
+        for first, second in (moves, moves[::-1])
+    )

@@ -1,0 +1,148 @@
+"""The range in which OP or the position was stored, where it is not percent.
+
+An export often keeps what came over the wire: 4 to 20 mA, 0 to 10 V, a fraction, counts. Read as
+percent, such a position hardly moves, and a good valve seems to stick fast. Which range it is shows
+against the other signal: only one of those in use lays the position on the command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.excitation import swing
+from stemwatch.models.percent import not_percent
+from stemwatch.models.recording import PERCENT, Recording, Role, Signal
+from stemwatch.models.signal_pairing import correlation, delayed_correlation
+from stemwatch.models.stickslip.find_stroke_curve import PLAIN_SLOPE, slope_of_means, suspected
+
+BEYOND = 0.05  # of a range, by which a signal may leave it
+# Of a range that a signal reaches: percents, read as counts to 1000 or more, reach a tenth.
+LEAST_REACHED = 0.12
+# Percent by which the middle of the converted position may lie off OP; and by how much the next
+# range must do worse, in the same measure, so that only one can be meant.
+OFF_PERCENT, WORSE_PERCENT = 6.0, 4.0
+SLOPE_PERCENT = 50.0  # what a slope that is wrong by its whole counts for
+MOST_SWING = 1.3  # of the swing of OP, where no slope is known
+GOES_WITH = 0.5  # correlation
+
+
+@dataclass(frozen=True)
+class StoredRange:
+    """Values at 0 and at 100 %, and what they are in."""
+
+    low: float
+    high: float
+    unit: str
+
+    def holds(self, signal: Signal) -> bool:
+        """Whether (nearly) all values lie within it and its unit is not another one."""
+        if signal.unit not in (PERCENT, "", self.unit):
+            return False
+        values = signal.values[signal.usable]
+        if not values.size:
+            return False
+        beyond = BEYOND * abs(self.high - self.low)
+        first, last = np.percentile(values, (0.5, 99.5))
+        bottom, top = sorted((self.low, self.high))
+        reached = last - bottom >= LEAST_REACHED * (top - bottom)
+        return bool(bottom - beyond <= first and last <= top + beyond and reached)
+
+    def read(self, signal: Signal) -> Signal:
+        """``signal`` in percent."""
+        percent = 100.0 * (signal.values - self.low) / (self.high - self.low)
+        return replace(signal, values=percent, unit=PERCENT)
+
+    def sentence(self, signal: Signal, name: str) -> str:
+        """What was decided, and how to decide it for good."""
+        what = f" {self.unit}" if self.unit else ""
+        return (
+            f"{name} ({signal.tag}) is read as {self.low:g} to {self.high:g}{what} for 0 to 100 %, "
+            "for only so it goes with the other. Give this range in the plant file: "
+            f"low = {self.low:g}, high = {self.high:g}."
+        )
+
+
+FORWARD = (
+    StoredRange(4.0, 20.0, "mA"),
+    StoredRange(0.0, 20.0, "mA"),
+    StoredRange(0.0, 10.0, "V"),
+    StoredRange(0.0, 5.0, "V"),
+    StoredRange(1.0, 5.0, "V"),
+    StoredRange(0.0, 1.0, ""),
+    StoredRange(0.2, 1.0, "bar"),
+    StoredRange(3.0, 15.0, "psi"),
+    StoredRange(0.0, 1000.0, ""),
+    StoredRange(0.0, 10000.0, ""),
+    StoredRange(0.0, 4095.0, "counts"),
+    StoredRange(0.0, 16383.0, "counts"),
+    StoredRange(0.0, 27648.0, "counts"),
+    StoredRange(0.0, 32767.0, "counts"),
+    StoredRange(0.0, 65535.0, "counts"),
+)
+RANGES = (*FORWARD, *(StoredRange(one.high, one.low, one.unit) for one in FORWARD))
+NAMES = {Role.MV: "The position", Role.OP: "OP"}
+
+
+def in_percent(recording: Recording) -> Recording:
+    """``recording`` with OP and position in percent, each conversion among its decisions.
+
+    Itself where both are in percent as they stand, or no single range explains why they are not.
+    """
+    mv = recording.mv
+    if mv is None or not _moves(recording):
+        return recording
+    plain = not_percent(recording.op) is None and not_percent(mv) is None
+    if plain and not suspected(recording):
+        return recording
+    found = [
+        (off, role, stored)
+        for role in (Role.MV, Role.OP)
+        for stored in RANGES
+        if (off := _off(recording, role, stored)) is not None
+    ]
+    found.sort(key=lambda one: one[0])
+    if not found or (len(found) > 1 and found[1][0] - found[0][0] < WORSE_PERCENT):
+        return recording
+    _, role, stored = found[0]
+    said = stored.sentence(recording.signals[role], NAMES[role])
+    decisions = (*recording.provenance.decisions, said)
+    return replace(
+        _converted(recording, role, stored),
+        provenance=replace(recording.provenance, decisions=decisions),
+    )
+
+
+def _moves(recording: Recording) -> bool:
+    assert recording.mv is not None
+    return swing(recording.op.values) > 0.0 and swing(recording.mv.values) > 0.0
+
+
+def _converted(recording: Recording, role: Role, stored: StoredRange) -> Recording:
+    signals = {**recording.signals, role: stored.read(recording.signals[role])}
+    return replace(recording, signals=signals)
+
+
+def _off(recording: Recording, role: Role, stored: StoredRange) -> float | None:
+    """How far the two lie apart if ``role`` was stored so, percent; ``None`` if it was not."""
+    other = recording.op if role is Role.MV else recording.mv
+    assert other is not None
+    if not stored.holds(recording.signals[role]) or not_percent(other) is not None:
+        return None
+    read = _converted(recording, role, stored)
+    if suspected(read):
+        return None
+    assert read.mv is not None
+    both = read.usable
+    low, high = np.percentile((read.mv.values - read.op.values)[both], (2.0, 98.0))
+    off, slope = abs(float(low + high)) / 2.0, slope_of_means(read)
+    if off > OFF_PERCENT:
+        return None
+    if slope is not None:
+        steep = abs(slope - 1.0)
+        return off + SLOPE_PERCENT * steep if slope > PLAIN_SLOPE[0] else None
+    if swing(read.mv.values) > MOST_SWING * swing(read.op.values):
+        return None
+    goes_with = max(delayed_correlation(read), correlation(read)) >= GOES_WITH
+    return off if goes_with else None

@@ -1,0 +1,75 @@
+"""Positions and commands that were stored in another range than percent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.stickslip.stored_range import in_percent
+from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
+
+QUICK = Options(narx=False, mismatch=False)
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """A sticking valve whose OP and position are in percent."""
+    return simulate_loop(draw_sticky(1, 5151)[0], 1).recording
+
+
+def stored(recording: Recording, role: Role, low: float, high: float, unit: str = "%") -> Recording:
+    signal = recording.signals[role]
+    values = low + signal.values * (high - low) / 100.0
+    signals = {**recording.signals, role: Signal.good(values, signal.tag, unit)}
+    return replace(recording, signals=signals)
+
+
+@pytest.mark.parametrize("role", [Role.MV, Role.OP])
+@pytest.mark.parametrize(
+    ("low", "high"), [(4, 20), (20, 4), (0, 1), (0, 10), (1, 5), (0, 4095), (0, 27648)]
+)
+def test_a_range_in_use_is_read_as_such_and_said(recording, role, low, high):
+    """Milliamperes, volts, fractions and counts become percent again, with a sentence."""
+    read = in_percent(stored(recording, role, low, high))
+    assert read.signals[role].values == pytest.approx(recording.signals[role].values, abs=1e-6)
+    assert f"low = {low}, high = {high}." in read.provenance.decisions[-1]
+    assert recording.signals[role].tag in read.provenance.decisions[-1]
+
+
+def test_percent_stays_as_it_is(recording):
+    """Nothing is read otherwise where command and position go together as they stand."""
+    assert in_percent(recording) is recording
+
+
+@pytest.mark.parametrize(("low", "high"), [(50, 100), (0, 50)])
+def test_a_split_range_is_a_curve_and_no_other_unit(recording, low, high):
+    """An OP half of which strokes the valve is left to the curve from OP to stroke."""
+    split = stored(recording, Role.OP, low, high)
+    assert in_percent(split) is split
+
+
+def test_a_unit_that_says_otherwise_is_believed(recording):
+    """What is said to be a flow is not taken for milliamperes."""
+    flow = stored(recording, Role.MV, 4, 20, "m3/h")
+    assert in_percent(flow) is flow
+
+
+def test_a_dead_position_is_no_small_range(recording):
+    """The noise of a position at its stop is not blown up to a fraction."""
+    rng = np.random.default_rng(1)
+    noise = Signal.good(0.5 + 0.05 * rng.standard_normal(len(recording)), "ZT")
+    dead = replace(recording, signals={**recording.signals, Role.MV: noise})
+    assert in_percent(dead) is dead
+
+
+def test_the_answer_is_that_of_the_recording_in_percent(recording):
+    """A position in milliamperes gives the verdict, S and J of the same one in percent."""
+    (plain,) = screen([Case(recording=recording)], QUICK)
+    (read,) = screen([Case(recording=stored(recording, Role.MV, 4, 20))], QUICK)
+    assert (read.verdict, read.S.value) == (plain.verdict, pytest.approx(plain.S.value, abs=0.02))
+    assert read.recording is not None
+    assert "low = 4, high = 20" in " ".join(read.recording.provenance.decisions)

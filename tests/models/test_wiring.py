@@ -1,0 +1,129 @@
+"""Tags that are mixed up and clocks that are minutes apart are found before anything is fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stemwatch.models.excitation import swing
+from stemwatch.models.limits import Limits
+from stemwatch.models.quality import assess
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.signal_pairing import moved_without_command, samples_exchanged
+from stemwatch.models.stickslip.best_pairing import BEFORE, Pairing
+from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
+from stemwatch.models.validity_checks import wiring_obstacles
+from stemwatch.models.verdict import Verdict
+
+LOOPS = [
+    *(loop for loop in draw_healthy(12, 5151) if "set points" in loop.story),
+    *draw_sticky(3, 5151),
+]
+
+
+@pytest.fixture(scope="module", params=range(len(LOOPS)), ids=lambda at: LOOPS[at].tag)
+def recording(request) -> Recording:
+    """A healthy or a sticking valve, wired up rightly."""
+    return simulate_loop(LOOPS[request.param], 3).recording
+
+
+def wired(recording: Recording, **values) -> Recording:
+    signals = dict(recording.signals)
+    for role, samples in values.items():
+        signals[Role(role)] = Signal.good(samples, signals[Role(role)].tag)
+    return replace(recording, signals=signals)
+
+
+def values(recording: Recording, role: Role):
+    return recording.signals[role].values
+
+
+def told(recording: Recording) -> list[str]:
+    found = assess(recording, Limits())
+    obstacles = found.obstacles or wiring_obstacles(found.recording)
+    return [obstacle.slug for obstacle in obstacles]
+
+
+def test_a_valve_that_is_wired_up_rightly_is_not_doubted(recording):
+    """Sticking or not, its own command explains most of how the position moves."""
+    pairing = Pairing.of(recording)
+    assert pairing is not None
+    assert pairing.explained(BEFORE).left < 0.5
+    assert wiring_obstacles(recording) == []
+    assert moved_without_command(recording) < 0.1
+    assert not samples_exchanged(recording)
+
+
+@pytest.mark.parametrize(("late", "how"), [(120, "after OP"), (-120, "before OP")])
+def test_clocks_that_are_minutes_apart_are_told_and_by_how_much(recording, late, how):
+    """A position two minutes late or early is found, or does not go with OP at all."""
+    at = np.clip(np.arange(len(recording)) - late, 0, len(recording) - 1)
+    apart = wired(recording, mv=values(recording, Role.MV)[at])
+    found = assess(apart, Limits())
+    obstacles = found.obstacles or wiring_obstacles(found.recording)
+    assert obstacles[0].slug in ("clocks_apart", "position_unrelated")
+    if obstacles[0].slug == "clocks_apart":
+        assert how in obstacles[0].reason
+
+
+@pytest.mark.parametrize("source", [Role.PV, Role.SP])
+def test_a_tag_that_is_mapped_twice_is_named(recording, source):
+    """PV or SP in the place of the position or of OP is said to be that."""
+    if swing(values(recording, source)) == 0.0:
+        pytest.skip("the set point hardly moved")
+    as_position = wired(recording, mv=values(recording, source))
+    as_command = wired(recording, op=values(recording, source))
+    assert told(as_position)[0] in (f"position_is_{source.value}", "position_coarse")
+    assert told(as_command)[0] == f"op_is_{source.value}"
+
+
+@pytest.mark.parametrize("scale", [(0.16, 4.0), (-1.0, 100.0), (0.01, 0.0)])
+@pytest.mark.parametrize("late", [0, 12])
+def test_a_copy_of_op_is_known_on_any_scale_and_late(recording, scale, late):
+    """An alias of OP in milliamperes, inverted or late is no position."""
+    op = values(recording, Role.OP)
+    copy = scale[0] * op[np.maximum(np.arange(op.size) - late, 0)] + scale[1]
+    assert told(wired(recording, mv=copy))[0] == "position_is_op"
+
+
+@pytest.mark.parametrize("lag", [5.0, 30.0])
+@pytest.mark.parametrize("step", [0.0, 0.01])
+def test_a_filtered_copy_of_op_is_known(recording, lag, step):
+    """OP through a filter has no noise of its own, and is no position, rounded or not."""
+    copy = values(recording, Role.OP).copy()
+    for k in range(1, copy.size):
+        copy[k] = copy[k - 1] + (copy[k] - copy[k - 1]) / lag
+    if step:
+        copy = np.round(copy / step) * step
+    assert told(wired(recording, mv=copy))[0] == "position_is_op"
+
+
+def test_a_limit_switch_is_no_position(recording):
+    """A reading of two values says so."""
+    mv = values(recording, Role.MV)
+    switch = wired(recording, mv=np.where(mv > np.median(mv), 100.0, 0.0))
+    assert "position_switch" in told(switch)
+
+
+def test_steps_of_five_percent_are_too_coarse(recording):
+    """A position in steps wider than the sticking that matters gets no verdict."""
+    coarse = wired(recording, mv=5.0 * np.round(values(recording, Role.MV) / 5.0))
+    assert told(coarse)[0] in ("position_coarse", "position_switch", "position_frozen")
+
+
+def test_a_station_that_does_not_track_is_no_command(recording):
+    """A position that moves while OP stands still is moved by something else."""
+    held = np.repeat(50.0 + 4.0 * (np.arange(len(recording) // 200 + 1) % 3), 200)
+    station = wired(recording, op=held[: len(recording)])
+    assert told(station)[0] == "op_not_followed"
+
+
+def test_swapped_tags_of_a_sticking_valve_are_never_healthy_for_sure():
+    """OP and position the other way round: told, or at least not called healthy."""
+    sticking = simulate_loop(draw_sticky(3, 5151)[2], 3).recording
+    swapped = wired(sticking, op=values(sticking, Role.MV), mv=values(sticking, Role.OP))
+    (screening,) = screen([Case(recording=swapped)], Options(narx=False, mismatch=False))
+    assert screening.verdict is not Verdict.HEALTHY
