@@ -162,6 +162,7 @@ def test_a_recording_of_25_seconds_is_judged_by_its_samples(screened: Screened) 
     outcome, (valve,) = screened("emps/emps_estimation.csv", *tags)
     assert outcome.status == 0
     assert valve["verdict"] in ("watch", "undetermined")
+    assert valve["stiction"]["S"]["value"] < 1.5
     assert "lag of" in valve["reason"]
 
 
