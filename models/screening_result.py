@@ -146,6 +146,11 @@ class Screening:
             return self.kept
         return RecordingFacts.of(self.recording)
 
+    @property
+    def was_read(self) -> bool:
+        """Whether the source could be read at all, whatever it holds."""
+        return self.seen is not None or bool(self.still_seen)
+
     def finite_share(self) -> float:
         """Share of samples a fit could use."""
         seen = self.seen

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from stemwatch.service.run.plan import Request
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
-MOST_REASONS = 5  # of a run in which nothing could be read
 TAGS = "Which tag is what (one valve per file)"
 
 
@@ -137,7 +136,7 @@ def _run(
 
 
 def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def]
-    """The summary, what was left out, and where the report is; 2 where nothing could be read."""
+    """The summary, what was left out, and where the report is."""
     from stemwatch.service.cli import views
 
     views.out.print(views.summary(result.brief))
@@ -152,8 +151,3 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         highlight=False,
         soft_wrap=True,
     )
-    if not any(screening.seen is not None or screening.still_seen for screening in result.brief):
-        for screening in result.brief[:MOST_REASONS]:
-            views.say_error(screening.reason)
-        views.say_error("nothing could be screened: no source could be read as it was asked for")
-        raise typer.Exit(2)

@@ -24,6 +24,7 @@ from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discove
 from stemwatch.service.presenter.finding import PresentedFinding
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
+    figure,
     finite,
     interval,
     share,
@@ -66,10 +67,14 @@ class Priority:
 
 
 def priority(severity: float, criticality: str, trend: Change) -> Priority:
-    """The class of a finding, with the three factors as its reason."""
+    """The class of a finding, with the three factors as its reason.
+
+    It is reckoned from the whole number that people read, so that they come to the same class.
+    """
+    severity = round(severity)
     known = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
     weight = WEIGHT_OF_TREND.get(trend.direction, 1.0)
-    score = severity / 100.0 * WEIGHT_OF_CRITICALITY[known] * weight
+    score = round(severity / 100.0 * WEIGHT_OF_CRITICALITY[known] * weight, 6)
     code = next(code for least, code in CLASSES if score >= least)
     stated = f"criticality {known} of 3"
     if known != criticality:
@@ -145,7 +150,7 @@ def work_sheet_of(
     seen = s.first_seen(kinds[0], earlier)
     steps = advice.steps_for(kinds)
     picture, note = picture_of(screening, background.samples(screening), zone)
-    sizes, stroke_note = _sizes(screening, valve.facts.stroke)
+    sizes, stroke_note = sizes_of(screening, valve.facts.stroke)
     return WorkSheet(
         valve=replace(valve, screening=screening.without_samples()),
         said=said,
@@ -168,13 +173,26 @@ def work_sheet_of(
     )
 
 
-def _sizes(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
-    """S and J, and how their travel was reckoned."""
-    full = _stroke(stroke)
-    sizes = tuple(_size(name, getattr(screening, name), full) for name in MEANING)
+def sizes_of(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
+    """S and J, each with its travel, and how that was reckoned.
+
+    Travel is S or J in percent of OP times the slope of the curve from OP to stroke (1 where there
+    is none) times the stroke.
+    """
+    full, curve = _stroke(stroke), screening.stroke_curve
+    known = full is not None and (curve is None or curve.slope_known)
+    slope = 1.0 if curve is None else abs(curve.slope)
+    sizes = tuple(_size(name, getattr(screening, name), full, slope, known) for name in MEANING)
     if full is None:
         return sizes, "The plant file gives no stroke, so there is no travel in mm or degrees."
+    if not known:
+        return sizes, "No travel: how far a percent of OP moves this valve is not known."
     note = f"Travel: of a stroke of {full}, 100 % of OP taken as the whole of it."
+    if curve is not None:
+        note = (
+            f"Travel: of a stroke of {full}; 1 % of OP moves the stem {figure(slope, 2)} % of it, "
+            "by the curve from OP to stroke."
+        )
     return sizes, note if any(size.travel for size in sizes) else ""
 
 
@@ -185,14 +203,18 @@ def _stroke(text: str) -> Stroke | None:
         return None
 
 
-def _size(name: str, estimate: Estimate, full: Stroke | None) -> Size:
+def _size(name: str, estimate: Estimate, full: Stroke | None, slope: float, known: bool) -> Size:
     value = finite(estimate.value)
     return Size(
         name=name,
         meaning=MEANING[name],
         percent="not known" if value is None else f"{span_percent(value)} %",
         interval=f"{interval(estimate)} %" if value is not None and interval(estimate) else "",
-        travel="" if full is None or value is None else full.of_percent(value),
+        travel=(
+            full.of_percent(slope * value)
+            if known and full is not None and value is not None
+            else ""
+        ),
     )
 
 

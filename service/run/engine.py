@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
@@ -30,6 +31,8 @@ from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
+
+MOST_REASONS = 5  # of a run in which nothing could be read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +49,7 @@ class RunNow:
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """What came out.
+    """What came out, of at least one valve.
 
     ``screenings`` are those of the tasks in their order, without their samples (an excerpt is left
     of valves that need work); they are read from a disk when they are asked for. ``brief`` are the
@@ -60,9 +63,24 @@ class RunResult:
     not_saved: tuple[tuple[str, str], ...]
 
 
+class NothingScreened(ConnectorError):
+    """No source of a run could be read as it was asked for. The text has each reason once."""
+
+    @classmethod
+    def of(cls, screenings: Sequence[Screening], not_read: NotRead) -> NothingScreened:
+        """The error of a run with these results, none of which saw a recording."""
+        reasons = [screening.S.reason or screening.reason for screening in screenings]
+        reasons += [f"{place}: {reason}" for place, reason in not_read]
+        every = [reason.rstrip(".") for reason in dict.fromkeys(reasons)]
+        more = len(every) - MOST_REASONS
+        said = [*every[:MOST_REASONS], *([f"and {more} more reasons"] if more > 0 else [])]
+        return cls(f"nothing could be screened: {'; '.join(said) or 'no valve was asked for'}.")
+
+
 def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> RunResult:
     """Screen everything a request names, as a run of its own.
 
+    Where nothing could be read, ``NothingScreened`` is raised and an earlier report stays as it is.
     Raises ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
     """
     plant, started = request.plant, datetime.now(UTC)
@@ -88,6 +106,9 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
         if plant is not None:
             how.store.save_valves(plant.valves.values())
         executed = execute(run, planned.tasks, threading.Event(), tell=tell)
+        brief = tuple(in_brief(result) for result in executed.results)
+        if not any(screening.was_read for screening in brief):
+            raise NothingScreened.of(brief, planned.not_read)
         report = finish(run, executed, planned.not_read)
     except BaseException as error:
         _note_end(run, error)
@@ -95,7 +116,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     assert report is not None  # a run of the command line has one, or an error
     return RunResult(
         screenings=executed.results,
-        brief=tuple(in_brief(result) for result in executed.results),
+        brief=brief,
         report=report,
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),

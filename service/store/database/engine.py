@@ -51,7 +51,10 @@ def existing_engine(address: DatabaseUrl) -> Engine:
     engine = make_engine(address)
     file = engine.url.database
     if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
-        raise StoreError(f"{address}: there is no database at {Path(file).absolute()}")
+        raise StoreError(
+            f"{address}: there is no database at {Path(file).absolute()}; `stemwatch screen` and "
+            "`stemwatch serve` make one"
+        )
     return engine
 
 

@@ -183,3 +183,13 @@ def test_work_is_set_against_the_finding():
     assert after == "Last work: 2026-02-19 06:00, packing renewed. It came 10 days after that work."
     assert "still there" in work_sentence(work, DAY - timedelta(days=20), UTC)
     assert work_sentence([], DAY, UTC) == ""
+
+
+@given(severity=st.floats(0, 100), criticality=st.sampled_from(["1", "2", "3"]))
+def test_a_reader_comes_to_the_printed_class(severity: float, criticality: str) -> None:
+    """The documented rule, applied to the numbers that are printed, gives the class beside them."""
+    made = priority(severity, criticality, WORSE)
+    printed = re.search(r"criticality (\d) of 3, severity (\d+) of 100", made.reason)
+    assert printed is not None
+    by_hand = int(printed[2]) * WEIGHT_OF_CRITICALITY[printed[1]] * WEIGHT_OF_TREND["worse"]
+    assert made.code == next(code for least, code in CLASSES if by_hand >= 100 * least - 1e-6)
