@@ -26,9 +26,7 @@ def inspect(
     json_file: o.JsonFile = None,
     write: Annotated[
         Path | None,
-        typer.Option(
-            help="Write the proposed plant file here, unless it is there already."
-        ),
+        typer.Option(help="Write the proposed plant file here, unless it is there already."),
     ] = None,
 ) -> None:
     """Show what is understood of an export, and propose a mapping for plant.toml.
