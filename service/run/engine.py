@@ -23,6 +23,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
+from stemwatch.service.process_lifecycle import Terminated, process_name
 from stemwatch.service.report import ReportFiles
 from stemwatch.service.report.ranking import light
 from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
@@ -91,6 +92,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
             command=how.command,
             software_version=__version__,
             settings_digest=plant.settings_digest if plant else "",
+            owner=process_name(),
         ),
         started=started,
         executor=how.executor,
@@ -149,10 +151,16 @@ def in_brief(screening: Screening) -> Screening:
 
 
 def _note_end(run: Run, error: BaseException) -> None:
-    """A run of the command line that an error or Ctrl-C ends is not left as one that goes on."""
+    """A run of the command line that an error or Ctrl-C ends is not left as one that goes on.
+
+    One whose process is killed is found by whoever uses the store next (``end_lost``).
+    """
     by_hand = isinstance(error, KeyboardInterrupt)
     state = RunState.CANCELLED if by_hand else RunState.FAILED
-    reason = "interrupted by Ctrl-C" if by_hand else f"{type(error).__name__}: {error}"
+    reason = f"{type(error).__name__}: {error}"
+    if by_hand:
+        terminated = isinstance(error, Terminated)
+        reason = "ended by SIGTERM" if terminated else "interrupted by Ctrl-C"
     with suppress(StoreError):
         if run.store.run(run.number).finished is None:
             run.store.queue.finish(run.number, state, reason=reason)

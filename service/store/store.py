@@ -27,11 +27,11 @@ from stemwatch.service.store.database.engine import (
     plainly,
     store_errors,
 )
-from stemwatch.service.store.database.transactions import Transactions
+from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.leases import Leases, ServiceSettings
-from stemwatch.service.store.runs.queue import RunQueue
+from stemwatch.service.store.runs.queue import RunQueue, end_lost
 from stemwatch.service.store.runs.schedules import Schedules
 from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.store.samples.sources import Sources
@@ -159,11 +159,19 @@ class Store:
         self.transactions.readers.dispose()
 
     def begin_run(
-        self, *, command: Sequence[str] = (), software_version: str, settings_digest: str = ""
+        self,
+        *,
+        command: Sequence[str] = (),
+        software_version: str,
+        settings_digest: str = "",
+        owner: str | None = None,
     ) -> int:
-        """Note that a run has begun, and give its number. Secrets in ``command`` are masked."""
+        """Note that ``owner`` (its ``process_name``) has begun a run, and give its number. Secrets
+        in ``command`` are masked. Runs whose process was killed are ended."""
         with self.transactions.writing("noting the run") as session:
+            end_lost(session, database_now(session))
             run = RunRow(
+                owner=owner,
                 started=datetime.now(UTC),
                 finished=None,
                 command=masked_command(command),

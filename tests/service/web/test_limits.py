@@ -18,8 +18,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from stemwatch.service.logs import OnceAMinute
 from stemwatch.service.serve import http_server
-from stemwatch.service.serve.http_server import OnceAMinute, connection_limit
+from stemwatch.service.serve.http_server import connection_limit
 from stemwatch.service.web.middleware import LARGEST_BODY, SecurityMiddleware
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import serving, serving_app
