@@ -211,6 +211,7 @@ class PreviousFinding:
     J: float | None = None
     finding: str | None = None
     effects: tuple[str, ...] = ()
+    held_back: bool = False  # the effects did not stand among all valves of their run
 
 
 def _copy(trace: Floats, first: int, last: int) -> Floats:

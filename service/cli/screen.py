@@ -81,8 +81,20 @@ def screen(
         read_options=chosen,
     )
     screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
-    if fail_on is not None and any(screening.verdict is fail_on for screening in screenings):
+    if fail_on is not None and _is_found(fail_on, screenings):
         raise typer.Exit(1)
+
+
+def _is_found(verdict: Verdict, screenings: tuple[Screening, ...]) -> bool:
+    """Whether a valve has this verdict, or its stem: who asks for what sticks or may stick is told
+    of it in a valve that is defective as well."""
+    from datetime import UTC, datetime
+
+    from stemwatch.service.report.ranking import rank_valves
+    from stemwatch.service.report.report_context import ReportContext
+
+    ranked = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
+    return any(verdict in (valve.verdict, valve.screening.verdict) for valve in ranked)
 
 
 def screen_plant(plant: Path, out: Path, workers: int | None) -> tuple[Screening, ...]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.screening_result import Screening
+    from stemwatch.service.report.ranking import Ranking
     from stemwatch.service.store.administration.backup_file import TableDigest
     from stemwatch.service.store.administration.check import DatabaseHealth
     from stemwatch.service.store.administration.prune import Pruned
@@ -38,6 +39,7 @@ err = Console(stderr=True)
 
 STYLE = {
     Verdict.STICKY: "bold red",
+    Verdict.DEFECTIVE: "bold magenta",
     Verdict.WATCH: "yellow",
     Verdict.UNDETERMINED: "cyan",
     Verdict.HEALTHY: "green",
@@ -91,10 +93,10 @@ def verdict_line(screening: Screening) -> str:
     """One line for a valve that matters."""
     from stemwatch.service.presenter.finding import present
 
-    style = STYLE[screening.verdict]
     said = present(screening, stands=None)
+    verdict = said.decision.verdict
     return (
-        f"[{style}]{screening.verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
+        f"[{STYLE[verdict]}]{verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
         f"{escape(said.reason)}"
     )
 
@@ -119,10 +121,18 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
         def tell(screening: Screening, done: int, of: int) -> None:
             elapsed = progress.tasks[0].elapsed or 1e-9
             progress.update(bar, completed=done, total=of, rate=f"{done / elapsed:.1f}/s")
-            if screening.verdict in (Verdict.STICKY, Verdict.WATCH):
+            if is_final(screening) and screening.verdict in (Verdict.STICKY, Verdict.WATCH):
                 progress.console.print(verdict_line(screening), highlight=False)
 
         yield tell
+
+
+def is_final(screening: Screening) -> bool:
+    """Whether the verdict is known before all valves of the run are: one that hangs on an effect
+    beside friction is not, as chance alone may have named that."""
+    from stemwatch.service.presenter.work_decision import decide
+
+    return decide(screening, stands=None).verdict is decide(screening, stands=False).verdict
 
 
 def summary(screenings: Sequence[Screening]) -> Table:
@@ -133,7 +143,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
     ranking = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
     more = f", the worst {SHOWN} shown" if len(ranking) > SHOWN else ""
     table = Table(title=f"{ranking.counts.sentence.rstrip('.')}{more}.", title_justify="left")
-    table.caption, table.caption_justify = _verdicts(screenings), "left"
+    table.caption, table.caption_justify = _verdicts(ranking), "left"
     narrow, wide = out.width < NARROW, out.width >= WIDE
     table.add_column("", justify="right")
     table.add_column("valve", overflow="fold")  # a name that is cut is no name
@@ -151,7 +161,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
         table.add_row(
             str(valve.rank),
             escape(screening.valve),
-            f"[{STYLE[screening.verdict]}]{screening.verdict.value}[/]",
+            f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]",
             _number(screening.S),
             _number(screening.J),
             *beside,
@@ -160,12 +170,12 @@ def summary(screenings: Sequence[Screening]) -> Table:
     return table
 
 
-def _verdicts(screenings: Sequence[Screening]) -> str:
+def _verdicts(ranking: Ranking) -> str:
     """How many recordings there are of each verdict."""
-    count = {
-        verdict: sum(screening.verdict is verdict for screening in screenings) for verdict in STYLE
-    }
-    return ", ".join(f"{many} {verdict.value}" for verdict, many in count.items() if many)
+    from stemwatch.service.report.ranking import count_verdicts
+
+    counts = count_verdicts(ranking)
+    return ", ".join(f"{many} {verdict.value}" for verdict, many in counts.items() if many)
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:

@@ -23,13 +23,13 @@ from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discoveries
 from stemwatch.service.presenter.finding import PresentedFinding
 from stemwatch.service.presenter.wording import (
-    VERDICT_MEANING,
     figure,
     finite,
     interval,
     share,
     span_percent,
 )
+from stemwatch.service.presenter.work_decision import WorkDecision
 from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.report.ranking import RankedValve
 
@@ -163,7 +163,7 @@ def work_sheet_of(
         since=seen,
         since_said=_since(seen, screening, background, zone),
         past=tuple(earlier[:MOST_PAST]),
-        sure=how_sure(screening, valve.stands, discoveries, seen),
+        sure=how_sure(screening, said.decision, valve.stands, discoveries, seen),
         priority=priority(
             finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
         ),
@@ -234,14 +234,18 @@ def brief_of(valve: RankedValve) -> str:
         return screening.reason
     S = finite(screening.S.value)
     said = "" if S is None else f", S {span_percent(S)} %"
-    return f"{VERDICT_MEANING[screening.verdict]}{said}; trend: {valve.trend.words}"
+    return f"{valve.said.meaning}{said}; trend: {valve.trend.words}"
 
 
 def how_sure(
-    screening: Screening, stands: bool | None, discoveries: Discoveries, seen: FirstSeen
+    screening: Screening,
+    decision: WorkDecision,
+    stands: bool | None,
+    discoveries: Discoveries,
+    seen: FirstSeen,
 ) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
-    said = [_confidence(screening), _seen_often(seen), _wrong_of_sticky(screening)]
+    said = [_confidence(decision), _seen_often(seen), _wrong_of_sticky(screening)]
     if stands is not None:
         said.append(_standing(stands, discoveries))
         said.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
@@ -250,10 +254,10 @@ def how_sure(
     return tuple(sentence for sentence in said if sentence)
 
 
-def _confidence(screening: Screening) -> str:
-    if screening.confidence is None:
+def _confidence(decision: WorkDecision) -> str:
+    if decision.confidence is None:
         return ""
-    return f"Confidence in the verdict {screening.verdict.value}: {share(screening.confidence)}."
+    return f"Confidence in the verdict {decision.verdict.value}: {share(decision.confidence)}."
 
 
 def _seen_often(seen: FirstSeen) -> str:

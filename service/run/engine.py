@@ -25,6 +25,7 @@ from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
 from stemwatch.service.process_lifecycle import Terminated, process_name
 from stemwatch.service.report import ReportFiles
+from stemwatch.service.report.ranking import light
 from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
 from stemwatch.service.run.finish import NotRead, finish
 from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
@@ -144,11 +145,9 @@ def work_off(
 
 
 def in_brief(screening: Screening) -> Screening:
-    """As much of a result as a line of text needs: 2 KB."""
+    """As much of a result as its rank and a line of text need: some KB."""
     nothing: dict[str, Residual | None] = {}
-    return replace(
-        screening.without_samples(), indicators={}, residuals=nothing, mismatch=None, network=None
-    )
+    return replace(light(screening), residuals=nothing, network=None)
 
 
 def _note_end(run: Run, error: BaseException) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Sequence
 from typing import Any
 
 import h11
@@ -48,8 +49,12 @@ def connection_limit() -> int:
     return max(8, min(MOST_CONNECTIONS, soft // 4))
 
 
-def http_server(app: Any, *, lifespan: bool = True) -> uvicorn.Server:
-    """A server of ``app`` (ASGI 3) with these bounds; the caller gives it its sockets."""
+def http_server(app: Any, *, lifespan: bool = True, proxies: Sequence[str] = ()) -> uvicorn.Server:
+    """A server of ``app`` (ASGI 3) with these bounds; the caller gives it its sockets.
+
+    Of ``proxies``, and of nobody else, it believes in X-Forwarded-For and X-Forwarded-Proto who
+    asks and whether by TLS: any program of this machine could write them.
+    """
     limit = connection_limit()
     for name in ("uvicorn.error", "asyncio", __name__):
         logging.getLogger(name).addFilter(_ONCE_A_MINUTE)
@@ -60,6 +65,8 @@ def http_server(app: Any, *, lifespan: bool = True) -> uvicorn.Server:
         log_config=None,
         access_log=False,
         server_header=False,
+        proxy_headers=bool(proxies),
+        forwarded_allow_ips=list(proxies),
         lifespan="auto" if lifespan else "off",
         backlog=limit // 2,  # so many are accepted in one go
         timeout_graceful_shutdown=END_S,

@@ -168,7 +168,7 @@ def test_json_is_the_reports_own(screened, export: Path, tmp_path: Path) -> None
     outcome, valves = screened(export, "--json", file)
     assert outcome.status == 0
     assert valves == json.loads(file.read_text(encoding="utf-8"))
-    assert [1, 1, 1] == [valve["version"] for valve in valves]
+    assert [2, 2, 2] == [valve["version"] for valve in valves]
 
 
 def test_the_report_is_four_files_that_agree(screened, export: Path, tmp_path: Path) -> None:
