@@ -104,7 +104,7 @@ def present(
     return PresentedFinding(
         decision=decision,
         title=advice_for(decision.kinds[0]).title,
-        meaning=VERDICT_MEANING[screening.verdict],
+        meaning=VERDICT_MEANING[decision.verdict],
         found=_found(screening, decision),
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
@@ -163,9 +163,9 @@ def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
 
 
 def _next_step(screening: Screening, decision: WorkDecision) -> str:
-    """The screening's advice. A stem that follows but has an effect that wants work gets that
-    effect's: to look for the cause elsewhere would be wrong."""
-    if screening.verdict is Verdict.HEALTHY and decision.effects:
+    """The screening's advice. A valve that does not stick but has an effect that wants work gets
+    that effect's: to look for the cause elsewhere would be wrong."""
+    if decision.verdict is Verdict.DEFECTIVE:
         return present_effect(decision.effects[0]).check
     return screening.advice
 

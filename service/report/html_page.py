@@ -30,8 +30,9 @@ from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars,
 from stemwatch.service.report.ranking import RankedValve, count_verdicts, counted, discovered
 from stemwatch.service.report.report_context import ReportContext
 
-# Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
-# a valve's plots are 60 to 90 KB, and the page must open on a phone.
+# Valves with these verdicts are plotted, and the next ones up to 60, but never more than 150: the
+# plots of one are 60 to 90 KB, and the page must open on a phone.
+ALWAYS_WITH_PLOTS = (Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH)
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
 # A section without plots is 20 to 30 KB; of thousands of valves the rest is a row of the table.
@@ -79,7 +80,7 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
 
 
 def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
-    counts = count_verdicts(valve.screening for valve in ranked)
+    counts = count_verdicts(ranked)
     discoveries = discovered(ranked, context)
     page = environment(context, template).get_template("report.html")
     return page.generate(
@@ -105,7 +106,7 @@ def told_limit(counts: dict[Verdict, int]) -> int:
 
 def plot_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, get plots."""
-    wanted = counts[Verdict.STICKY] + counts[Verdict.WATCH]
+    wanted = sum(counts[verdict] for verdict in ALWAYS_WITH_PLOTS)
     return min(max(wanted, ALWAYS_PLOTTED), MOST_PLOTTED)
 
 
