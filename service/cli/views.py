@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape as _escape_markup
 from rich.progress import (
@@ -44,6 +45,7 @@ STYLE = {
     Verdict.HEALTHY: "green",
 }
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
+LONGEST_TAG = 24  # characters of a tag that stay on one line
 NAMED = 6  # valves that are named for one reason
 NARROW = 76  # below this only what matters most
 SHOWN = 40  # lines of the summary; the report has all
@@ -194,9 +196,10 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
     for name, value in _facts(seen):
         facts.add_row(name, escape(value))
     yield facts
-    tags = Table(title="Tags", title_justify="left")
+    tags = Table(title="Tags", title_justify="left", box=SIMPLE_HEAD)  # fits 80 columns
+    tag_width = min(LONGEST_TAG, max((len(tag.tag) for tag in seen.tags), default=0))
     for name in ("tag", "role", "unit", "valve", "range", "bad", "every, s", "evidence"):
-        tags.add_column(name, overflow="fold")
+        tags.add_column(name, overflow="fold", min_width=tag_width if name == "tag" else None)
     for tag in seen.tags:
         low_high = "" if tag.low is None or tag.high is None else f"{tag.low:.4g} to {tag.high:.4g}"
         every = tag.own_interval_s or tag.interval_s
@@ -206,7 +209,7 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
             escape(tag.unit),
             escape(tag.valve),
             low_high,
-            f"{tag.bad_share:.1%}",
+            "text" if tag.role == "mode" and tag.low is None else f"{tag.bad_share:.1%}",
             "" if every is None else f"{every:g}",
             "; ".join(_evidence(tag)),
         )

@@ -46,8 +46,8 @@ MEANING = {
     "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
     "J": "slip jump: how far the stem then jumps at once",
 }
-# Counted on simulated valves that took no part in choosing the limits: the tables "How often is it
-# right?" and "Does it name the right physics?" of the README, which a test compares.
+# Counted on simulated valves that took no part in choosing the limits: the tables of docs/trial.md
+# and docs/proof.md, which a test compares.
 FALSE_STICKY = (2, 240, "0.2 to 3.0 %")
 FALSE_EFFECT = (0, 52, "0 to 6.9 %")
 FALSE_EFFECT_SCATTERED = (3, 64, "1.6 to 13 %")
