@@ -93,8 +93,8 @@ def _with_cut_stamps(
     ns, each = spread
     interval_s = float(np.median(np.diff(ns))) / 1e9
     notes.decide(
-        f"Column {column!r} gives the same time to {each} rows in a row, as a spreadsheet does that "
-        f"cuts times; the rows are taken as {interval_s:g} s apart."
+        f"Column {column!r} gives the same time to {each} rows in a row, as a spreadsheet does "
+        f"that cuts times; the rows are taken as {interval_s:g} s apart."
     )
     return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
 

@@ -281,7 +281,7 @@ def test_two_clocks_in_one_header_name(open_text) -> None:
 def test_stamps_that_a_spreadsheet_cut_to_the_minute_are_spread_evenly(
     open_text, first: int, each: int
 ) -> None:
-    """Sixty rows for each minute are a row each second, also where the first minute is not whole."""
+    """Sixty rows a minute are a row each second, also where the first minute is not whole."""
     rows = each * 8 - first % each
     start = datetime(2026, 3, 2, 6, tzinfo=UTC)
     skipped = first % each
