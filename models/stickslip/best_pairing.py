@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats, Recording, Role
@@ -27,6 +28,7 @@ FAR = (20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0)
 ABOUT = np.linspace(0.8, 1.25, 10)  # times the best of them
 SHARES = np.linspace(0.0, 1.0, 12) ** 1.6  # of the widest S
 RATIOS = (0.0, 0.3, 0.6, 1.0)  # J/S
+LONG_LAGS = (4.0, 8.0, 16.0, 32.0)  # samples
 NEVER_MOVES = 50.0  # times the swing of OP
 
 
@@ -71,10 +73,17 @@ class Pairing:
         return min(tried, key=lambda one: one.left)
 
     def by_a_slow_actuator(self) -> float:
-        """What is left where a dead time, a lag and a limited speed stand for the sticking."""
-        base = self.candidates[0].copy()
-        grid = actuator_grid(self.evaluator, base)
-        return _loss(self.evaluator, self.evaluator.problem, grid) / self.still
+        """What is left where a dead time, a lag and a limited speed stand for the sticking, or two
+        long lags stand before it."""
+        problem = self.evaluator.problem
+        alone = _loss(self.evaluator, problem, actuator_grid(self.evaluator, self.candidates[0]))
+        behind = (
+            _loss(
+                self.evaluator, replace(problem, op=_lagged_twice(problem.op, lag)), self.candidates
+            )
+            for lag in LONG_LAGS
+        )
+        return min(alone, *behind) / self.still
 
     def far_away(self) -> Explained:
         """The best over commands from 20 to 600 samples earlier or later."""
@@ -120,6 +129,15 @@ def _shifted(problem: FitProblem, samples: float) -> FitProblem:
         return problem
     at = np.clip(np.arange(problem.op.size) + round(samples), 0, problem.op.size - 1)
     return replace(problem, op=problem.op[at])
+
+
+def _lagged_twice(values: Floats, lag: float) -> Floats:
+    """Through two lags of so many samples each."""
+    share = 1.0 - np.exp(-1.0 / lag)
+    for _ in range(2):
+        at_rest = [(1.0 - share) * values[0]]
+        values = np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=at_rest)[0])
+    return values
 
 
 def _where_moves_agree(problem: FitProblem) -> tuple[float, ...]:
