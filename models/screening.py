@@ -167,13 +167,11 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
         late_s = find_op_late(masked)
-        masked = brought_forward(masked, late_s)
+        as_stored, masked = masked, brought_forward(masked, late_s)
         curve, changed = stroke_curve_of(masked, case.known_curve)
-        against = [] if curve else reversed_obstacles(masked)
-        wired = in_travel(masked, curve)
-        assessment = with_obstacles(
-            assessment, against or wiring_obstacles(wired, brought_forward=late_s > 0.0)
-        )
+        found = [] if curve else reversed_obstacles(masked)
+        found = found or wiring_obstacles(in_travel(masked, curve), as_stored if late_s else None)
+        assessment = with_obstacles(assessment, found)
     if not assessment.obstacles:
         commanded = in_travel(masked, curve)
         fit = fit_stickslip(commanded)

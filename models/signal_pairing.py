@@ -23,6 +23,7 @@ LAGS = np.geomspace(0.3, 300.0, 31)  # samples
 TWO_PLACES = 3  # values of a reading that tells no more than open or shut
 # Of OP - MV from one sample to the next. A valve gives -0.5 at least, where both are white noise.
 EXCHANGED = -0.75
+MOST = 1e9  # larger values are no reading of anything
 LEAST_MOVE_PERCENT = 1.0
 SETTLED_S = 30.0  # of the own clock, after which a stem has followed an OP that stands still
 
@@ -63,11 +64,16 @@ def copied_from(recording: Recording) -> Role | None:
             continue
         usable = mv.usable & source.usable
         given, shown = source.values[usable], mv.values[usable]
-        if given.size < LEAST_COPIED or swing(given) == 0.0 or swing(shown) == 0.0:
+        if given.size < LEAST_COPIED or not (_is_reading(given) and _is_reading(shown)):
             continue
         if _same_line(given, shown) or (role is Role.OP and _filtered(given, shown)):
             return role
     return None
+
+
+def _is_reading(values: Floats) -> bool:
+    """Whether it moves, by no more than an instrument can."""
+    return swing(values) > 0.0 and float(np.abs(values).max()) < MOST
 
 
 def command_is(recording: Recording) -> Role | None:

@@ -10,7 +10,7 @@ from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.forensics import noise_sigma, quantum
 from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration, is_of_seconds
-from stemwatch.models.percent import not_percent
+from stemwatch.models.percent import POSSIBLE_PERCENT, not_percent
 from stemwatch.models.recording import PERCENT, Recording, Role
 from stemwatch.models.signal_pairing import (
     LONGEST_DELAY_S,
@@ -212,11 +212,11 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     ]
 
 
-def wiring_obstacles(recording: Recording, *, brought_forward: bool = False) -> list[Obstacle]:
+def wiring_obstacles(recording: Recording, as_stored: Recording | None = None) -> list[Obstacle]:
     """Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
 
-    ``recording`` in percent of travel both, read through its curve; ``brought_forward`` where its
-    OP was taken for stored late.
+    ``recording`` in percent of travel both, read through its curve; ``as_stored`` what it was where
+    its OP was taken for stored late and brought forward.
     """
     own = Pairing.of(recording)
     if own is None:
@@ -226,8 +226,9 @@ def wiring_obstacles(recording: Recording, *, brought_forward: bool = False) -> 
         return []
     # A valve with a slow actuator leaves much to friction alone.
     before = min(own.explained(BEFORE).left, own.by_a_slow_actuator())
-    simpler = SWAPPED_AND_LATE if brought_forward else SURELY_SWAPPED
-    mixed_up = [(Role.OP, Role.MV, _explained(recording, Role.MV, Role.OP) / simpler)]
+    simpler = SURELY_SWAPPED if as_stored is None else SWAPPED_AND_LATE
+    reverse = _explained(as_stored or recording, Role.MV, Role.OP)
+    mixed_up = [(Role.OP, Role.MV, reverse / simpler)]
     far = Explained(np.inf, 0.0)
     if near.left >= DOUBTED:
         far = own.far_away()
@@ -248,17 +249,27 @@ def _explained(recording: Recording, command: Role, position: Role) -> float:
         signal = recording.get(role)
         if signal is None or swing(signal.values) < LEAST_SWING_PERCENT:
             return np.inf
+        if np.nanmax(np.abs(signal.values)) > max(POSSIBLE_PERCENT):
+            return np.inf  # in a unit of its own
     pairing = paired(recording, command, position)
     return np.inf if pairing is None else pairing.explained(BEFORE).left
 
 
 def _swapped(role: Role, instead: Role) -> Obstacle:
     first, second = SPOKEN[role], SPOKEN[instead]
+    remedy = f"Check which tag is {first} and which is {second}, and map them the other way round."
+    if role is Role.MV:
+        return Obstacle(
+            "tags_swapped",
+            "PV goes with OP and the position does not: the two seem swapped, or the position is "
+            "another valve's",
+            f"{remedy} If they are right, look for this valve's position.",
+        )
     return Obstacle(
         "tags_swapped",
         f"{first} and {second} seem swapped: the recording makes sense the other way round, and "
         "not as it is mapped",
-        f"Check which tag is {first} and which is {second}, and map them the other way round.",
+        remedy,
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.excitation import swing
-from stemwatch.models.percent import not_percent
+from stemwatch.models.percent import not_percent, possible
 from stemwatch.models.recording import PERCENT, Recording, Role, Signal
 from stemwatch.models.signal_pairing import correlation, delayed_correlation
 from stemwatch.models.stickslip.find_stroke_curve import PLAIN_SLOPE, slope_of_means, suspected
@@ -94,7 +94,8 @@ def in_percent(recording: Recording) -> Recording:
     if mv is None or not _moves(recording):
         return recording
     plain = not_percent(recording.op) is None and not_percent(mv) is None
-    if plain and not suspected(recording):
+    # A single value that no percent can be would outweigh all the others.
+    if plain and not suspected(possible(recording)):
         return recording
     found = [
         (off, role, stored)
@@ -131,6 +132,7 @@ def _off(recording: Recording, role: Role, stored: StoredRange) -> float | None:
     if not stored.holds(recording.signals[role]) or not_percent(other) is not None:
         return None
     read = _converted(recording, role, stored)
+    read = possible(read)
     if suspected(read):
         return None
     assert read.mv is not None
