@@ -156,7 +156,14 @@ def _shown(store: Store, name: str) -> ShownScreening | None:
         ),
         mismatch=None
         if mismatch is None
-        else mismatch_view(mismatch, None, ANCHOR, name, stored.held_back),
+        else mismatch_view(
+            mismatch,
+            None,
+            ANCHOR,
+            name,
+            stored.held_back,
+            counts=(screening.S, screening.J),
+        ),
     )
 
 
