@@ -1,4 +1,4 @@
-"""How much a recording could have shown: reversals, travel, swing, slips."""
+"""How much a signal moves: reversals, travel, swing, slips, time at its limits."""
 
 from __future__ import annotations
 

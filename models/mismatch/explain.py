@@ -62,7 +62,7 @@ from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, n
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
-from stemwatch.models.percent import possible
+from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import breakaways
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
@@ -116,7 +116,7 @@ def explain(
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
     ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks.
     """
-    began, recording = time.perf_counter(), possible(on_own_clock(recording))
+    began, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
     settled = replace(settle(recording), restore=restore)
     late_s = find_op_late(recording) if late_s is None else late_s

@@ -1,4 +1,4 @@
-"""The canonical element: the product's own kernel, behind the protocol of the others."""
+"""The canonical element: the product's own kernel as a ``ValveModel``."""
 
 from __future__ import annotations
 

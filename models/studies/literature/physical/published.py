@@ -1,4 +1,4 @@
-"""The published parameter sets a, b and c, each with what is known of where it comes from."""
+"""The published parameter sets a, b and c, with their origin and what had to be assumed."""
 
 from __future__ import annotations
 
