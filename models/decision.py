@@ -14,8 +14,8 @@ from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
+from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 from stemwatch.models.verdict import Shape, Verdict
 
 # J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).

@@ -10,15 +10,15 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing, travel
 from stemwatch.models.indicator_meanings import MEANINGS
-from stemwatch.models.loop import signal_oscillation
+from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import seconds_of
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 
 
 def _one(name: str, value: float | None, unit: str) -> list[Indicator]:

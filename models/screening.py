@@ -32,7 +32,6 @@ from stemwatch.models.fit_window import (
     window_sentence,
 )
 from stemwatch.models.limits import Limits
-from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled, find_archive
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
@@ -40,6 +39,7 @@ from stemwatch.models.mismatch.record_effects import late_effect
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen

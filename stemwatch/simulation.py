@@ -6,13 +6,17 @@ import numpy as np
 
 from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.draw_parts import (
+    coloured_load,
+    draw_actuator,
+    draw_controller,
+)
 from stemwatch.models.studies.simulator.loop import (
     Process,
     ProcessKind,
     SimulatedArchive,
     Transmitters,
 )
-from stemwatch.models.studies.simulator.parts import coloured_load, draw_actuator, draw_controller
 
 _LOAD = (0.8, 1.6)  # standard deviation, percent of travel: enough to move any valve
 _AIR_LAG_S, _VISCOUS = (0.3, 0.8), 0.3

@@ -24,7 +24,7 @@ from stemwatch.models.studies.simulator import (
     draw_healthy,
     simulate_loop,
 )
-from stemwatch.models.studies.simulator.parts import draw_setpoints
+from stemwatch.models.studies.simulator.draw_parts import draw_setpoints
 from stemwatch.service.executors import Executor, map_items
 
 WINDOWS, WINDOW_S = 6, 600.0

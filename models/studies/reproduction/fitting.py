@@ -16,7 +16,13 @@ from torch.func import grad, vmap
 
 from stemwatch.models.narx.levenberg_marquardt import descend
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.reproduction.step import LIMIT, SEEDS, Compiled, NetworkStep, run_free
+from stemwatch.models.studies.reproduction.network_step import (
+    LIMIT,
+    SEEDS,
+    Compiled,
+    NetworkStep,
+    run_free,
+)
 
 _SENSITIVITY_LIMIT = 1e4  # far beyond any useful gradient: a diverging run must not fill J'J
 _JUDGED = 600  # samples of the free runs by which weights are chosen

@@ -28,13 +28,13 @@ from stemwatch.models.studies.reproduction.layers import (
     NARX_INPUTS,
     ThreeLayers,
 )
+from stemwatch.models.studies.reproduction.network_step import NetworkStep, simulate
 from stemwatch.models.studies.reproduction.signals import (
     FAMILIES,
     paper_sine,
     training_input,
     unseen,
 )
-from stemwatch.models.studies.reproduction.step import NetworkStep, simulate
 from stemwatch.models.verdict import Shape
 
 

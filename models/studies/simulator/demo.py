@@ -10,6 +10,16 @@ import numpy as np
 
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.defects import AirLine
+from stemwatch.models.studies.simulator.draw_parts import (
+    LETTER,
+    PV_RANGE,
+    coloured_load,
+    draw_actuator,
+    draw_controller,
+    draw_process,
+    draw_setpoints,
+    draw_transmitters,
+)
 from stemwatch.models.studies.simulator.loop import (
     Compression,
     CompressionKind,
@@ -20,16 +30,6 @@ from stemwatch.models.studies.simulator.loop import (
     ProcessKind,
     SimulatedArchive,
     Span,
-)
-from stemwatch.models.studies.simulator.parts import (
-    LETTER,
-    PV_RANGE,
-    coloured_load,
-    draw_actuator,
-    draw_controller,
-    draw_process,
-    draw_setpoints,
-    draw_transmitters,
 )
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stemwatch.models.studies.simulator.loop import Load, LoadKind, PlantLoop, Process, ProcessKind
-from stemwatch.models.studies.simulator.parts import (
+from stemwatch.models.studies.simulator.draw_parts import (
     LETTER,
     PV_RANGE,
     coloured_load,
@@ -17,6 +16,7 @@ from stemwatch.models.studies.simulator.parts import (
     draw_setpoints,
     draw_transmitters,
 )
+from stemwatch.models.studies.simulator.loop import Load, LoadKind, PlantLoop, Process, ProcessKind
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 from stemwatch.models.verdict import Shape
 

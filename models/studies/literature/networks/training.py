@@ -20,7 +20,7 @@ from stemwatch.models.studies.reproduction.layers import (
     NARX_INPUTS,
     ThreeLayers,
 )
-from stemwatch.models.studies.reproduction.step import LIMIT, SEEDS, run_free
+from stemwatch.models.studies.reproduction.network_step import LIMIT, SEEDS, run_free
 from stemwatch.models.verdict import Shape
 
 STARTS = 4  # seeds

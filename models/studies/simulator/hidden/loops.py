@@ -7,6 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from stemwatch.models.studies.simulator.defects import PackingDefects
+from stemwatch.models.studies.simulator.draw_parts import (
+    LETTER,
+    PV_RANGE,
+    coloured_load,
+    draw_actuator,
+    draw_process,
+)
 from stemwatch.models.studies.simulator.hidden.hidden_effect import (
     log_uniform,
     with_transmitters,
@@ -26,13 +33,6 @@ from stemwatch.models.studies.simulator.loop import (
     Process,
     ProcessKind,
     Transmitters,
-)
-from stemwatch.models.studies.simulator.parts import (
-    LETTER,
-    PV_RANGE,
-    coloured_load,
-    draw_actuator,
-    draw_process,
 )
 from stemwatch.models.studies.simulator.tuning import delay_s, sound_settings
 from stemwatch.models.studies.simulator.valve import SimulatedValve
