@@ -1,4 +1,4 @@
-"""The four verdicts on a valve, and the four shapes of its OP-MV loop."""
+"""The verdicts on a valve, and the four shapes of its OP-MV loop."""
 
 from __future__ import annotations
 
@@ -9,13 +9,21 @@ class Verdict(StrEnum):
     """What the recording says about the valve."""
 
     HEALTHY = "healthy"
+    # Never what S and J say: given where something other than friction is wrong with the valve.
+    DEFECTIVE = "defective"
     WATCH = "watch"
     STICKY = "sticky"
     UNDETERMINED = "undetermined"
 
 
 # Order of the work list: a valve that could not be judged stands before a healthy one.
-WORST_FIRST = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
+WORST_FIRST = (
+    Verdict.STICKY,
+    Verdict.DEFECTIVE,
+    Verdict.WATCH,
+    Verdict.UNDETERMINED,
+    Verdict.HEALTHY,
+)
 
 
 class Shape(StrEnum):

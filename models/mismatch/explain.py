@@ -41,7 +41,9 @@ from stemwatch.models.mismatch.describe_effect import (
     effect,
     residual_map,
 )
-from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
+from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
+from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
@@ -53,6 +55,7 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.held_out import show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import Off, findings, values_of
@@ -97,6 +100,7 @@ class _Case:
     refused: Mapping[str, str]
     ceiling: Floats | None
     own_reading: bool
+    balance: ForceBalance | None  # of a drive whose motion the samples resolve
 
 
 def explain(
@@ -274,7 +278,10 @@ def _fitted(
     )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
-    return _Case(recording, settled, base, refused, ceiling, own_reading)
+    balance = force_balance(problem) if own_reading else None
+    if balance is None:
+        refused |= dict.fromkeys(OF_A_DRIVE, NOT_RESOLVED)
+    return _Case(recording, settled, base, refused, ceiling, own_reading, balance)
 
 
 def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
@@ -282,9 +289,20 @@ def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
     return {slug: term for slug, term in catalogue().items() if slug not in refused}
 
 
+def _named(case: _Case, terms: Mapping[str, Term]) -> Named:
+    """What the recording needs: as a drive whose motion it resolves, or else term by term."""
+    drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
+    if drive is not None:
+        return drive
+    one_by_one = (slug for slug in terms if slug not in OF_A_DRIVE)
+    return name(
+        case.base, [terms[slug] for slug in one_by_one if terms[slug].way is not Way.READING]
+    )
+
+
 def _told(case: _Case) -> Mismatch:
     terms = admissible(case.refused)
-    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    named = _named(case, terms)
     evaluator = named.evaluator
     off, fitted = findings(evaluator, named.fitted, terms)
     layout, best = _whole(evaluator, fitted)
@@ -295,7 +313,13 @@ def _told(case: _Case) -> Mismatch:
     plain = naive_evaluator(evaluator)
     simple = naive_layout(plain)
     naive = conclude(plain, fit_naive(plain, everything))
-    shown = show(evaluator, layout, [score.term for score in named.needed], case.ceiling)
+    of_drive = starts_of_first_part(evaluator, layout)
+    in_turn = (
+        layout.hypothesis.terms
+        if DRIVE in layout.places
+        else [score.term for score in named.needed]
+    )
+    shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
@@ -305,6 +329,8 @@ def _told(case: _Case) -> Mismatch:
     told = finding is Finding.NONE and archive is None
     alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
     restated = _stiction(evaluator, drawn, best, by_breakaways=told)
+    if case.balance is not None and DRIVE in layout.places:
+        restated = _of_balance(case.balance, restated)
     archive = None if stands_for_friction(restated.S, alone.S) else archive
     # What a slow actuator keeps between command and stem was not lost between two samples.
     slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in effects)
@@ -385,6 +411,12 @@ def _stiction(
             estimate(S_drawn * drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
         ),
     )
+
+
+def _of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
+    """S by the force balance, which every moving sample tells; J as it was ``fitted``."""
+    error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
+    return replace(fitted, S=_positive(estimate(balance.S_drawn, balance.S, PERCENT, float(error))))
 
 
 def _positive(estimate: Estimate) -> Estimate:
@@ -514,6 +546,6 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
         return {}
     case = _fitted(recording, settled, None)
     terms = admissible(case.refused)
-    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    named = _named(replace(case, balance=None), terms)
     first: tuple[TermScore, ...] = named.stages[0].scores
     return {score.slug: (score.advantage.mean, score.advantage.t) for score in first}
