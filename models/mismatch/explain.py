@@ -32,7 +32,7 @@ from stemwatch.models.mismatch.base_fit import (
     naive_layout,
 )
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.between_samples import find_archive, stands_for_friction
+from stemwatch.models.mismatch.between_samples import Archive, find_archive, stands_for_friction
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -111,6 +111,7 @@ def explain(
     late_s: float | None = None,
     look_for_curve: bool = True,
     restore: bool = True,
+    archive: Archive | None = None,
 ) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
@@ -118,11 +119,12 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here, unless ``look_for_curve`` says that there is none. ``late_s`` is how
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
-    ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks.
+    ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
+    ``archive`` is that archive where it is known, else it is looked for.
     """
     began, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
-    settled = replace(settle(recording), restore=restore)
+    settled = replace(settle(recording), restore=restore, archive=archive)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
@@ -323,7 +325,7 @@ def _told(case: _Case) -> Mismatch:
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
-    archive = find_archive(case.recording) if case.settled.restore else None
+    archive = _archive(case, evaluator, best)
     record_effects = case.settled.effects
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = finding is Finding.NONE and archive is None
@@ -353,6 +355,17 @@ def _told(case: _Case) -> Mismatch:
         runs=shown.runs,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
     )
+
+
+def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
+    """The slow archive that S and J are restored from, if any."""
+    if not case.settled.restore or case.settled.archive is not None:
+        return case.settled.archive
+    archive = find_archive(case.recording)
+    if archive is None:
+        return None
+    gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
+    return archive.with_slips(evaluator.problem, gain, zero)
 
 
 def _standing(
