@@ -32,7 +32,6 @@ from stemwatch.models.fit_window import (
     window_sentence,
 )
 from stemwatch.models.limits import Limits
-from stemwatch.models.loop import signal_oscillation
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
