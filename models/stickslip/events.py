@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.excitation import slips, travel
+from stemwatch.models.excitation import jumps_from_rest, travel
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
 
@@ -41,7 +41,7 @@ class SlipEvents:
 def slip_events(fit: StickSlipFit) -> SlipEvents:
     """The slips of the recording, measured against its way and its command."""
     problem = fit.evaluator.problem
-    jumps = slips(problem.mv, problem.op, problem.sigma)
+    jumps = jumps_from_rest(problem.mv, problem.op, problem.sigma)
     way = travel(problem.mv, max(5.0 * problem.sigma, 0.1))
     share = float(np.abs(jumps.sizes).sum()) / max(way, 1e-9)
     if not jumps.count:
