@@ -21,6 +21,7 @@ from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality
 from stemwatch.models.validity_checks import Obstacle as Obstacle
 from stemwatch.models.validity_checks import (
+    between_pieces,
     foreign_obstacles,
     length_obstacles,
     movement_obstacles,
@@ -31,6 +32,7 @@ from stemwatch.models.validity_checks import (
 from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
+PUT_TOGETHER = 0.1  # of a recording that is holes, above which it is said to consist of pieces
 MOSTLY = 0.5  # a larger frozen share is an obstacle, reported there and not as a remark
 
 
@@ -87,6 +89,11 @@ def _remarks(recording: Recording, frozen: float, drawn: float) -> list[tuple[st
     if bad > NEGLIGIBLE_SHARE:
         remarks.append(("C" if bad > 0.1 else "B", f"{share(bad, 1)} of the samples are unusable"))
     remarks += _clock_remarks(recording)
+    holes = between_pieces(recording)
+    if bad > NEGLIGIBLE_SHARE and holes.mean() > PUT_TOGETHER:
+        pieces = int(np.sum(np.diff(np.concatenate(([1], holes.astype(np.int8)))) == -1))
+        text = f"the recording is put together from {pieces} pieces, each fitted from its own start"
+        remarks.append(("C", text))
     if 0.0 < frozen <= MOSTLY:
         text = f"the position was frozen for {share(frozen, 1)} of the time, which is left out"
         remarks.append(("C", text))
