@@ -1,5 +1,5 @@
-"""What every process that we start keeps to: quiet on Ctrl-C while it starts, gone with its parent;
-and where workers come from.
+"""What every process of ours keeps to: quiet on Ctrl-C while it starts, in order on SIGTERM, gone
+with its parent; where workers come from; and whether a process that wrote its name has ended.
 
 A terminal sends Ctrl-C to the whole group. A process that is still importing would answer it with a
 traceback, and one whose parent was killed would wait for work, or work on, for ever.
@@ -7,21 +7,28 @@ traceback, and one whose parent was killed would wait for work, or work on, for 
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 import os
 import signal
+import socket
 import sys
 import threading
+import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
 _ORPHANED = 3
+_terminated = threading.Event()
+INTERRUPTED = 128 + 2  # the status of a command that Ctrl-C ended
+TERMINATED = 128 + 15  # the status of a command that SIGTERM ended
 PRELOADED = "stemwatch.service.executors.worker_preload"
 
 
@@ -105,3 +112,73 @@ def end_with_parent() -> None:
 def _until_gone(sentinel: int) -> None:
     wait([sentinel])
     os._exit(_ORPHANED)  # nobody is left to whom anything could be told
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: whatever is done is ended in the way in which Ctrl-C ends it."""
+
+
+@contextmanager
+def ending_on_sigterm() -> Iterator[None]:
+    """Have SIGTERM raise ``Terminated`` in the main thread, whatever was inherited: a script's
+    background job ignores Ctrl-C, so that SIGTERM cannot be handed on as that."""
+
+    def end(*_: object) -> None:
+        _terminated.set()
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only that one hears of signals
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def terminated() -> bool:
+    """Whether SIGTERM asked this command to end."""
+    return _terminated.is_set()
+
+
+def process_name() -> str:
+    """The name under which this process has duties: its machine, its number, when it began and
+    where its number counts, and a part that no other name has."""
+    pid = os.getpid()
+    return f"{socket.gethostname()}:{pid}:{_began(pid)}:{_place()}:{uuid.uuid4().hex[:8]}"
+
+
+def has_ended(name: str) -> bool:
+    """Whether the process of this ``process_name`` is known to have ended.
+
+    Only of a process of this machine, since its last start, can that be known; a number that was
+    given to another process since is told by when that one began.
+    """
+    parts = name.rsplit(":", 4)
+    if len(parts) != 5 or not parts[2].isdigit() or not parts[1].isdigit():
+        return False
+    host, pid, began, place, _ = parts
+    if host != socket.gethostname() or not place or place != _place():
+        return False
+    return _began(int(pid)) != began
+
+
+def _began(pid: int) -> str:
+    """When a process began, in ticks since the machine's start; empty where there is none, or
+    where the system does not say."""
+    try:
+        said = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    fields = said.rpartition(")")[2].split()  # the program's name may hold blanks
+    return "" if fields[0] in ("Z", "X") else fields[19]
+
+
+def _place() -> str:
+    """This start of this machine, and the container: elsewhere the same number is another."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
+        return hashlib.sha256((boot + os.readlink("/proc/self/ns/pid")).encode()).hexdigest()[:12]
+    except OSError:
+        return ""

@@ -41,7 +41,9 @@ from stemwatch.models.mismatch.describe_effect import (
     effect,
     residual_map,
 )
-from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
+from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
+from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
@@ -53,6 +55,7 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
@@ -101,6 +104,7 @@ class _Case:
     refused: Mapping[str, str]
     ceiling: Floats | None
     own_reading: bool
+    balance: ForceBalance | None  # of a drive whose motion the samples resolve
 
 
 def explain(
@@ -278,7 +282,10 @@ def _fitted(
     )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
-    return _Case(recording, settled, base, refused, ceiling, own_reading)
+    balance = force_balance(problem) if own_reading else None
+    if balance is None:
+        refused |= dict.fromkeys(OF_A_DRIVE, NOT_RESOLVED)
+    return _Case(recording, settled, base, refused, ceiling, own_reading, balance)
 
 
 def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
@@ -303,6 +310,17 @@ class _Hypothesis:
     worse: str = ""
 
 
+def _named(case: _Case, terms: Mapping[str, Term]) -> Named:
+    """What the recording needs: as a drive whose motion it resolves, or else term by term."""
+    drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
+    if drive is not None:
+        return drive
+    one_by_one = (slug for slug in terms if slug not in OF_A_DRIVE)
+    return name(
+        case.base, [terms[slug] for slug in one_by_one if terms[slug].way is not Way.READING]
+    )
+
+
 def _told(case: _Case) -> Mismatch:
     reached = _accepted(case)
     evaluator, shown, effects = reached.evaluator, reached.shown, reached.effects
@@ -314,6 +332,8 @@ def _told(case: _Case) -> Mismatch:
     told = not effects and not reached.open_end and not reached.worse and archive is None
     alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
     refitted = _stiction(evaluator, reached.drawn, reached.best, by_breakaways=told)
+    if case.balance is not None and DRIVE in reached.layout.places:
+        refitted = _of_balance(case.balance, refitted)
     doubt = _doubt(reached, alone, refitted)
     finding = _finding(effects, reached.open_end or bool(doubt))
     if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
@@ -362,7 +382,7 @@ def _accepted(case: _Case) -> _Hypothesis:
     least as well as S and J alone do; else the weakest of it goes, until it does.
     """
     terms = admissible(case.refused)
-    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    named = _named(case, terms)
     pinned: set[str] = set()
     worse = ""
     while True:
@@ -371,6 +391,14 @@ def _accepted(case: _Case) -> _Hypothesis:
         if stand and not reached.shown.heldout.improves:
             worse = worse or _worse(reached)
             stand.remove(reached.effects[-1].slug)
+            if DRIVE in reached.layout.places:
+                # Motor and load are one model: what a valve needs is looked for instead.
+                case = replace(case, balance=None)
+                terms = {slug: term for slug, term in terms.items() if slug not in OF_A_DRIVE}
+                named = _named(case, terms)
+                continue
+        elif DRIVE in reached.layout.places:
+            return reached
         gone = proposed - stand
         if not gone:
             return replace(reached, worse=worse)
@@ -393,7 +421,13 @@ def _whole_record(
     drawn = draws(evaluator, layout, best)
     candidates = _effects(case.recording, named, off, layout, best, drawn)
     large = tuple(candidate for candidate in candidates if _matters(candidate))
-    shown = show(evaluator, layout, [score.term for score in named.needed], case.ceiling)
+    of_drive = starts_of_first_part(evaluator, layout)
+    in_turn = (
+        layout.hypothesis.terms
+        if DRIVE in layout.places
+        else [score.term for score in named.needed]
+    )
+    shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
     return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown), proposed
@@ -497,6 +531,12 @@ def _stiction(
             estimate(S_drawn * drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
         ),
     )
+
+
+def _of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
+    """S by the force balance, which every moving sample tells; J as it was ``fitted``."""
+    error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
+    return replace(fitted, S=_positive(estimate(balance.S_drawn, balance.S, PERCENT, float(error))))
 
 
 def _positive(estimate: Estimate) -> Estimate:
@@ -629,6 +669,6 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
         return {}
     case = _fitted(recording, settled, None)
     terms = admissible(case.refused)
-    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    named = _named(replace(case, balance=None), terms)
     first: tuple[TermScore, ...] = named.stages[0].scores
     return {score.slug: (score.advantage.mean, score.advantage.t) for score in first}

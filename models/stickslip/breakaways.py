@@ -71,10 +71,10 @@ class _Levels:
 @dataclass(frozen=True)
 class Breakaways:
     """``count`` breakaways: the mean distance of command and stem at which the stem lets go
-    (``level``) and at which it stays behind (``kinetic``), percent of OP, and
-    the ``scatter`` from one breakaway to the next, a share of the level; ``rate`` is what the
-    command moves in the sample of a slip, percent of OP (median). ``tried`` is the same
-    for each delay of the stem, with ``weights`` that sum to one."""
+    (``level``) and at which it stays behind (``kinetic``), percent of OP, and the ``scatter`` from
+    one breakaway to the next, a share of the level. ``rate`` is what the command moves in the
+    sample of a slip, percent of OP (median). ``tried`` is the same for each delay of the stem, with
+    ``weights`` that sum to one."""
 
     count: int
     level: float
@@ -102,7 +102,7 @@ class Breakaways:
         delays = rng.choice(len(self.tried), size=count, p=self.weights)
         model = MODEL_ERROR * self.level
         numbers = np.array(
-            [(o.level, o.level_error, o.kinetic, o.kinetic_error) for o in self.tried]
+            [(at.level, at.level_error, at.kinetic, at.kinetic_error) for at in self.tried]
         )[delays]
         normal = rng.standard_normal((count, 3))
         both = WITHIN_SAMPLE * self.rate * normal[:, 2]
@@ -125,9 +125,9 @@ def breakaways(
     ``gain`` is MV's percent for one of OP and ``zero`` its offset, percent of MV. ``S`` and ``J``,
     percent of OP, are those of the fitted element: an onset of motion without a jump is no
     breakaway, and a level far from the fitted one is not the element's; breakaways that are all
-    alike tell no more than the fit. ``late_s`` is the dead
-    time and lag that were fitted, and ``unhindered`` (n,) where the stem would be behind them
-    without friction, percent of MV: from a sample of lag on, a delay of OP does not stand for it.
+    alike tell no more than the fit. ``late_s`` is the dead time and lag that were fitted, and
+    ``unhindered`` (n,) where the stem would be behind them without friction, percent of MV: from a
+    sample of lag on, a delay of OP does not stand for it.
     """
     if J < LEAST_J:
         return None

@@ -17,18 +17,23 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
+from stemwatch.service.process_lifecycle import Terminated, process_name
 from stemwatch.service.report import ReportFiles
+from stemwatch.service.report.ranking import light
 from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
 from stemwatch.service.run.finish import NotRead, finish
 from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
+
+MOST_REASONS = 5  # of a run in which nothing could be read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +50,7 @@ class RunNow:
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """What came out.
+    """What came out, of at least one valve.
 
     ``screenings`` are those of the tasks in their order, without their samples (an excerpt is left
     of valves that need work); they are read from a disk when they are asked for. ``brief`` are the
@@ -59,9 +64,24 @@ class RunResult:
     not_saved: tuple[tuple[str, str], ...]
 
 
+class NothingScreened(ConnectorError):
+    """No source of a run could be read as it was asked for. The text has each reason once."""
+
+    @classmethod
+    def of(cls, screenings: Sequence[Screening], not_read: NotRead) -> NothingScreened:
+        """The error of a run with these results, none of which saw a recording."""
+        reasons = [screening.S.reason or screening.reason for screening in screenings]
+        reasons += [f"{place}: {reason}" for place, reason in not_read]
+        every = [reason.rstrip(".") for reason in dict.fromkeys(reasons)]
+        more = len(every) - MOST_REASONS
+        said = [*every[:MOST_REASONS], *([f"and {more} more reasons"] if more > 0 else [])]
+        return cls(f"nothing could be screened: {'; '.join(said) or 'no valve was asked for'}.")
+
+
 def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> RunResult:
     """Screen everything a request names, as a run of its own.
 
+    Where nothing could be read, ``NothingScreened`` is raised and an earlier report stays as it is.
     Raises ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
     """
     plant, started = request.plant, datetime.now(UTC)
@@ -72,6 +92,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
             command=how.command,
             software_version=__version__,
             settings_digest=plant.settings_digest if plant else "",
+            owner=process_name(),
         ),
         started=started,
         executor=how.executor,
@@ -86,6 +107,9 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
         if plant is not None:
             how.store.save_valves(plant.valves.values())
         executed = execute(run, planned.tasks, threading.Event(), tell=tell)
+        brief = tuple(in_brief(result) for result in executed.results)
+        if not any(screening.was_read for screening in brief):
+            raise NothingScreened.of(brief, planned.not_read)
         report = finish(run, executed, planned.not_read)
     except BaseException as error:
         _note_end(run, error)
@@ -93,7 +117,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     assert report is not None  # a run of the command line has one, or an error
     return RunResult(
         screenings=executed.results,
-        brief=tuple(in_brief(result) for result in executed.results),
+        brief=brief,
         report=report,
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),
@@ -121,18 +145,22 @@ def work_off(
 
 
 def in_brief(screening: Screening) -> Screening:
-    """As much of a result as a line of text needs: 2 KB."""
+    """As much of a result as its rank and a line of text need: some KB."""
     nothing: dict[str, Residual | None] = {}
-    return replace(
-        screening.without_samples(), indicators={}, residuals=nothing, mismatch=None, network=None
-    )
+    return replace(light(screening), residuals=nothing, network=None)
 
 
 def _note_end(run: Run, error: BaseException) -> None:
-    """A run of the command line that an error or Ctrl-C ends is not left as one that goes on."""
+    """A run of the command line that an error or Ctrl-C ends is not left as one that goes on.
+
+    One whose process is killed is found by whoever uses the store next (``end_lost``).
+    """
     by_hand = isinstance(error, KeyboardInterrupt)
     state = RunState.CANCELLED if by_hand else RunState.FAILED
-    reason = "interrupted by Ctrl-C" if by_hand else f"{type(error).__name__}: {error}"
+    reason = f"{type(error).__name__}: {error}"
+    if by_hand:
+        terminated = isinstance(error, Terminated)
+        reason = "ended by SIGTERM" if terminated else "interrupted by Ctrl-C"
     with suppress(StoreError):
         if run.store.run(run.number).finished is None:
             run.store.queue.finish(run.number, state, reason=reason)

@@ -9,9 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
-import socket
 import threading
-import uuid
 from collections import Counter
 from dataclasses import dataclass
 from datetime import timedelta
@@ -20,6 +18,7 @@ from pathlib import Path
 from stemwatch.connectors.connector import Window
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, ExecutorUnavailable, choose_executor
+from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.run.engine import work_off
 from stemwatch.service.run.execute import Run
 from stemwatch.service.run.finish import finish
@@ -42,7 +41,8 @@ _PREFIX = "run-"
 class QueueWorker:
     """Works on the queue in ``store`` for ``plant``.
 
-    A run whose worker has been silent for ``silent_after`` is taken over. Stopped in the middle of
+    A run whose worker has been silent for ``silent_after``, or is known to have ended, is taken
+    over. Stopped in the middle of
     a run, it lets the run lie: the next start, or another service, goes on with it. So it does
     where its executor cannot work for the time being.
     """
@@ -57,7 +57,7 @@ class QueueWorker:
     ) -> None:
         self._store, self._plant = store, plant
         self._silent_after, self._beat_s = silent_after, beat_s
-        self.owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
+        self.owner = process_name()
         self._trials = Counter[int]()
         self._more = threading.Event()
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from sqlalchemy import ColumnElement, and_, or_, select, update
 from sqlalchemy.orm import Session
 
+from stemwatch.service.process_lifecycle import has_ended
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.runs.tables import RunValveRow
@@ -24,6 +25,7 @@ from stemwatch.service.store.screenings.tables import RunRow
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 SILENT_AFTER = timedelta(seconds=30)
+LOST_AFTER = timedelta(days=1)
 _GOING = (RunState.WAITING.value, RunState.RUNNING.value)
 _IN_ONE_STATEMENT = 500
 
@@ -98,13 +100,16 @@ class RunQueue:
     def claim(self, owner: str, *, silent_after: timedelta = SILENT_AFTER) -> StoredRun | None:
         """The next run to work on, now ``owner``'s, or ``None``.
 
-        First one whose worker has fallen silent, then the oldest that may begin. Two processes
-        never get the same one.
+        First one whose worker has fallen silent or is known to have ended, then the oldest that
+        may begin. Two processes never get the same one.
         """
         with self._transactions.writing("taking a run from the queue") as session:
             now = database_now(session)
+            end_lost(session, now)
             silent = and_(
-                RunRow.state == RunState.RUNNING.value, RunRow.heartbeat < now - silent_after
+                RunRow.state == RunState.RUNNING.value,
+                RunRow.heartbeat.is_not(None),
+                or_(RunRow.heartbeat < now - silent_after, RunRow.owner.in_(_ended(session))),
             )
             ready = and_(
                 RunRow.state == RunState.WAITING.value,
@@ -234,6 +239,28 @@ class RunQueue:
         with self._transactions.reading() as session:
             rows = select(RunRow).where(RunRow.state.in_(_GOING)).order_by(RunRow.id)
             return [stored_run(row) for row in session.scalars(rows)]
+
+
+def end_lost(session: Session, now: datetime) -> None:
+    """End runs of the command line whose process was killed before it could say so.
+
+    They give no sign of life. Of a process of another machine nobody knows whether it goes on;
+    after a day it counts as lost, and should it end after all, it says so itself.
+    """
+    alone = (RunRow.state == RunState.RUNNING.value, RunRow.heartbeat.is_(None))
+    old = RunRow.started < now - LOST_AFTER
+    for row in session.scalars(
+        select(RunRow).where(*alone, or_(old, RunRow.owner.in_(_ended(session))))
+    ):
+        row.state, row.finished = RunState.FAILED.value, now
+        row.reason = "its process ended before the run was over; what it had saved is kept"
+        row.counts = dict(count_verdicts(session, row.id))
+
+
+def _ended(session: Session) -> list[str]:
+    """Processes that have a run and are known to have ended."""
+    running = select(RunRow.owner).where(RunRow.state == RunState.RUNNING.value).distinct()
+    return [owner for owner in session.scalars(running) if owner and has_ended(owner)]
 
 
 def mark(session: Session, run_id: int, valve: str, state: ValveState, reason: str) -> None:

@@ -31,11 +31,11 @@ class TestedScreening:
     named: bool
 
 
-def remark_column() -> ColumnElement[str | None]:
+def remark_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
     """The sentence in SQL, without the rest of the long column, and of the few that are named only;
-    null where there is none."""
-    kept = type_coerce(ScreeningRow.mismatch, JSON)[KEY].as_string()
-    named = ScreeningRow.mismatch_finding == Finding.NAMED.value
+    null where there is none. ``of`` is the table of screenings or an alias of it."""
+    kept = type_coerce(of.mismatch, JSON)[KEY].as_string()
+    named = of.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
     return case((named, kept), else_=None).label(KEY)
 
 

@@ -93,8 +93,8 @@ def test_an_exception_reply_has_its_number_and_meaning(code: ExcCodes, said: str
 
 def test_silence_is_told_from_a_refusal() -> None:
     """Nothing heard within the time."""
-    fault, _ = one_fault(lambda request: b"", timeout_s=0.1)
-    assert (fault.kind, fault.reason) == (FaultKind.SILENT, "no answer within 0.1 s")
+    fault, _ = one_fault(lambda request: b"", timeout_s=0.5)
+    assert (fault.kind, fault.reason) == (FaultKind.SILENT, "no answer within 0.5 s")
     assert fault.unit_is_silent
 
 
@@ -117,7 +117,7 @@ def test_a_connection_that_is_cut_does_not_wait_for_the_timeout() -> None:
 )
 def test_an_answer_that_is_none_is_nonsense(body: bytes) -> None:
     """Wrong length or function; a TCP connection that is out of step is begun anew."""
-    fault, connected = one_fault(lambda request: tcp_reply(request, body), timeout_s=0.2)
+    fault, connected = one_fault(lambda request: tcp_reply(request, body), timeout_s=0.5)
     assert (fault.kind, connected) == (FaultKind.NONSENSE, False)
 
 
@@ -125,14 +125,14 @@ def test_an_answer_that_is_none_is_nonsense(body: bytes) -> None:
 def test_an_answer_to_somebody_else_is_not_taken(changed: dict[str, int]) -> None:
     """Another number, unit or protocol: the words are not ours."""
     body = b"\x03\x04\x00\x01\x00\x02"
-    fault, _ = one_fault(lambda request: tcp_reply(request, body, **changed), timeout_s=0.2)
+    fault, _ = one_fault(lambda request: tcp_reply(request, body, **changed), timeout_s=0.5)
     assert fault.kind is FaultKind.NONSENSE
 
 
 def test_noise_from_a_serial_server_is_nonsense_and_the_connection_is_given_up() -> None:
     """A wrong checksum: nothing is taken from it, and the answer may still come."""
     reply = bytes([1, 3, 4, 0, 1, 0, 2, 0xBA, 0xD0])
-    fault, connected = one_fault(lambda request: reply, kind=LinkKind.RTU_OVER_TCP, timeout_s=0.2)
+    fault, connected = one_fault(lambda request: reply, kind=LinkKind.RTU_OVER_TCP, timeout_s=0.5)
     assert (fault.kind, connected) == (FaultKind.NONSENSE, False)
 
 
@@ -148,7 +148,7 @@ def test_a_request_is_repeated_as_often_as_the_map_says() -> None:
             return b"" if count < 3 else tcp_reply(request, b"\x03\x02\x00\x07")
 
         async with answering(reply) as port:
-            line = Connection(tcp(port, timeout_s=0.1, retries=retries))
+            line = Connection(tcp(port, timeout_s=0.5, retries=retries))
             await line.open()
             try:
                 return await line.read(1, Table.HOLDING, 0, 1)
@@ -176,7 +176,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
             return waiting[0] + answer
 
         async with answering(reply) as port:
-            line = Connection(tcp(port, timeout_s=0.2))
+            line = Connection(tcp(port, timeout_s=0.5))
             await line.open()
             first = await fault_of(line, count=1)
             second = await line.read(1, Table.HOLDING, 5, 1)
@@ -191,7 +191,7 @@ def test_a_peer_that_no_longer_hears_is_called_again() -> None:
 
     async def run() -> list[bool]:
         async with answering(lambda request: b"") as port:
-            line = Connection(tcp(port, timeout_s=0.05))
+            line = Connection(tcp(port, timeout_s=0.5))
             await line.open()
             found = []
             for _ in range(3):
