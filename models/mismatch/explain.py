@@ -65,7 +65,7 @@ from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, l
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
-from stemwatch.models.percent import possible
+from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import breakaways
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
@@ -115,6 +115,7 @@ def explain(
     late_s: float | None = None,
     look_for_curve: bool = True,
     restore: bool = True,
+    archive: Archive | None = None,
 ) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
@@ -122,11 +123,12 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here, unless ``look_for_curve`` says that there is none. ``late_s`` is how
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
-    ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks.
+    ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
+    ``archive`` is that archive where it is known, else it is looked for.
     """
-    began, recording = time.perf_counter(), possible(on_own_clock(recording))
+    began, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
-    settled = replace(settle(recording), restore=restore)
+    settled = replace(settle(recording), restore=restore, archive=archive)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
@@ -327,7 +329,7 @@ def _told(case: _Case) -> Mismatch:
     plain = naive_evaluator(evaluator)
     simple = naive_layout(plain)
     naive = conclude(plain, fit_naive(plain, np.ones(evaluator.problem.n_blocks, dtype=bool)))
-    archive = find_archive(case.recording) if case.settled.restore else None
+    archive = _archive(case, evaluator, reached.best)
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = not effects and not reached.open_end and not reached.worse and archive is None
     alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
@@ -473,6 +475,17 @@ def _agree(one: Estimate, other: Estimate) -> bool:
         return True
     apart = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
     return apart <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT
+
+
+def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
+    """The slow archive that S and J are restored from, if any."""
+    if not case.settled.restore or case.settled.archive is not None:
+        return case.settled.archive
+    archive = find_archive(case.recording)
+    if archive is None:
+        return None
+    gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
+    return archive.with_slips(evaluator.problem, gain, zero)
 
 
 def _standing(
