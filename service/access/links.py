@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from urllib.parse import urlencode
 
 from stemwatch.service.access.passwords import check_password, hash_password
@@ -55,6 +55,16 @@ def make_link(
         digest_of(secret), kind, role, by=by, now=now, expires=expires, user=user, note=note
     )
     return secret, link
+
+
+def first_link(store: Store, base_url: str) -> str | None:
+    """A one-time link at which the first admin chooses name and password; ``None`` where a user
+    exists already. It is valid for 24 hours and replaces any earlier one."""
+    if not store.accounts.is_empty():
+        return None
+    now = datetime.now(UTC)
+    secret, _ = make_link(store, OneTimeLinkKind.FIRST, UserRole.ADMIN, by="", now=now)
+    return address_of(secret, base_url)
 
 
 def find_link(store: Store, secret: str, now: datetime) -> OneTimeLink:

@@ -1,11 +1,11 @@
-"""One engine for every run, on one page.
+"""The engine of every run, on one page.
 
     request -> plan -> execute (in any executor) -> finish
                tasks   saved as they come           report, work list, alerts
 
-The command line asks for a run here (``screen_now``); schedules, watched folders, pages and API ask
-through the queue of the store (``QueueWorker``). Nothing here knows how a file is read or how a
-valve is judged, and only results without samples and plots travel between processes.
+The command line starts a run here (``screen_now``); schedules, pages and API put runs into the
+queue of the store, which ``QueueWorker`` processes. Between processes travel only plots and results
+without samples.
 """
 
 from __future__ import annotations
@@ -23,9 +23,16 @@ from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
 from stemwatch.service.report import ReportFiles
-from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
+from stemwatch.service.run.execute import (
+    Executed,
+    OnScreened,
+    OnValveDone,
+    Run,
+    add_unsaved,
+    execute,
+)
 from stemwatch.service.run.finish import NotRead, finish
-from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
+from stemwatch.service.run.plan import Plan, Request, make_plan, read_tags_with
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
@@ -33,23 +40,23 @@ from stemwatch.service.store.store import Store
 
 @dataclass(frozen=True, kw_only=True)
 class RunNow:
-    """What a run of the command line needs beside its request."""
+    """The settings of a run of the command line beside its request."""
 
     store: Store
     executor: Executor
     out: Path
     limits: Limits = field(default_factory=Limits)
     command: tuple[str, ...] = ()
-    new_baseline: bool = False  # make this window each valve's baseline, whatever there was
+    new_baseline: bool = False  # make this window each valve's baseline, replacing any other
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """What came out.
+    """The results of a run of the command line.
 
-    ``screenings`` are those of the tasks in their order, without their samples (an excerpt is left
-    of valves that need work); they are read from a disk when they are asked for. ``brief`` are the
-    same in memory, with as much as a line of text needs.
+    ``screenings`` are in the order of the tasks and without samples (valves that need work keep an
+    excerpt); they are read from a temporary file on access. ``brief`` holds the same screenings in
+    memory, reduced to what a line of text needs.
     """
 
     screenings: Sequence[Screening]
@@ -59,8 +66,10 @@ class RunResult:
     not_saved: tuple[tuple[str, str], ...]
 
 
-def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> RunResult:
-    """Screen everything a request names, as a run of its own.
+def screen_now(
+    request: Request, how: RunNow, on_screened: OnScreened = lambda *_: None
+) -> RunResult:
+    """Screen everything that a request names, as a run of its own.
 
     Raises ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
     """
@@ -85,12 +94,12 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     try:
         if plant is not None:
             how.store.save_valves(plant.valves.values())
-        executed = execute(run, planned.tasks, threading.Event(), tell=tell)
+        executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
         report = finish(run, executed, planned.not_read)
     except BaseException as error:
         _note_end(run, error)
         raise
-    assert report is not None  # a run of the command line has one, or an error
+    assert report is not None  # a run of the command line writes one or raises
     return RunResult(
         screenings=executed.results,
         brief=tuple(in_brief(result) for result in executed.results),
@@ -100,36 +109,42 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     )
 
 
-def work_off(
-    run: Run, request: Request, stop: threading.Event, over: Over
+def continue_queued(
+    run: Run, request: Request, stop: threading.Event, on_valve_done: OnValveDone
 ) -> tuple[Executed, NotRead]:
-    """Do ``request``, which is what is left of a queued run of a plant, until ``stop``.
+    """Screen ``request``, the pending part of a queued run, until ``stop`` is set.
 
-    What an earlier process did of it and the report shows is then screened again without being
-    saved: its samples are gone.
+    Valves that the report shows but an earlier process screened are screened again without being
+    saved, because their plots were lost with that process.
     """
-    look = look_with(run.executor, stop)
-    planned = make_plan(request, look) if request.valves else Plan(tasks=())
-    executed = execute(run, planned.tasks, stop, over=over)
+    read_tags = read_tags_with(run.executor, stop)
+    planned = make_plan(request, read_tags) if request.valves else Plan(tasks=())
+    executed = execute(run, planned.tasks, stop, on_valve_done=on_valve_done)
     shown = run.store.worst_of_run(run.number, run.shown or 0)
     known = run.plant.valves if run.plant else {}
-    gone = tuple(valve for valve in shown if valve not in executed.previous and valve in known)
-    if gone and not stop.is_set():
-        again = make_plan(replace(request, valves=gone), look)
+    without_plots = tuple(
+        valve for valve in shown if valve not in executed.previous and valve in known
+    )
+    if without_plots and not stop.is_set():
+        again = make_plan(replace(request, valves=without_plots), read_tags)
         add_unsaved(run, executed, again.tasks, stop)
     return executed, planned.not_read
 
 
 def in_brief(screening: Screening) -> Screening:
-    """As much of a result as a line of text needs: 2 KB."""
-    nothing: dict[str, Residual | None] = {}
+    """The screening reduced to what a line of text needs, about 2 KB."""
+    no_residuals: dict[str, Residual | None] = {}
     return replace(
-        screening.without_samples(), indicators={}, residuals=nothing, mismatch=None, network=None
+        screening.without_samples(),
+        indicators={},
+        residuals=no_residuals,
+        mismatch=None,
+        network=None,
     )
 
 
 def _note_end(run: Run, error: BaseException) -> None:
-    """A run of the command line that an error or Ctrl-C ends is not left as one that goes on."""
+    """Store that an error or Ctrl-C ended the run, so that it does not remain as running."""
     by_hand = isinstance(error, KeyboardInterrupt)
     state = RunState.CANCELLED if by_hand else RunState.FAILED
     reason = "interrupted by Ctrl-C" if by_hand else f"{type(error).__name__}: {error}"

@@ -7,7 +7,7 @@ import logging
 import multiprocessing
 import signal
 import threading
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -20,8 +20,8 @@ from stemwatch.service.logs import set_up_logs
 from stemwatch.service.process_lifecycle import quiet_start, take_signals
 from stemwatch.service.serve.plant_secrets import hide_secrets
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.samples.instants import EPOCH
 from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.samples.tables import instant_of
 from stemwatch.service.store.store import Store, open_store
 
 log = logging.getLogger(__name__)
@@ -127,7 +127,7 @@ def state_of(device: DeviceState, collector: Collector) -> SourceState:
         kind="modbus",
         address=device.link,
         updated=datetime.now(UTC),
-        last_good=None if last is None else EPOCH + timedelta(microseconds=last),
+        last_good=None if last is None else instant_of(last),
         connected=device.connected,
         fault=device.fault,
         figures=figures,

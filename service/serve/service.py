@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from stemwatch.service.access.first_user import first_link
+from stemwatch.service.access.links import first_link
 from stemwatch.service.config import Plant
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.scheduler import Scheduler

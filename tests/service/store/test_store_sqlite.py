@@ -58,9 +58,9 @@ def test_a_failed_save_leaves_the_screening_before_it(
         raw.close()
         with pytest.raises(StoreError, match=r"store\.db: saving FIC-101 failed: disk full"):
             store.save(make_screening(severity=2.0), run)
-        (ranked,) = store.latest()
-        assert 1.0 == ranked.screening.severity
-        assert [42.0] == [point.value for point in store.history("FIC-101", "reversals")]
+        (kept,) = store.screenings("FIC-101")
+        assert 1.0 == kept.severity
+        assert 42.0 == store.indicators(kept.id)["reversals"].value
 
 
 def test_when_the_database_is_gone_the_rest_is_not_tried(

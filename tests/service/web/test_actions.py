@@ -10,6 +10,7 @@ from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.auth.forms import COOKIE
+from tests.service.open_alerts import open_alerts
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
 
@@ -19,7 +20,7 @@ JSON = {"content-type": "application/json"}
 
 def alert_of(live, valve=STICKY):
     """The open alert of a valve."""
-    (found,) = live.store.alerts.open(valve=valve)
+    (found,) = open_alerts(live.store, valve)
     return found
 
 
@@ -49,7 +50,7 @@ def test_a_false_alarm_is_kept_as_one(live, send, client):
     """It leaves the open ones and stands under its own heading."""
     number = str(alert_of(live).id)
     send("/alerts/settle", alert=number, how="false", text="test signal")
-    assert live.store.alerts.open(valve=STICKY) == []
+    assert open_alerts(live.store, STICKY) == []
     assert "test signal" in client.get("/alerts?state=false").text
 
 
