@@ -1,8 +1,8 @@
-"""What every process that we start keeps to: quiet on Ctrl-C while it starts, gone with its parent;
-and where workers come from.
+"""Rules for every child process: no traceback on Ctrl-C while it starts, and an end with its
+parent; and how worker processes are created.
 
-A terminal sends Ctrl-C to the whole group. A process that is still importing would answer it with a
-traceback, and one whose parent was killed would wait for work, or work on, for ever.
+A terminal sends Ctrl-C to the whole process group. A process that is still importing would print a
+traceback, and one whose parent was killed would wait for work for ever.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ PRELOADED = "stemwatch.service.executors.worker_preload"
 
 
 def worker_context() -> SpawnContext | ForkServerContext:
-    """Where worker processes come from.
+    """The multiprocessing context of worker processes.
 
-    On Linux they are forked from a server of ours that has one thread and has imported what they
-    need: a fork of this process would inherit locks that its threads hold, and a spawned process
-    imports for seconds. Elsewhere they are spawned.
+    On Linux workers are forked from a server process that has one thread and has imported what they
+    need: a fork of this process would inherit locks held by its threads, and a spawned process
+    takes seconds to import. On other systems they are spawned.
     """
     if sys.platform != "linux":
         return multiprocessing.get_context("spawn")
@@ -40,8 +40,8 @@ def worker_context() -> SpawnContext | ForkServerContext:
 
 
 def expect_workers() -> None:
-    """Let the server of the workers begin with its imports, beside whatever is done here until
-    they are needed: both take seconds of a core."""
+    """Start the server process of the workers early, so that its imports, which take seconds, run
+    beside those of this process."""
     if sys.platform == "linux":
         from multiprocessing import forkserver
 
@@ -51,12 +51,12 @@ def expect_workers() -> None:
 
 
 def environment() -> dict[str, str]:
-    """The environment that a worker is to have: the server that it comes from has an older one."""
+    """The environment for a worker; the server process that it is forked from has an older one."""
     return dict(os.environ)
 
 
 def take_environment(environment: Mapping[str, str]) -> None:
-    """Have the ``environment`` of the process that asked for this one."""
+    """Replace this process's environment by that of the process that requested it."""
     for name in os.environ.keys() - environment.keys():
         del os.environ[name]
     os.environ.update(environment)
@@ -64,11 +64,11 @@ def take_environment(environment: Mapping[str, str]) -> None:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Processes started here by this thread keep Ctrl-C waiting until ``take_signals``."""
+    """Processes that this thread starts in the block hold back Ctrl-C until ``take_signals``."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows, where nothing is inherited
         yield
         return
-    # Python starts its tracker with the first process, and lets Ctrl-C through again after that.
+    # Python starts its resource tracker with the first process and unblocks SIGINT afterwards.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -78,24 +78,24 @@ def quiet_start() -> Iterator[None]:
 
 
 def begin_child(*, ignore: tuple[signal.Signals, ...] = ()) -> None:
-    """What a started process does first: ``take_signals`` and ``end_with_parent``."""
+    """To be called first in a child process: ``take_signals`` and ``end_with_parent``."""
     take_signals(ignore)
     end_with_parent()
 
 
 def take_signals(ignore: tuple[signal.Signals, ...] = ()) -> None:
-    """Ignore these signals, and end at once on Ctrl-C and SIGTERM where they are not among them."""
+    """Ignore these signals; otherwise Ctrl-C and SIGTERM end the process at once."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for number in ignore:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
-        # Only now: what came meanwhile is met by what was just said.
+        # Last, so that a signal held back meanwhile meets the new handlers.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
 
 
 def end_with_parent() -> None:
-    """End this process as soon as the one that started it is gone, whatever it is doing."""
+    """End this process as soon as its parent process has ended, whatever it is doing."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         watch = threading.Thread(target=_until_gone, args=(parent.sentinel,), daemon=True)
@@ -104,4 +104,4 @@ def end_with_parent() -> None:
 
 def _until_gone(sentinel: int) -> None:
     wait([sentinel])
-    os._exit(_ORPHANED)  # nobody is left to whom anything could be told
+    os._exit(_ORPHANED)  # without clean-up: the parent is gone

@@ -15,7 +15,7 @@ import pytest
 
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.scheduler import Scheduler
-from stemwatch.service.serve.checks import checks
+from stemwatch.service.serve.health_checks import health_checks
 from stemwatch.service.serve.startup_server import REASON, StartupServer
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
@@ -96,13 +96,17 @@ def test_without_the_database_nothing_is_ready(live: Site, client_of, tmp_path: 
 def test_the_scheduler_and_the_collector_have_to_speak(store: Store, plant: Plant) -> None:
     """Before the schedules were looked at and a device was spoken of, the service is not ready."""
     scheduler = Scheduler(store, "UTC")
-    assert set(said(checks(store, plant, scheduler))) == {"scheduler", "collector", "device plc-1"}
+    assert set(said(health_checks(store, plant, scheduler))) == {
+        "scheduler",
+        "collector",
+        "device plc-1",
+    }
     scheduler.look()
     old = datetime.now(UTC) - timedelta(minutes=5)
     store.sources.note(SourceState(source="plc-1", kind="modbus", updated=old))
-    assert set(said(checks(store, plant, scheduler))) == {"collector", "device plc-1"}
+    assert set(said(health_checks(store, plant, scheduler))) == {"collector", "device plc-1"}
     store.sources.note(SourceState(source="plc-1", kind="modbus", fault="192.0.2.1 is away"))
-    found = said(checks(store, plant, scheduler))
+    found = said(health_checks(store, plant, scheduler))
     assert list(found) == ["device plc-1"]
     assert "192.0.2.1" not in found["device plc-1"]
 
@@ -113,7 +117,9 @@ def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
     ended.start()
     ended.join()
     scheduler = Scheduler(store, "UTC")
-    (found,) = [one for one in checks(store, plant, scheduler, [ended]) if one.name == "runner"]
+    (found,) = [
+        one for one in health_checks(store, plant, scheduler, [ended]) if one.name == "runner"
+    ]
     assert (found.ok, found.vital) == (False, True)
 
 
