@@ -39,17 +39,15 @@ CERTAIN_MEAN, CERTAIN_T = 0.1, 2.4
 NEXT = {
     Shape.DEADBAND: (
         "The stem follows late but does not jump: look first for play in the linkage, the "
-        "actuator coupling and the positioner's feedback arm, then for tight packing. Step OP by "
-        "1 % up and down to confirm."
+        "actuator coupling and the positioner's feedback arm, then for tight packing."
     ),
     Shape.UNDERSHOOT: (
         "The stem sticks and jumps: check packing (over-tightened, dry or hardened), stem and "
-        "guide for scoring, and the positioner and its air supply. Step OP by 1 % to confirm."
+        "guide for scoring, and the positioner and its air supply."
     ),
     Shape.NO_OFFSET: (
         "The stem sticks and jumps right to the command: static friction is high and sliding "
-        "friction low. Check packing and lubrication, then seat and guide. Step OP by 1 % to "
-        "confirm."
+        "friction low. Check packing and lubrication, then seat and guide."
     ),
     Shape.OVERSHOOT: (
         "The stem jumps past the command, which friction alone cannot do: check the positioner's "

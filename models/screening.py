@@ -33,7 +33,7 @@ from stemwatch.models.fit_window import (
 )
 from stemwatch.models.limits import Limits
 from stemwatch.models.loop import signal_oscillation
-from stemwatch.models.mismatch.between_samples import Archive, as_sampled, find_archive
+from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.mismatch.record_effects import late_effect
@@ -171,7 +171,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     if not assessment.obstacles:
         commanded = in_travel(masked, curve)
         fit = fit_stickslip(commanded)
-        fit, archive = as_sampled(fit, find_archive(commanded))
+        fit, archive = as_sampled(fit, commanded)
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
         case=case,
@@ -284,6 +284,7 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
                 look_for_curve=fitted.case.known_curve is None,
                 late_s=fitted.late_s,
                 restore=fitted.archive is not None,
+                archive=fitted.archive,
             )
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, left_out, options.limits

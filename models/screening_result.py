@@ -146,6 +146,11 @@ class Screening:
             return self.kept
         return RecordingFacts.of(self.recording)
 
+    @property
+    def was_read(self) -> bool:
+        """Whether the source could be read at all, whatever it holds."""
+        return self.seen is not None or bool(self.still_seen)
+
     def finite_share(self) -> float:
         """Share of samples a fit could use."""
         seen = self.seen
@@ -206,6 +211,7 @@ class PreviousFinding:
     J: float | None = None
     finding: str | None = None
     effects: tuple[str, ...] = ()
+    held_back: bool = False  # the effects did not stand among all valves of their run
 
 
 def _copy(trace: Floats, first: int, last: int) -> Floats:

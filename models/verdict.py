@@ -9,13 +9,21 @@ class Verdict(StrEnum):
     """What the recording says about the valve."""
 
     HEALTHY = "healthy"
+    # Never what S and J say: given where something other than friction is wrong with the valve.
+    DEFECTIVE = "defective"
     WATCH = "watch"
     STICKY = "sticky"
     UNDETERMINED = "undetermined"
 
 
 # In the order in which valves are looked at: one that cannot be judged before one that is healthy.
-WORST_FIRST = (Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY)
+WORST_FIRST = (
+    Verdict.STICKY,
+    Verdict.DEFECTIVE,
+    Verdict.WATCH,
+    Verdict.UNDETERMINED,
+    Verdict.HEALTHY,
+)
 
 
 class Shape(StrEnum):

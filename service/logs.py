@@ -11,7 +11,8 @@ import multiprocessing
 import os
 import sys
 import threading
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from types import TracebackType
 
@@ -20,6 +21,7 @@ from stemwatch.connectors.secret import MASK, masked
 ABOUT = ("run", "valve", "device", "notifier")  # keys of ``extra`` that go into a JSON line
 FORMAT = "STEMWATCH_LOG_FORMAT"  # environment variable that passes the format to child processes
 JSON, PLAIN = "json", "plain"
+_MOST_KINDS = 1000  # of lines that are remembered
 _SHORTEST_SECRET = 4  # hiding what is shorter would make logs unreadable
 _PACKAGE = "stemwatch.service."
 _secrets: set[str] = set()
@@ -36,6 +38,7 @@ def set_up_logs(*, as_json: bool = False, process: str = "service") -> None:
     os.environ[FORMAT] = JSON if as_json else PLAIN
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Json() if as_json else _Plain())
+    handler.addFilter(OnceAMinute(equal=True))
     logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
     logging.captureWarnings(True)
     for name in ("pymodbus", "alembic", "uvicorn"):
@@ -61,6 +64,49 @@ def clean(text: str) -> str:
     for secret in sorted(_secrets, key=len, reverse=True):
         text = text.replace(secret, MASK)
     return masked(text)
+
+
+class OnceAMinute(logging.Filter):
+    """Lets a line through once in ``every_s``, and says then how often it came meanwhile: what goes
+    wrong a thousand times, or what strangers can set off, must not fill the disk of the log.
+
+    One kind of line is one text before its values are filled in, with one kind of error; with
+    ``equal`` only lines that are the same with their values, and only warnings and errors.
+    """
+
+    def __init__(
+        self,
+        every_s: float = 60.0,
+        *,
+        equal: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__()
+        self._every_s, self._equal, self._clock = every_s, equal, clock
+        self._said: dict[tuple[object, ...], tuple[float, int]] = {}
+        self._lock = threading.Lock()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether this record is written; it then bears the count."""
+        if self._equal and record.levelno < logging.WARNING:
+            return True
+        error = record.exc_info[0] if record.exc_info else None
+        kind: tuple[object, ...] = (str(record.msg).partition("\n")[0], error)
+        if self._equal:
+            kind = (record.name, record.getMessage(), error)
+        now = self._clock()
+        with self._lock:
+            if len(self._said) >= _MOST_KINDS:
+                self._said.clear()
+            last, left_out = self._said.get(kind, (-self._every_s, 0))
+            if now - last < self._every_s:
+                self._said[kind] = last, left_out + 1
+                return False
+            self._said[kind] = now, 0
+        if left_out:
+            record.msg = f"{record.getMessage()} ({left_out} times more since it was last said)"
+            record.args = None
+        return True
 
 
 class _Plain(logging.Formatter):

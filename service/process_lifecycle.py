@@ -1,5 +1,5 @@
-"""Rules for every child process: no traceback on Ctrl-C while it starts, and an end with its
-parent; and how worker processes are created.
+"""Rules for our processes: no traceback on Ctrl-C while starting, an orderly end on SIGTERM, an end
+with the parent; how workers are created; and whether the process of a stored name has ended.
 
 A terminal sends Ctrl-C to the whole process group. A process that is still importing would print a
 traceback, and one whose parent was killed would wait for work for ever.
@@ -7,21 +7,28 @@ traceback, and one whose parent was killed would wait for work for ever.
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 import os
 import signal
+import socket
 import sys
 import threading
+import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
 _ORPHANED = 3
+_terminated = threading.Event()
+INTERRUPTED = 128 + 2  # the status of a command that Ctrl-C ended
+TERMINATED = 128 + 15  # the status of a command that SIGTERM ended
 PRELOADED = "stemwatch.service.executors.worker_preload"
 
 
@@ -105,3 +112,74 @@ def end_with_parent() -> None:
 def _until_gone(sentinel: int) -> None:
     wait([sentinel])
     os._exit(_ORPHANED)  # without clean-up: the parent is gone
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, handled in the same way as Ctrl-C."""
+
+
+@contextmanager
+def ending_on_sigterm() -> Iterator[None]:
+    """SIGTERM raises ``Terminated`` in the main thread, whatever handler was inherited. It cannot
+    be passed on as Ctrl-C, which background jobs of a script ignore."""
+
+    def end(*_: object) -> None:
+        _terminated.set()
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread receives signals
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def terminated() -> bool:
+    """Whether this command received SIGTERM."""
+    return _terminated.is_set()
+
+
+def process_name() -> str:
+    """The name of this process in leases and runs: host, process id, start time, boot and
+    container, and a random part."""
+    pid = os.getpid()
+    boot = _boot_and_container()
+    return f"{socket.gethostname()}:{pid}:{_start_time(pid)}:{boot}:{uuid.uuid4().hex[:8]}"
+
+
+def has_ended(name: str) -> bool:
+    """Whether the process with this ``process_name`` is known to have ended.
+
+    That can be known only for processes of this machine since its last boot; a process id that was
+    reused is recognised by its start time.
+    """
+    parts = name.rsplit(":", 4)
+    if len(parts) != 5 or not parts[2].isdigit() or not parts[1].isdigit():
+        return False
+    host, pid, start_time, boot, _ = parts
+    if host != socket.gethostname() or not boot or boot != _boot_and_container():
+        return False
+    return _start_time(int(pid)) != start_time
+
+
+def _start_time(pid: int) -> str:
+    """The start of a process in ticks since boot; empty where there is no such process or the
+    system does not tell."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    fields = stat.rpartition(")")[2].split()  # the program's name may hold blanks
+    return "" if fields[0] in ("Z", "X") else fields[19]
+
+
+def _boot_and_container() -> str:
+    """Identifies this boot of this machine and the container, within which process ids count."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
+        return hashlib.sha256((boot + os.readlink("/proc/self/ns/pid")).encode()).hexdigest()[:12]
+    except OSError:
+        return ""

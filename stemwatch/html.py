@@ -14,12 +14,13 @@ from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.maintenance.evidence_picture import picture_of
+from stemwatch.service.presenter.finding import PresentedFinding
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.html_page import environment, template
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 
 
-def screened_card(screening: Screening, remark: str) -> str:
+def screened_card(screening: Screening, said: PresentedFinding, remark: str) -> str:
     """The sentence, S and J with intervals, the picture of the loop, and the mismatch.
 
     ``remark`` says why its named effects are held back; empty where they stand.
@@ -30,6 +31,7 @@ def screened_card(screening: Screening, remark: str) -> str:
     return _rendered(
         "card.html",
         screening=screening,
+        said=said,
         picture=None if drawing is None else svg_of(drawing),
         why=why,
         view=_view(screening.mismatch, screening.valve, remark),
@@ -41,8 +43,11 @@ def explained_card(valve: str, mismatch: Mismatch, remark: str) -> str:
     return _rendered("explained.html", valve=valve, view=_view(mismatch, valve, remark))
 
 
-def screened_table(valves: Sequence[tuple[Screening, bool | None]], discovered: str) -> str:
-    """A row for each screening, with whether its effects stand; ``discovered`` sums them up."""
+def screened_table(
+    valves: Sequence[tuple[Screening, PresentedFinding, bool | None]], discovered: str
+) -> str:
+    """A row for each screening, with what is said of it and whether its effects stand;
+    ``discovered`` sums them up."""
     return _rendered("screened_valves.html", valves=valves, discovered=discovered)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.evidence_picture import part_drawn, simulated_run
 from stemwatch.service.report.charts.loop_shapes import BAND, CURVE, LoopShapes, loop_shapes
 
@@ -23,8 +24,10 @@ _SIZE = (11.0, 3.6)
 _OP, _MV, _MODEL, _NAIVE, _CURVE = "#5b6675", "#17202c", "#2a6fb0", "#c2500a", "#0e7f78"
 
 
-def screening_figure(screening: Screening) -> Figure:
+def screening_figure(screening: Screening, verdict: Verdict) -> Figure:
     """OP, MV and the model over time; beside it MV against OP with the stick band of S and J.
+
+    ``verdict`` is that on the valve, which the title names.
 
     Raises ``ModuleNotFoundError`` without matplotlib, ``ValueError`` without samples.
     """
@@ -37,9 +40,7 @@ def screening_figure(screening: Screening) -> Figure:
     places = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
     time = figure.add_subplot(places[0, 0])
     _over_time(time, recording, part, simulated)
-    time.set_title(
-        f"{screening.valve}: {screening.verdict.value} ({why[0].lower()}{why[1:]})", loc="left"
-    )
+    time.set_title(f"{screening.valve}: {verdict.value} ({why[0].lower()}{why[1:]})", loc="left")
     if mv is not None:
         _against_op(figure.add_subplot(places[0, 1]), screening, recording, part)
     return figure

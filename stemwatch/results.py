@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from stemwatch.connectors.settings import nearest
@@ -17,6 +18,7 @@ from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.explain.explain_json import to_object
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
+from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.physics_words import FINDING_TITLE
 from stemwatch.service.presenter.wording import VERDICT_SYMBOL, finite, printable, share
 from stemwatch.service.report.json_contract import to_contract
@@ -47,6 +49,10 @@ class ScreenedValve:
     remark: str = ""
     """Why they do not, in a sentence."""
 
+    @cached_property
+    def _said(self) -> PresentedFinding:
+        return present(self.screening, stands=self.stands)
+
     @property
     def valve(self) -> str:
         """The valve's name."""
@@ -54,18 +60,19 @@ class ScreenedValve:
 
     @property
     def verdict(self) -> Verdict:
-        """``sticky``, ``watch``, ``healthy`` or ``undetermined``; equal to its text."""
-        return self.screening.verdict
+        """``sticky``, ``defective``, ``watch``, ``undetermined`` or ``healthy``; equal to its
+        text."""
+        return self._said.decision.verdict
 
     @property
     def reason(self) -> str:
-        """What was found, one sentence."""
-        return self.screening.reason
+        """What was found, a sentence or two."""
+        return self._said.reason
 
     @property
     def advice(self) -> str:
         """What to do next, one sentence."""
-        return self.screening.advice
+        return self._said.next_step
 
     @property
     def S(self) -> Estimate:
@@ -85,12 +92,12 @@ class ScreenedValve:
     @property
     def severity(self) -> float:
         """0 to 100, for ranking."""
-        return self.screening.severity
+        return self._said.decision.severity
 
     @property
     def confidence(self) -> float | None:
-        """0 to 1; ``None`` without a verdict."""
-        return self.screening.confidence
+        """0 to 1; ``None`` where the verdict is ``undetermined`` or ``defective``."""
+        return self._said.decision.confidence
 
     @property
     def mismatch(self) -> Mismatch | None:
@@ -103,7 +110,7 @@ class ScreenedValve:
         return self.screening.recording
 
     def to_dict(self) -> dict[str, Any]:
-        """The JSON contract, version 1: one object of ``valves.json`` (docs/json.md)."""
+        """The JSON contract, version 2: one object of ``valves.json`` (docs/json.md)."""
         return to_contract(self.screening, stands=self.stands)
 
     def plot(self) -> Figure:
@@ -114,17 +121,17 @@ class ScreenedValve:
         """
         from stemwatch.plots import screening_figure
 
-        return screening_figure(self.screening)
+        return screening_figure(self.screening, self.verdict)
 
     def __repr__(self) -> str:
-        screening, sure = self.screening, finite(self.screening.confidence)
-        numbers = f"severity {screening.severity:.0f} of 100"
+        screening, sure = self.screening, finite(self.confidence)
+        numbers = f"severity {self.severity:.0f} of 100"
         if sure is not None:
             numbers += f", confidence {share(sure)}"
-        verdict = f"{VERDICT_SYMBOL[screening.verdict]} {screening.verdict.value}"
+        verdict = f"{VERDICT_SYMBOL[self.verdict]} {self.verdict.value}"
         lines = [f"{printable(screening.valve)}: {verdict}"]
         lines[0] += f" ({numbers})"
-        lines += _wrapped(screening.reason) + _wrapped(screening.advice)
+        lines += _wrapped(self.reason) + _wrapped(self.advice)
         if screening.S.value is not None:
             lines.append(f"  S {screening.S}, J {screening.J} of OP span")
         return "\n".join(lines + _mismatch_lines(screening.mismatch, self.remark))
@@ -132,7 +139,7 @@ class ScreenedValve:
     def _repr_html_(self) -> str:
         from stemwatch.html import screened_card
 
-        return screened_card(self.screening, self.remark)
+        return screened_card(self.screening, self._said, self.remark)
 
 
 @dataclass(frozen=True, repr=False)
@@ -288,7 +295,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
     def __repr__(self) -> str:
         if len(self) == 1:
             return repr(self[0])
-        counted = count_verdicts(valve.screening for valve in self)
+        counted = count_verdicts(self._ranking())
         said = ", ".join(f"{n} {verdict.value}" for verdict, n in counted.items() if n)
         many = "1 valve" if len(self) == 1 else f"{len(self)} valves"
         lines = [f"{many}: {said}" if said else many]
@@ -308,7 +315,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
     def _repr_html_(self) -> str:
         from stemwatch.html import screened_table
 
-        ranked = [(valve.screening, valve.stands) for valve in self.ranked()]
+        ranked = [(valve.screening, valve._said, valve.stands) for valve in self.ranked()]
         return screened_table(ranked, self.discoveries.sentence)
 
 

@@ -57,7 +57,10 @@ def find_sources(patterns: Iterable[str | Path]) -> FoundSources:
     paths: dict[Path, None] = {}
     skipped: dict[Path, str] = {}
     for pattern in patterns:
-        for path in _matches(pattern):
+        found = _matches(pattern)
+        if not found:
+            skipped[Path(pattern)] = _why_nothing(Path(pattern))
+        for path in found:
             reason = None if path == Path(pattern) else _why_not(path)
             if reason is None:
                 paths[path] = None
@@ -80,6 +83,13 @@ def _matches(pattern: str | Path) -> list[Path]:
             f"{pattern}: no such file, folder or pattern; expected for example exports/*.csv"
         )
     return [p for p in paths if not any(part.startswith(".") for part in p.parts[-1:])]
+
+
+def _why_nothing(folder: Path) -> str:
+    """Why a folder gave no file."""
+    inside = next(folder.rglob("*"), None)
+    what = "the folder is empty" if inside is None else "no file in the folder may be a recording"
+    return f"{what}; expected exports that end in {', '.join(ENDINGS)}"
 
 
 def _has_ending(path: Path) -> bool:

@@ -85,6 +85,7 @@ class OpenedFile:
                 decimal=self.decimal,
                 good=self.options.good_quality,
                 name=str(self.path),
+                lines=self.table.numbers,
                 as_mode=as_mode,
             )
         return self._columns[key]

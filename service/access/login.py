@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from datetime import datetime, timedelta
 
+from stemwatch.service.access.known_browser import key_of_browser
 from stemwatch.service.access.passwords import LONGEST, hash_password, is_dated, matches
 from stemwatch.service.access.secret import digest_of
 from stemwatch.service.access.sessions import IDLE, begin_session
@@ -33,23 +34,54 @@ class TooMany(LoginRefused):
 
 
 def sign_in(
-    store: Store, name: str, password: str, *, now: datetime, address: str, agent: str = ""
+    store: Store,
+    name: str,
+    password: str,
+    *,
+    now: datetime,
+    address: str,
+    agent: str = "",
+    browser: str = "",
 ) -> tuple[User, str]:
-    """Sign in; return the user and a new session's cookie. Raises ``LoginRefused``, ``Busy``."""
-    waits = waits_of(name, address)
-    until = store.attempts.begin(waits, now=now, forget=FORGET)
-    if until is not None:
-        raise TooMany(max(1, math.ceil((until - now).total_seconds())))
+    """Sign in; return the user and a new session's cookie. Raises ``LoginRefused``, ``Busy``.
+
+    ``browser`` is the cookie of ``known_browser``: in a browser in which this user has signed in
+    before, failed attempts of others with the name or address cause no wait.
+    """
+    known = store.accounts.password_of(name) if browser else None
+    own = None if known is None else key_of_browser(browser, known[1], now)
+    waits = waits_of(name, address) if own is None else {own: of_name}
+    _begin(store, name, waits, now, address)
     user = check(store, name, password, now)
     if user is None:
         _note(store, name, now, address, AuditOutcome.REFUSED)
         raise LoginRefused(WRONG)
-    store.attempts.succeeded(key_of_name(name), [key_of_address(address)])
+    if own is None:
+        store.attempts.succeeded(key_of_name(name), [key_of_address(address)])
+    else:
+        store.attempts.succeeded(own, [])
     cookie = begin_session(store, user.id, now=now, address=address, agent=agent)
     _note(store, name, now, address, AuditOutcome.DONE)
     store.web_sessions.remove_ended(now=now, idle=IDLE)
     store.attempts.remove_old(now - 2 * FORGET)
     return user, cookie
+
+
+def _begin(store: Store, name: str, waits: Mapping[str, Wait], now: datetime, address: str) -> None:
+    """Count an attempt, or raise ``TooMany`` where it has to wait.
+
+    Refused attempts are recorded in the audit log once in ``NOTED_EVERY`` with their number, so
+    that thousands of guesses are one entry a minute.
+    """
+    until = store.attempts.begin(waits, now=now, forget=FORGET)
+    if until is None:
+        return
+    refused = store.attempts.refused(f"refused {key_of_name(name)}", now=now, every=NOTED_EVERY)
+    if refused:
+        many = "1 attempt" if refused == 1 else f"{refused} attempts"
+        detail = f"{many} not tried: too many before; noted once a minute"
+        _note(store, name, now, address, AuditOutcome.REFUSED, detail)
+    raise TooMany(max(1, math.ceil((until - now).total_seconds())))
 
 
 def check(store: Store, name: str, password: str, now: datetime) -> User | None:
@@ -67,10 +99,7 @@ def check(store: Store, name: str, password: str, now: datetime) -> User | None:
 
 def confirm(store: Store, user: User, password: str, *, now: datetime, address: str) -> bool:
     """Whether this is the password of a signed-in user; throttled as a sign-in is."""
-    waits = waits_of(user.name, address)
-    until = store.attempts.begin(waits, now=now, forget=FORGET)
-    if until is not None:
-        raise TooMany(max(1, math.ceil((until - now).total_seconds())))
+    _begin(store, user.name, waits_of(user.name, address), now, address)
     known = store.accounts.password_of(user.name)
     if known is None or not matches(password[: 4 * LONGEST], known[1]):
         return False
@@ -78,7 +107,14 @@ def confirm(store: Store, user: User, password: str, *, now: datetime, address: 
     return True
 
 
-def _note(store: Store, name: str, now: datetime, address: str, outcome: AuditOutcome) -> None:
+def _note(
+    store: Store,
+    name: str,
+    now: datetime,
+    address: str,
+    outcome: AuditOutcome,
+    detail: str = "",
+) -> None:
     """Add an audit entry; without the typed name where no user has it, as it may be a password."""
     known = store.accounts.find(name)
     store.audit.add(
@@ -90,11 +126,12 @@ def _note(store: Store, name: str, now: datetime, address: str, outcome: AuditOu
             action=ACTION,
             about="" if known is not None else "a name that nobody has",
             outcome=outcome,
-            detail="disabled" if known is not None and known.disabled is not None else "",
+            detail="disabled" if known is not None and known.disabled is not None else detail,
         )
     )
 
 
+NOTED_EVERY = timedelta(minutes=1)
 FORGET = timedelta(hours=1)  # without an attempt; counts then restart
 FREE_OF_NAME, FREE_OF_ADDRESS = 5, 20
 LONGEST_OF_NAME, LONGEST_OF_ADDRESS = timedelta(seconds=60), timedelta(seconds=300)

@@ -59,6 +59,11 @@ def user_of_cookie(
     )
 
 
+def end_session(store: Store, cookie: str) -> None:
+    """End the session of this cookie, if it has one."""
+    store.web_sessions.end(digest_of(cookie))
+
+
 def form_token_of(cookie: str) -> str:
     """What the forms of a page carry: worked out from the cookie, so that it belongs to one
     session and is the same after a restart, and the cookie cannot be worked out from it."""

@@ -96,6 +96,12 @@ def main() -> None:
     """Run the command line; errors with a cause a user can mend are one sentence and status 2."""
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.service.config.problems import PlantFileError
+    from stemwatch.service.process_lifecycle import (
+        INTERRUPTED,
+        TERMINATED,
+        ending_on_sigterm,
+        terminated,
+    )
     from stemwatch.service.store.errors import StoreError
 
     # Libraries make hundreds of thousands of objects while they are loaded, and none is garbage: to
@@ -108,7 +114,12 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
-        app()
+        with ending_on_sigterm():
+            app()
     except (ConnectorError, PlantFileError, StoreError, OSError, ValueError) as error:
         say_error(str(error))
         raise SystemExit(2) from error
+    except SystemExit as end:
+        if end.code == INTERRUPTED and terminated():
+            raise SystemExit(TERMINATED) from None
+        raise

@@ -210,7 +210,7 @@ def prune(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.store.administration import prune as pruning
-    from stemwatch.service.store.store import open_store
+    from stemwatch.service.store.store import open_existing_store
 
     address = _address(plant, db)
     if samples_days is None and plant is not None:
@@ -220,7 +220,7 @@ def prune(
     )
     if ages == pruning.RetentionDays():
         raise typer.BadParameter("give --samples-days, --results-days or --alerts-days")
-    with open_store(_existing(address)) as store:
+    with open_existing_store(address) as store:
         went = pruning.prune(store, ages) if yes else pruning.would_prune(store, ages)
     views.out.print(views.pruned_table(str(address), went, done=yes))
     if not yes and went.total:
@@ -245,11 +245,3 @@ def _plant(path: Path) -> Plant:
     from stemwatch.service.config import load_plant
 
     return load_plant(o.need_file(path, "--plant"))
-
-
-def _existing(address: DatabaseUrl) -> DatabaseUrl:
-    """The address, where there is a database already."""
-    from stemwatch.service.store.database.engine import existing_engine
-
-    existing_engine(address).dispose()
-    return address

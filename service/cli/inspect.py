@@ -24,6 +24,10 @@ def inspect(
     time_format: o.TimeFormat = "",
     interval_s: o.Interval = None,
     json_file: o.JsonFile = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(help="Write the proposed plant file here, unless it is there already."),
+    ] = None,
 ) -> None:
     """Show what is understood of an export, and propose a mapping for plant.toml.
 
@@ -34,7 +38,9 @@ def inspect(
     signals. A tag named MV may be the controller output or the valve position: it is never guessed.
     """
     import json
+    from dataclasses import replace
 
+    from rich.markup import escape
     from rich.syntax import Syntax
 
     from stemwatch.connectors.historian import HistorianFile
@@ -42,6 +48,10 @@ def inspect(
     from stemwatch.service.cli.reading import read_options
 
     o.need_file(file, "FILE")
+    if write is not None and write.exists():
+        raise typer.BadParameter(
+            f"{write} exists and is not overwritten; name another file", param_hint="--write"
+        )
     chosen = read_options(
         zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
     )
@@ -51,14 +61,26 @@ def inspect(
         views.out.print(table)
     for line in views.inspection_remarks(seen):
         views.out.print(line, highlight=False)
+    if json_file is not None:
+        text = json.dumps(seen.to_dict(), indent=1, ensure_ascii=False)
+        json_file.write_text(text + "\n", encoding="utf-8")
+    if write is not None:
+        proposed = replace(seen, source=_seen_from(write, file)).plant_toml(curves=_curves(source))
+        write.write_text(proposed, encoding="utf-8")
+        views.out.print(f"\n{escape(str(write))} is written. Check the roles in it; then")
+        views.out.print(f"  stemwatch screen --plant {escape(str(write))}", soft_wrap=True)
+        return
     views.out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
     mapping = Syntax("", "toml", background_color="default").highlight(
         views.as_toml_escapes(seen.plant_toml(curves=_curves(source)))
     )
     views.out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
-    if json_file is not None:
-        text = json.dumps(seen.to_dict(), indent=1, ensure_ascii=False)
-        json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def _seen_from(plant_file: Path, export: Path) -> str:
+    """The path of ``export`` as ``plant_file`` must give it, where relative paths count from it."""
+    folder, export = plant_file.resolve().parent, export.resolve()
+    return (export.relative_to(folder) if export.is_relative_to(folder) else export).as_posix()
 
 
 def _curves(source: HistorianFile) -> dict[str, str]:

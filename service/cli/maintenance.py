@@ -27,7 +27,7 @@ def maintenance(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant
-    from stemwatch.service.store.store import open_store
+    from stemwatch.service.store.store import open_existing_store, open_store
 
     if not db and plant is None:
         raise typer.BadParameter("give --plant plant.toml or --db URL")
@@ -35,7 +35,9 @@ def maintenance(
     home = zone or (loaded.zone if loaded else None) or ""
     moment = o.instant(at, home, "--at") or datetime.now(UTC)
     address = db or (loaded.storage if loaded else db)
-    with open_store(address) as store:
+    # A plant file knows its valves before any run; an address alone may be mistyped.
+    opened = open_existing_store(address) if db else open_store(address)
+    with opened as store:
         if valve not in {known.id for known in store.valves()} and (
             loaded is None or valve not in loaded.valves
         ):

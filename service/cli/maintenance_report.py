@@ -37,13 +37,13 @@ def maintenance_report(
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant
     from stemwatch.service.maintenance.stored import report_of_store
-    from stemwatch.service.store.store import open_store
+    from stemwatch.service.store.store import open_existing_store
 
     if not db and plant is None:
         raise typer.BadParameter("give --plant plant.toml or --db URL")
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     address = db or (loaded.storage if loaded else db)
-    with open_store(address) as store:
+    with open_existing_store(address) as store:
         files = report_of_store(
             store,
             out,

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from stemwatch.service.run.plan import Request
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
-MOST_REASONS = 5  # of a run in which nothing could be read
 TAGS = "Which tag is what (one valve per file)"
 
 
@@ -82,8 +81,20 @@ def screen(
         read_options=chosen,
     )
     screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
-    if fail_on is not None and any(screening.verdict is fail_on for screening in screenings):
+    if fail_on is not None and _is_found(fail_on, screenings):
         raise typer.Exit(1)
+
+
+def _is_found(verdict: Verdict, screenings: tuple[Screening, ...]) -> bool:
+    """Whether a valve has this verdict, or its stem: who asks for what sticks or may stick is told
+    of it in a valve that is defective as well."""
+    from datetime import UTC, datetime
+
+    from stemwatch.service.report.ranking import rank_valves
+    from stemwatch.service.report.report_context import ReportContext
+
+    ranked = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
+    return any(verdict in (valve.verdict, valve.screening.verdict) for valve in ranked)
 
 
 def screen_plant(plant: Path, out: Path, workers: int | None) -> tuple[Screening, ...]:
@@ -137,7 +148,7 @@ def _run(
 
 
 def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def]
-    """The summary, what was left out, and where the report is; 2 where nothing could be read."""
+    """The summary, what was left out, and where the report is."""
     from stemwatch.service.cli import views
 
     views.out.print(views.summary(result.brief))
@@ -152,8 +163,3 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         highlight=False,
         soft_wrap=True,
     )
-    if not any(screening.seen is not None or screening.still_seen for screening in result.brief):
-        for screening in result.brief[:MOST_REASONS]:
-            views.say_error(screening.reason)
-        views.say_error("nothing could be screened: no source could be read as it was asked for")
-        raise typer.Exit(2)

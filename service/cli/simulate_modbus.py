@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import re
-import signal
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,8 +53,6 @@ def serve_modbus(
         ):
             views.out.print(views.escape(line), highlight=False, soft_wrap=True)
 
-    # asyncio ends in order on SIGINT; SIGTERM shall do the same.
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     views.say(f"Simulating {len(loops)} loops ...")
     with contextlib.ExitStack() as stack:
         beside = None

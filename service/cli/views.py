@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape as _escape_markup
 from rich.progress import (
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.screening_result import Screening
+    from stemwatch.service.report.ranking import Ranking
     from stemwatch.service.store.administration.backup_file import TableDigest
     from stemwatch.service.store.administration.check import DatabaseHealth
     from stemwatch.service.store.administration.prune import Pruned
@@ -37,11 +39,13 @@ err = Console(stderr=True)
 
 STYLE = {
     Verdict.STICKY: "bold red",
+    Verdict.DEFECTIVE: "bold magenta",
     Verdict.WATCH: "yellow",
     Verdict.UNDETERMINED: "cyan",
     Verdict.HEALTHY: "green",
 }
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
+LONGEST_TAG = 24  # characters of a tag that stay on one line
 NAMED = 6  # valves that are named for one reason
 NARROW = 76  # below this only what matters most
 SHOWN = 40  # lines of the summary; the report has all
@@ -89,10 +93,10 @@ def verdict_line(screening: Screening) -> str:
     """One line for a valve that matters."""
     from stemwatch.service.presenter.finding import present
 
-    style = STYLE[screening.verdict]
     said = present(screening, stands=None)
+    verdict = said.decision.verdict
     return (
-        f"[{style}]{screening.verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
+        f"[{STYLE[verdict]}]{verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
         f"{escape(said.reason)}"
     )
 
@@ -117,10 +121,18 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
         def tell(screening: Screening, done: int, of: int) -> None:
             elapsed = progress.tasks[0].elapsed or 1e-9
             progress.update(bar, completed=done, total=of, rate=f"{done / elapsed:.1f}/s")
-            if screening.verdict in (Verdict.STICKY, Verdict.WATCH):
+            if is_final(screening) and screening.verdict in (Verdict.STICKY, Verdict.WATCH):
                 progress.console.print(verdict_line(screening), highlight=False)
 
         yield tell
+
+
+def is_final(screening: Screening) -> bool:
+    """Whether the verdict is known before all valves of the run are: one that hangs on an effect
+    beside friction is not, as chance alone may have named that."""
+    from stemwatch.service.presenter.work_decision import decide
+
+    return decide(screening, stands=None).verdict is decide(screening, stands=False).verdict
 
 
 def summary(screenings: Sequence[Screening]) -> Table:
@@ -131,7 +143,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
     ranking = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
     more = f", the worst {SHOWN} shown" if len(ranking) > SHOWN else ""
     table = Table(title=f"{ranking.counts.sentence.rstrip('.')}{more}.", title_justify="left")
-    table.caption, table.caption_justify = _verdicts(screenings), "left"
+    table.caption, table.caption_justify = _verdicts(ranking), "left"
     narrow, wide = out.width < NARROW, out.width >= WIDE
     table.add_column("", justify="right")
     table.add_column("valve", overflow="fold")  # a name that is cut is no name
@@ -149,7 +161,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
         table.add_row(
             str(valve.rank),
             escape(screening.valve),
-            f"[{STYLE[screening.verdict]}]{screening.verdict.value}[/]",
+            f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]",
             _number(screening.S),
             _number(screening.J),
             *beside,
@@ -158,12 +170,12 @@ def summary(screenings: Sequence[Screening]) -> Table:
     return table
 
 
-def _verdicts(screenings: Sequence[Screening]) -> str:
+def _verdicts(ranking: Ranking) -> str:
     """How many recordings there are of each verdict."""
-    count = {
-        verdict: sum(screening.verdict is verdict for screening in screenings) for verdict in STYLE
-    }
-    return ", ".join(f"{many} {verdict.value}" for verdict, many in count.items() if many)
+    from stemwatch.service.report.ranking import count_verdicts
+
+    counts = count_verdicts(ranking)
+    return ", ".join(f"{many} {verdict.value}" for verdict, many in counts.items() if many)
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
@@ -184,9 +196,10 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
     for name, value in _facts(seen):
         facts.add_row(name, escape(value))
     yield facts
-    tags = Table(title="Tags", title_justify="left")
+    tags = Table(title="Tags", title_justify="left", box=SIMPLE_HEAD)  # fits 80 columns
+    tag_width = min(LONGEST_TAG, max((len(tag.tag) for tag in seen.tags), default=0))
     for name in ("tag", "role", "unit", "valve", "range", "bad", "every, s", "evidence"):
-        tags.add_column(name, overflow="fold")
+        tags.add_column(name, overflow="fold", min_width=tag_width if name == "tag" else None)
     for tag in seen.tags:
         low_high = "" if tag.low is None or tag.high is None else f"{tag.low:.4g} to {tag.high:.4g}"
         every = tag.own_interval_s or tag.interval_s
@@ -196,7 +209,7 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
             escape(tag.unit),
             escape(tag.valve),
             low_high,
-            f"{tag.bad_share:.1%}",
+            "text" if tag.role == "mode" and tag.low is None else f"{tag.bad_share:.1%}",
             "" if every is None else f"{every:g}",
             "; ".join(_evidence(tag)),
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from importlib.metadata import entry_points
+from ipaddress import ip_network
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -24,6 +25,14 @@ def _readable_cron(expression: str) -> str:
     except ValueError as error:
         raise ValueError(f'five cron fields, such as "30 5 * * 1" ({error})') from None
     return expression
+
+
+def _readable_network(text: str) -> str:
+    try:
+        ip_network(text)
+    except ValueError as error:
+        raise ValueError('an address or network, such as "127.0.0.1" or "10.0.0.0/24"') from error
+    return text
 
 
 class ScheduleTable(TomlTable):
@@ -165,6 +174,10 @@ class ServiceSection(TomlTable):
 
     address: Annotated[str, Field(pattern=r"^(|https?://[^\s?#]+)$")] = Field(
         default="", description="where people reach the pages, such as https://valves.example/"
+    )
+    trusted_proxies: list[Annotated[str, AfterValidator(_readable_network)]] = Field(
+        default=[],
+        description='a list of addresses or networks of proxies, such as ["127.0.0.1"]',
     )
     spool: Name = Field(
         default="stemwatch-spool", description="a folder, relative to the plant file"

@@ -88,7 +88,7 @@ def work_sentence(work: Sequence[Remark], began: datetime | None, zone: tzinfo) 
 
 
 def _said(past: PreviousFinding, zone: tzinfo) -> str:
-    return f"of {instant(past.at, zone)}, said {past.verdict.value} and did not show it"
+    return f"of {instant(past.at, zone)}, said {k.verdict_before(past).value} and did not show it"
 
 
 def _of_signal(kind: str) -> bool:

@@ -13,6 +13,7 @@ from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.maintenance.work_list import WorkList
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
 from stemwatch.service.presenter.wording import NOTHING
+from stemwatch.service.presenter.work_decision import verdict_before
 from stemwatch.service.report.html_page import environment
 
 TEMPLATE, STYLE = "maintenance.html", "maintenance.css"
@@ -31,6 +32,7 @@ def book_html(book: WorkList) -> bytes:
         return NOTHING if when is None else f"{when.astimezone(book.context.tz):%Y-%m-%d}"
 
     env.filters["day"] = day
+    env.filters["verdict_before"] = verdict_before
     env.filters["page_anchor"] = page_anchor
     text = env.get_template(TEMPLATE).render(
         book=book,

@@ -45,6 +45,7 @@ from stemwatch.service.presenter.wording import (
     span_percent,
     window,
 )
+from stemwatch.service.presenter.work_decision import verdict_before
 from stemwatch.service.report.report_context import ReportContext
 
 REGULAR, BOLD = "DejaVuSansCondensed", "DejaVuSansCondensed-Bold"
@@ -464,7 +465,7 @@ def _head(t: _Type, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     about = [facts.description, facts.area]
     about += [f"criticality {facts.criticality}"] if facts.criticality else []
     about += [f"stroke {facts.stroke}"] if facts.stroke else []
-    title = f"{VERDICT_SYMBOL[screening.verdict]} {sheet.title} ({screening.verdict.value})"
+    title = f"{VERDICT_SYMBOL[sheet.valve.verdict]} {sheet.title} ({sheet.valve.verdict.value})"
     left = [
         t.text(_cut(screening.valve, LONGEST_NAME), 1.75, bold=True),
         t.text(_cut(" · ".join(text for text in about if text), LONGEST_CELL), 0.92),
@@ -515,7 +516,7 @@ def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> 
         return parts
     rows = [
         ["Before", *[_day(past.at, context) for past in sheet.past]],
-        ["", *[_verdict(past.verdict) for past in sheet.past]],
+        ["", *[_verdict(verdict_before(past)) for past in sheet.past]],
         ["S, %", *[span_percent(past.S) for past in sheet.past]],
     ]
     step = (width - 28.0) / max(len(sheet.past), 4)

@@ -100,6 +100,11 @@ def report_of_store(
     there is no such run, or none of a valve that was named.
     """
     every = store.latest_screenings() if run is None else store.screenings_of_run(run)
+    if not every and run is None:
+        raise StoreError(
+            f"{store.address}: no valve was screened into this database yet; `stemwatch screen "
+            f"--db {store.address}` does"
+        )
     known = {screening.valve for screening in every}
     if unknown := sorted(set(valves) - known):
         where = "the store" if run is None else f"run {run}"

@@ -68,7 +68,7 @@ def work_list_of(
         else:
             screening = valve.screening
             brief = ValveWithoutPage(
-                valve=screening.valve, verdict=screening.verdict, said=brief_of(valve)
+                valve=screening.valve, verdict=valve.verdict, said=brief_of(valve)
             )
             others.append(brief)
     sheets.sort(key=_order)

@@ -21,14 +21,15 @@ from stemwatch.service.maintenance.first_seen import FirstSeen
 from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discoveries
-from stemwatch.service.presenter.finding import PresentedFinding
+from stemwatch.service.presenter.finding import PresentedFinding, field_test
 from stemwatch.service.presenter.wording import (
-    VERDICT_MEANING,
+    figure,
     finite,
     interval,
     share,
     span_percent,
 )
+from stemwatch.service.presenter.work_decision import WorkDecision
 from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.report.ranking import RankedValve
 
@@ -39,13 +40,14 @@ CLASSES = ((0.80, 1), (0.55, 2), (0.30, 3), (0.0, 4))
 WORDS = {1: "within a week", 2: "within a month", 3: "within three months", 4: "at the next stop"}
 DAYS = {1: 7, 2: 30, 3: 90, 4: 180}
 
+GENERAL_TEST = "Step OP by 1 %"  # how the step for all sticking valves begins
 MOST_PAST = 5  # earlier screenings in the table
 MEANING = {
     "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
     "J": "slip jump: how far the stem then jumps at once",
 }
-# Counted on simulated valves that took no part in choosing the limits: the tables "How often is it
-# right?" and "Does it name the right physics?" of the README, which a test compares.
+# Counted on simulated valves that took no part in choosing the limits: the tables of docs/trial.md
+# and docs/proof.md, which a test compares.
 FALSE_STICKY = (2, 240, "0.2 to 3.0 %")
 FALSE_EFFECT = (0, 52, "0 to 6.9 %")
 FALSE_EFFECT_SCATTERED = (3, 64, "1.6 to 13 %")
@@ -66,10 +68,14 @@ class Priority:
 
 
 def priority(severity: float, criticality: str, trend: Change) -> Priority:
-    """The class of a finding, with the three factors as its reason."""
+    """The class of a finding, with the three factors as its reason.
+
+    It is reckoned from the whole number that people read, so that they come to the same class.
+    """
+    severity = round(severity)
     known = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
     weight = WEIGHT_OF_TREND.get(trend.direction, 1.0)
-    score = severity / 100.0 * WEIGHT_OF_CRITICALITY[known] * weight
+    score = round(severity / 100.0 * WEIGHT_OF_CRITICALITY[known] * weight, 6)
     code = next(code for least, code in CLASSES if score >= least)
     stated = f"criticality {known} of 3"
     if known != criticality:
@@ -143,9 +149,9 @@ def work_sheet_of(
     kinds = said.decision.kinds
     earlier = background.earlier(screening)
     seen = s.first_seen(kinds[0], earlier)
-    steps = advice.steps_for(kinds)
+    steps = _with_field_test(advice.steps_for(kinds), field_test(screening))
     picture, note = picture_of(screening, background.samples(screening), zone)
-    sizes, stroke_note = _sizes(screening, valve.facts.stroke)
+    sizes, stroke_note = sizes_of(screening, valve.facts.stroke)
     return WorkSheet(
         valve=replace(valve, screening=screening.without_samples()),
         said=said,
@@ -158,7 +164,7 @@ def work_sheet_of(
         since=seen,
         since_said=_since(seen, screening, background, zone),
         past=tuple(earlier[:MOST_PAST]),
-        sure=how_sure(screening, valve.stands, discoveries, seen),
+        sure=how_sure(screening, said.decision, valve.stands, discoveries, seen),
         priority=priority(
             finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
         ),
@@ -168,13 +174,34 @@ def work_sheet_of(
     )
 
 
-def _sizes(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
-    """S and J, and how their travel was reckoned."""
-    full = _stroke(stroke)
-    sizes = tuple(_size(name, getattr(screening, name), full) for name in MEANING)
+def _with_field_test(steps: tuple[CheckStep, ...], test: str) -> tuple[CheckStep, ...]:
+    """The steps, with the test of this valve's own size in place of the one for all valves."""
+    at = next((k for k, step in enumerate(steps) if step.text.startswith(GENERAL_TEST)), None)
+    if at is None or not test:
+        return steps
+    return (*steps[:at], replace(steps[at], text=test), *steps[at + 1 :])
+
+
+def sizes_of(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
+    """S and J, each with its travel, and how that was reckoned.
+
+    Travel is S or J in percent of OP times the slope of the curve from OP to stroke (1 where there
+    is none) times the stroke.
+    """
+    full, curve = _stroke(stroke), screening.stroke_curve
+    known = full is not None and (curve is None or curve.slope_known)
+    slope = 1.0 if curve is None else abs(curve.slope)
+    sizes = tuple(_size(name, getattr(screening, name), full, slope, known) for name in MEANING)
     if full is None:
         return sizes, "The plant file gives no stroke, so there is no travel in mm or degrees."
+    if not known:
+        return sizes, "No travel: how far a percent of OP moves this valve is not known."
     note = f"Travel: of a stroke of {full}, 100 % of OP taken as the whole of it."
+    if curve is not None:
+        note = (
+            f"Travel: of a stroke of {full}; 1 % of OP moves the stem {figure(slope, 2)} % of it, "
+            "by the curve from OP to stroke."
+        )
     return sizes, note if any(size.travel for size in sizes) else ""
 
 
@@ -185,14 +212,18 @@ def _stroke(text: str) -> Stroke | None:
         return None
 
 
-def _size(name: str, estimate: Estimate, full: Stroke | None) -> Size:
+def _size(name: str, estimate: Estimate, full: Stroke | None, slope: float, known: bool) -> Size:
     value = finite(estimate.value)
     return Size(
         name=name,
         meaning=MEANING[name],
         percent="not known" if value is None else f"{span_percent(value)} %",
         interval=f"{interval(estimate)} %" if value is not None and interval(estimate) else "",
-        travel="" if full is None or value is None else full.of_percent(value),
+        travel=(
+            full.of_percent(slope * value)
+            if known and full is not None and value is not None
+            else ""
+        ),
     )
 
 
@@ -212,14 +243,18 @@ def brief_of(valve: RankedValve) -> str:
         return screening.reason
     S = finite(screening.S.value)
     said = "" if S is None else f", S {span_percent(S)} %"
-    return f"{VERDICT_MEANING[screening.verdict]}{said}; trend: {valve.trend.words}"
+    return f"{valve.said.meaning}{said}; trend: {valve.trend.words}"
 
 
 def how_sure(
-    screening: Screening, stands: bool | None, discoveries: Discoveries, seen: FirstSeen
+    screening: Screening,
+    decision: WorkDecision,
+    stands: bool | None,
+    discoveries: Discoveries,
+    seen: FirstSeen,
 ) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
-    said = [_confidence(screening), _seen_often(seen), _wrong_of_sticky(screening)]
+    said = [_confidence(decision), _seen_often(seen), _wrong_of_sticky(screening)]
     if stands is not None:
         said.append(_standing(stands, discoveries))
         said.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
@@ -228,10 +263,10 @@ def how_sure(
     return tuple(sentence for sentence in said if sentence)
 
 
-def _confidence(screening: Screening) -> str:
-    if screening.confidence is None:
+def _confidence(decision: WorkDecision) -> str:
+    if decision.confidence is None:
         return ""
-    return f"Confidence in the verdict {screening.verdict.value}: {share(screening.confidence)}."
+    return f"Confidence in the verdict {decision.verdict.value}: {share(decision.confidence)}."
 
 
 def _seen_often(seen: FirstSeen) -> str:

@@ -33,6 +33,9 @@ MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
 LEAST_SHARE_OF_INTERVAL = 0.1
 # A stem that crosses its travel in five seconds is no slow one, on a faster record in five samples.
 FASTEST_PERCENT = 20.0
+# From this S on a test by hand uses this step: three or more of them, each one to be seen.
+TEST_STEPS = ((3.0, 1.0), (1.5, 0.5), (0.0, 0.2))
+LEAST_TESTED = 0.6  # percent; a smaller S is not counted in steps by hand
 ALIKE_SHARE = 0.2  # two directions closer than this are said once
 NAIVE_SHARE = 1 / 3
 SMALLEST_NAIVE_STEP_PERCENT = 0.2
@@ -104,7 +107,7 @@ def present(
     return PresentedFinding(
         decision=decision,
         title=advice_for(decision.kinds[0]).title,
-        meaning=VERDICT_MEANING[screening.verdict],
+        meaning=VERDICT_MEANING[decision.verdict],
         found=_found(screening, decision),
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
@@ -162,12 +165,31 @@ def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
     return tuple(said)
 
 
+def field_test(screening: Screening) -> str:
+    """A test by hand that can move this valve, with what to expect from its own S and J; empty
+    where they are not known or nothing is to be confirmed."""
+    S, J = finite(screening.S.value), finite(screening.J.value) or 0.0
+    if screening.verdict not in (Verdict.STICKY, Verdict.WATCH) or S is None or S < LEAST_TESTED:
+        return ""
+    step = next(step for least, step in TEST_STEPS if least <= S)
+    low, high = finite(screening.S.low) or S, finite(screening.S.high) or S
+    fewest, most = max(1, round(low / step)), max(1, round(high / step))
+    span = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+    jump = f"a jump of about {span_percent(J)} %" if J >= step / 2 else "no jump"
+    return (
+        f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
+        f"back by the same steps, and count them. Expect about {max(1, round(S / step))} ({span}) "
+        f"before it moves back, with {jump}. A stem that answers the first or second step back "
+        "passes."
+    )
+
+
 def _next_step(screening: Screening, decision: WorkDecision) -> str:
-    """The screening's advice. A stem that follows but has an effect that wants work gets that
-    effect's: to look for the cause elsewhere would be wrong."""
-    if screening.verdict is Verdict.HEALTHY and decision.effects:
+    """The screening's advice. A valve that does not stick but has an effect that wants work gets
+    that effect's: to look for the cause elsewhere would be wrong."""
+    if decision.verdict is Verdict.DEFECTIVE:
         return present_effect(decision.effects[0]).check
-    return screening.advice
+    return " ".join(filter(None, (screening.advice, field_test(screening))))
 
 
 def _otherwise(

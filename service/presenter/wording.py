@@ -15,12 +15,14 @@ NOTHING = "–"
 # A symbol beside each word, so that no meaning hangs on colour alone.
 VERDICT_SYMBOL = {
     Verdict.STICKY: "■",
+    Verdict.DEFECTIVE: "◆",
     Verdict.WATCH: "▲",
     Verdict.UNDETERMINED: "?",
     Verdict.HEALTHY: "✓",
 }
 VERDICT_MEANING = {
     Verdict.STICKY: "the stem sticks; plan the work",
+    Verdict.DEFECTIVE: "the stem does not stick, but something else is wrong; plan the work",
     Verdict.WATCH: "some sticking; look again soon",
     Verdict.UNDETERMINED: "the recording does not allow a verdict; the reason is given",
     Verdict.HEALTHY: "the stem follows the controller",

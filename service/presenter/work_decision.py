@@ -2,8 +2,8 @@
 whether the valve needs work. Every output asks here: report, tables, pages, PDF, mail, terminal.
 
 A valve needs work where its stem sticks, or where a material effect beside friction was named that
-stands among all valves of its run. Valves to watch and those that cannot be judged are counted
-apart.
+stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. Valves
+to watch and those that cannot be judged are counted apart.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from stemwatch.models.mismatch.findings import Effect, Finding
-from stemwatch.models.screening_result import Screening
+from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter.wording import finite, valves_counted
 
@@ -62,18 +62,34 @@ class WorkState(StrEnum):
     NO_WORK = "no work"
 
 
+STATE_OF = {
+    Verdict.STICKY: WorkState.NEEDS_WORK,
+    Verdict.DEFECTIVE: WorkState.NEEDS_WORK,
+    Verdict.WATCH: WorkState.WATCH,
+    Verdict.UNDETERMINED: WorkState.NOT_JUDGED,
+    Verdict.HEALTHY: WorkState.NO_WORK,
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class WorkDecision:
     """The decision on one screening.
 
-    ``kinds`` has the kind to act on first at its front; ``severity`` is 0 to 100 (NaN: not known);
+    ``verdict`` is the word that every output shows; ``kinds`` has the kind to act on first at its
+    front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on.
     """
 
-    state: WorkState
+    verdict: Verdict
     kinds: tuple[str, ...]
     severity: float
+    confidence: float | None = None
     effects: tuple[Effect, ...] = ()
+
+    @property
+    def state(self) -> WorkState:
+        """Where the valve stands with maintenance."""
+        return STATE_OF[self.verdict]
 
     @property
     def needs_work(self) -> bool:
@@ -106,24 +122,34 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
         named=tuple(effect.slug for effect in effects),
         finding=None if mismatch is None else mismatch.finding,
     )
+    verdict = overall_verdict(screening.verdict, named=bool(effects))
     return WorkDecision(
-        state=work_state(screening.verdict, named=bool(effects)),
+        verdict=verdict,
         kinds=kinds,
         severity=severity_of(screening.verdict, screening.severity, kinds),
+        confidence=confidence_in(verdict, screening.confidence),
         effects=effects,
     )
 
 
-def work_state(verdict: Verdict, *, named: bool) -> WorkState:
-    """The state by the verdict and by whether an effect beside friction was ``named`` and stands.
+def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
+    """The verdict on the valve from that on its stem, which S and J give, and from whether an
+    effect beside friction was ``named`` that stands.
 
-    All that ``needs work`` means stands in this function.
+    All that ``needs work`` means stands here and in ``STATE_OF``.
     """
-    if verdict is Verdict.STICKY or named:
-        return WorkState.NEEDS_WORK
-    if verdict is Verdict.WATCH:
-        return WorkState.WATCH
-    return WorkState.NOT_JUDGED if verdict is Verdict.UNDETERMINED else WorkState.NO_WORK
+    return Verdict.DEFECTIVE if named and of_stem is not Verdict.STICKY else of_stem
+
+
+def verdict_before(past: PreviousFinding) -> Verdict:
+    """The verdict on the valve that an earlier screening ended in."""
+    return overall_verdict(past.verdict, named=bool(past.effects) and not past.held_back)
+
+
+def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:
+    """The confidence in the verdict on the valve, 0 to 1. Bootstrap draws of S tell nothing of an
+    effect beside friction: how sure that is stands with its evidence."""
+    return None if verdict is Verdict.DEFECTIVE else of_stem
 
 
 def obstacle_kind(reason: str) -> str:

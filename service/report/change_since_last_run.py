@@ -9,9 +9,10 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.wording import finite
+from stemwatch.service.presenter.work_decision import verdict_before
 
 ARROWS = {"worse": "↗", "better": "↘", "same": "→", "new": "•", "unknown": "·"}
-_GRAVITY = {Verdict.HEALTHY: 0, Verdict.WATCH: 1, Verdict.STICKY: 2}
+_GRAVITY = {Verdict.HEALTHY: 0, Verdict.WATCH: 1, Verdict.DEFECTIVE: 2, Verdict.STICKY: 3}
 
 # A step in S counts only where the present interval excludes the earlier value and the step could
 # be seen at all in plant data; without an interval it has to be a tenth of the earlier value.
@@ -32,12 +33,8 @@ class Change:
         return ARROWS[self.direction]
 
 
-class HasVerdict(Protocol):
+class HasSize(Protocol):
     """What a change is seen in: a screening, or its line in a ranking."""
-
-    @property
-    def verdict(self) -> Verdict | None:
-        """``None`` where there was no screening."""
 
     @property
     def severity(self) -> float:
@@ -48,22 +45,26 @@ class HasVerdict(Protocol):
         """Percent of OP span."""
 
 
-def change_since_last_run(now: HasVerdict, before: PreviousFinding | None) -> Change:
-    """The change from ``before`` to ``now``: by verdict, else by S, else by severity."""
+def change_since_last_run(
+    now: HasSize, verdict: Verdict | None, before: PreviousFinding | None
+) -> Change:
+    """The change from ``before`` to ``now``, whose verdict on the valve is ``verdict``: by verdict,
+    else by S, else by severity."""
     if before is None:
         return Change(direction="new", words="first look")
-    if now.verdict not in _GRAVITY or before.verdict not in _GRAVITY:
-        return Change(direction="unknown", words=f"was {before.verdict.value}")
-    if now.verdict != before.verdict:
-        worse = _GRAVITY[now.verdict] > _GRAVITY[before.verdict]
+    was = verdict_before(before)
+    if verdict not in _GRAVITY or was not in _GRAVITY:
+        return Change(direction="unknown", words=f"was {was.value}")
+    if verdict != was:
+        worse = _GRAVITY[verdict] > _GRAVITY[was]
         return Change(
             direction="worse" if worse else "better",
-            words=f"{'worse' if worse else 'better'}, was {before.verdict.value}",
+            words=f"{'worse' if worse else 'better'}, was {was.value}",
         )
     return _within_a_verdict(now, before)
 
 
-def _within_a_verdict(now: HasVerdict, before: PreviousFinding) -> Change:
+def _within_a_verdict(now: HasSize, before: PreviousFinding) -> Change:
     S, S_before = finite(now.S.value), finite(before.S)
     if S is not None and S_before is not None:
         moved = _has_moved(now.S, S_before)

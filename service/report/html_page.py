@@ -30,8 +30,9 @@ from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars,
 from stemwatch.service.report.ranking import RankedValve, count_verdicts, counted, discovered
 from stemwatch.service.report.report_context import ReportContext
 
-# Every sticky and watch valve is plotted, and the next ones up to 60, but never more than 150:
-# a valve's plots are 60 to 90 KB, and the page must open on a phone.
+# Valves with these verdicts are plotted, and the next ones up to 60, but never more than 150: the
+# plots of one are 60 to 90 KB, and the page must open on a phone.
+ALWAYS_WITH_PLOTS = (Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH)
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
 # A section without plots is 20 to 30 KB; of thousands of valves the rest is a row of the table.
@@ -79,7 +80,7 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
 
 
 def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
-    counts = count_verdicts(valve.screening for valve in ranked)
+    counts = count_verdicts(ranked)
     discoveries = discovered(ranked, context)
     page = environment(context, template).get_template("report.html")
     return page.generate(
@@ -105,7 +106,7 @@ def told_limit(counts: dict[Verdict, int]) -> int:
 
 def plot_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, get plots."""
-    wanted = counts[Verdict.STICKY] + counts[Verdict.WATCH]
+    wanted = sum(counts[verdict] for verdict in ALWAYS_WITH_PLOTS)
     return min(max(wanted, ALWAYS_PLOTTED), MOST_PLOTTED)
 
 
@@ -135,7 +136,8 @@ def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> Mismatch
     mismatch, tag = valve.screening.mismatch, valve.screening.valve
     if mismatch is None:
         return None
-    return mismatch_view(mismatch, None, valve.anchor, tag, held_back, overlay)
+    counts = valve.screening.S, valve.screening.J
+    return mismatch_view(mismatch, None, valve.anchor, tag, held_back, overlay, counts)
 
 
 class _Compiled(BytecodeCache):
@@ -180,6 +182,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "spread_percent": spread_percent,
         "left_over_bars": left_over_bars,
         "effect_name": mismatch_words.effect_name,
+        "parameter_name": mismatch_words.parameter_name,
         "effect_names": mismatch_words.effect_names,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],

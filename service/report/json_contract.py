@@ -1,4 +1,4 @@
-"""The JSON contract, version 1: one object per valve, described by ``contract.schema.json``; its
+"""The JSON contract, version 2: one object per valve, described by ``contract.schema.json``; its
 ``mismatch`` (what S and J leave out) is the same in ``valves.json`` and ``stemwatch explain``.
 
 Within a version fields are only ever added. Errors in percent of span, fits, S and J in percent.
@@ -153,7 +153,7 @@ def _hot(places: Sequence[HotPlace]) -> list[dict[str, Any]]:
     ]
 
 
-CONTRACT_VERSION = 1
+CONTRACT_VERSION = 2
 MODELS = ("stiction", "narx", "baseline")
 
 
@@ -181,12 +181,14 @@ def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str
         "valve": printable(screening.valve),
         "recording": printable(screening.provenance.source),
         "window": {"start": _instant(start), "end": _instant(end)},
-        "verdict": screening.verdict.value,
+        "verdict": said.decision.verdict.value,
         "reason": printable(said.reason),
         "advice": printable(said.next_step),
         "shape": None if screening.shape is None else screening.shape.value,
         "severity": finite(said.decision.severity),
-        "confidence": finite(screening.confidence),
+        "confidence": finite(said.decision.confidence),
+        "stem_verdict": screening.verdict.value,
+        "stem_confidence": finite(screening.confidence),
         "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
         "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},
         "quality": {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import overload
@@ -18,7 +18,6 @@ from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.presenter.work_decision import (
     WorkCounts,
     WorkDecision,
-    WorkState,
     count_valves,
     decide,
 )
@@ -27,7 +26,7 @@ from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
 
 LONGEST_ANCHOR = 60
-RankKey = tuple[int, int, float, str]
+RankKey = tuple[int, float, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,14 +52,18 @@ class RankedValve:
         return self.said.decision
 
     @property
+    def verdict(self) -> Verdict:
+        """The verdict on the valve, as every output shows it."""
+        return self.said.decision.verdict
+
+    @property
     def evidence(self) -> ValvePlots | None:
         """What its plots draw, where its samples were let go; read when it is asked for."""
         return self.plots()
 
 
 class Ranking(Sequence[RankedValve]):
-    """The valves of a report, worst first: those that need work, those to watch, those that cannot
-    be judged, the others; then by verdict, severity and tag.
+    """The valves of a report, worst first: by verdict, severity and tag.
 
     A valve is made when it is asked for, from whatever ``screenings`` is: where that reads from a
     disk, only one valve is held at a time. ``evidence`` gives the plots of the screening at a place
@@ -84,6 +87,7 @@ class Ranking(Sequence[RankedValve]):
         self.discovered: Discoveries = replace(
             run, standing=tuple(run.standing[place] for place in self._order)
         )
+        self.verdicts = tuple(of_it.verdict for of_it in decided)
         self.counts = count_valves(
             (note.valve, of_it) for note, of_it in zip(notes, decided, strict=True)
         )
@@ -109,13 +113,14 @@ class Ranking(Sequence[RankedValve]):
         place = self._order[at]
         screening = self._screenings[place]
         facts = self._context.facts(screening.valve)
+        said = present(screening, stands=self.discovered.standing[at], run=self.discovered)
         return RankedValve(
             rank=at + 1,
             anchor=self._anchors[at],
             screening=screening,
             facts=facts,
-            trend=change_since_last_run(screening, facts.previous),
-            said=present(screening, stands=self.discovered.standing[at], run=self.discovered),
+            trend=change_since_last_run(screening, said.decision.verdict, facts.previous),
+            said=said,
             stands=self.discovered.standing[at],
             plots=partial(self._evidence, place),
         )
@@ -126,7 +131,7 @@ def rank_valves(
     context: ReportContext,
     evidence: Callable[[int], ValvePlots | None] = lambda _: None,
 ) -> Ranking:
-    """Worst first: by what a valve asks of maintenance, then verdict, severity and tag."""
+    """Worst first: by verdict, severity and tag."""
     return Ranking(screenings, context, evidence)
 
 
@@ -153,9 +158,10 @@ def light(screening: Screening) -> Screening:
     return replace(screening.without_samples(), mismatch=mismatch, indicators={})
 
 
-def count_verdicts(screenings: Iterable[Screening]) -> dict[Verdict, int]:
-    """How many valves there are of each verdict, worst first."""
-    counted = Counter(screening.verdict for screening in screenings)
+def count_verdicts(ranked: Sequence[RankedValve]) -> dict[Verdict, int]:
+    """How many recordings there are of each verdict, worst first."""
+    verdicts = ranked.verdicts if isinstance(ranked, Ranking) else [v.verdict for v in ranked]
+    counted = Counter(verdicts)
     return {verdict: counted[verdict] for verdict in WORST_FIRST}
 
 
@@ -165,8 +171,7 @@ def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
 
 
 def _key(screening: Screening, decided: WorkDecision) -> RankKey:
-    state, verdict = list(WorkState).index(decided.state), WORST_FIRST.index(screening.verdict)
-    return state, verdict, -(finite(decided.severity) or 0.0), screening.valve
+    return WORST_FIRST.index(decided.verdict), -(finite(decided.severity) or 0.0), screening.valve
 
 
 def anchor_of(valve: str, taken: Counter[str]) -> str:

@@ -16,9 +16,10 @@ from stemwatch.service.report.report_context import ReportContext
 Cell = str | float | int | datetime | None
 
 STATES = (
-    "needs work: the stem sticks, or a material effect beside friction was named; watch; "
+    "needs work: the stem sticks, or it is defective by an effect beside friction; watch; "
     "cannot be judged; no work"
 )
+STEM = "what S and J alone say of the stem; the column verdict of versions before 2"
 STANDING = {True: "yes", False: "held back", None: None}
 BEYOND_CHANCE = (
     f"yes: of the effects so marked, at most {LEVEL_PERCENT} are expected to be due to chance "
@@ -84,7 +85,7 @@ def _place() -> list[SpreadsheetColumn]:
 
 def _finding() -> list[SpreadsheetColumn]:
     return [
-        _text("verdict", "see Verdicts", lambda v: v.screening.verdict.value, 14),
+        _text("verdict", "see Verdicts", lambda v: v.verdict.value, 14),
         _text("maintenance", STATES, lambda v: v.decision.state.value, 16),
         SpreadsheetColumn(
             header="severity (0 to 100)",
@@ -94,12 +95,13 @@ def _finding() -> list[SpreadsheetColumn]:
         ),
         SpreadsheetColumn(
             header="confidence (0 to 1)",
-            meaning="how sure the verdict is; empty without one",
-            read=lambda v: v.screening.confidence,
+            meaning="how sure the verdict is; empty for undetermined and defective",
+            read=lambda v: v.decision.confidence,
         ),
         _text("reason", "what was found", lambda v: v.said.reason, 60),
         _text("advice", "what to do next", lambda v: v.said.next_step, 60),
         _text("trend", "change since the run before", lambda v: v.trend.words, 20),
+        _text("stem verdict", STEM, lambda v: v.screening.verdict.value, 14),
         _text("shape", "form of the OP-MV loop", lambda v: _shape(v.screening), 12),
         _text("data grade", "A clean to D no verdict", lambda v: v.screening.quality.grade, 10),
         _text("data remarks", "why", lambda v: " ".join(v.screening.quality.reasons), 40),

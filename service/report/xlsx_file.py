@@ -18,6 +18,7 @@ LONGEST_TEXT = 32_767  # Excel's limit for one cell
 
 VERDICT_COLOURS = {
     Verdict.STICKY: ("#9b1c1c", "#fde8e8"),
+    Verdict.DEFECTIVE: ("#6d2457", "#f8e6f2"),
     Verdict.WATCH: ("#7a4b00", "#fdf0d5"),
     Verdict.UNDETERMINED: ("#414b5a", "#eceff3"),
     Verdict.HEALTHY: ("#14603a", "#e4f4ea"),

@@ -17,12 +17,15 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
+from stemwatch.service.process_lifecycle import Terminated, process_name
 from stemwatch.service.report import ReportFiles
+from stemwatch.service.report.ranking import light
 from stemwatch.service.run.execute import (
     Executed,
     OnScreened,
@@ -36,6 +39,8 @@ from stemwatch.service.run.plan import Plan, Request, make_plan, read_tags_with
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
+
+MOST_REASONS = 5  # of a run in which nothing could be read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +57,7 @@ class RunNow:
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """The results of a run of the command line.
+    """The results of a run of the command line, of at least one valve that was read.
 
     ``screenings`` are in the order of the tasks and without samples (valves that need work keep an
     excerpt); they are read from a temporary file on access. ``brief`` holds the same screenings in
@@ -66,12 +71,27 @@ class RunResult:
     not_saved: tuple[tuple[str, str], ...]
 
 
+class NothingScreened(ConnectorError):
+    """No source of a run could be read as requested. The text has each reason once."""
+
+    @classmethod
+    def of(cls, screenings: Sequence[Screening], not_read: NotRead) -> NothingScreened:
+        """The error of a run none of whose sources could be read."""
+        reasons = [screening.S.reason or screening.reason for screening in screenings]
+        reasons += [f"{place}: {reason}" for place, reason in not_read]
+        unique = [reason.rstrip(".") for reason in dict.fromkeys(reasons)]
+        more = len(unique) - MOST_REASONS
+        listed = [*unique[:MOST_REASONS], *([f"and {more} more reasons"] if more > 0 else [])]
+        return cls(f"nothing could be screened: {'; '.join(listed) or 'no valve was asked for'}.")
+
+
 def screen_now(
     request: Request, how: RunNow, on_screened: OnScreened = lambda *_: None
 ) -> RunResult:
     """Screen everything that a request names, as a run of its own.
 
-    Raises ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
+    Raises ``NothingScreened`` where nothing could be read (an earlier report is then kept),
+    ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
     """
     plant, started = request.plant, datetime.now(UTC)
     planned = make_plan(request)
@@ -81,6 +101,7 @@ def screen_now(
             command=how.command,
             software_version=__version__,
             settings_digest=plant.settings_digest if plant else "",
+            owner=process_name(),
         ),
         started=started,
         executor=how.executor,
@@ -95,6 +116,9 @@ def screen_now(
         if plant is not None:
             how.store.save_valves(plant.valves.values())
         executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
+        brief = tuple(in_brief(result) for result in executed.results)
+        if not any(screening.was_read for screening in brief):
+            raise NothingScreened.of(brief, planned.not_read)
         report = finish(run, executed, planned.not_read)
     except BaseException as error:
         _note_end(run, error)
@@ -102,7 +126,7 @@ def screen_now(
     assert report is not None  # a run of the command line writes one or raises
     return RunResult(
         screenings=executed.results,
-        brief=tuple(in_brief(result) for result in executed.results),
+        brief=brief,
         report=report,
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),
@@ -132,22 +156,22 @@ def continue_queued(
 
 
 def in_brief(screening: Screening) -> Screening:
-    """The screening reduced to what a line of text needs, about 2 KB."""
+    """The screening reduced to what its rank and a line of text need, some KB."""
     no_residuals: dict[str, Residual | None] = {}
-    return replace(
-        screening.without_samples(),
-        indicators={},
-        residuals=no_residuals,
-        mismatch=None,
-        network=None,
-    )
+    return replace(light(screening), residuals=no_residuals, network=None)
 
 
 def _note_end(run: Run, error: BaseException) -> None:
-    """Store that an error or Ctrl-C ended the run, so that it does not remain as running."""
+    """Store that an error, Ctrl-C or SIGTERM ended the run, so that it does not remain as running.
+
+    A run whose process was killed is ended by the next use of the store (``end_lost``).
+    """
     by_hand = isinstance(error, KeyboardInterrupt)
     state = RunState.CANCELLED if by_hand else RunState.FAILED
-    reason = "interrupted by Ctrl-C" if by_hand else f"{type(error).__name__}: {error}"
+    reason = f"{type(error).__name__}: {error}"
+    if by_hand:
+        terminated = isinstance(error, Terminated)
+        reason = "ended by SIGTERM" if terminated else "interrupted by Ctrl-C"
     with suppress(StoreError):
         if run.store.run(run.number).finished is None:
             run.store.queue.finish(run.number, state, reason=reason)

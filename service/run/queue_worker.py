@@ -8,9 +8,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
-import socket
 import threading
-import uuid
 from collections import Counter
 from dataclasses import dataclass
 from datetime import timedelta
@@ -19,6 +17,7 @@ from pathlib import Path
 from stemwatch.connectors.connector import Window
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, ExecutorUnavailable, choose_executor
+from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.run.engine import continue_queued
 from stemwatch.service.run.execute import Run
 from stemwatch.service.run.finish import finish
@@ -41,9 +40,10 @@ _PREFIX = "run-"
 class QueueWorker:
     """Processes the queue in ``store`` for ``plant``.
 
-    A run whose worker has sent no heartbeat for ``silent_after`` is taken over. When stopped in the
-    middle of a run, or when its executor is temporarily unavailable, the worker releases the run;
-    the next start or another service continues it.
+    A run whose worker has been silent for ``silent_after``, or is known to have ended, is taken
+    over. Stopped in the middle of
+    a run, it lets the run lie: the next start, or another service, goes on with it. So it does
+    where its executor cannot work for the time being.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class QueueWorker:
     ) -> None:
         self._store, self._plant = store, plant
         self._silent_after, self._heartbeat_s = silent_after, heartbeat_s
-        self.owner = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:8]}"
+        self.owner = process_name()
         self._trials = Counter[int]()
         self._more = threading.Event()
 

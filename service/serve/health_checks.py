@@ -44,7 +44,10 @@ def health_checks(
     except StoreError:
         says = "the database does not answer"
         return [*checks, Check(name="store", ok=False, says=says, vital=True)]
-    checks.append(Check(name="store", ok=True, vital=True))
+    # The service renews its lease every few seconds, so that this is never an old answer.
+    stuck = bool(store.transactions.write_fault)
+    says = "the database cannot be written; the log says why" if stuck else ""
+    checks.append(Check(name="store", ok=not stuck, says=says, vital=True))
     late = [run for run in going if run.heartbeat and _old(run.heartbeat)]
     to_do = f"{len(going)} {'run' if len(going) == 1 else 'runs'} to do"
     says = f"run {late[0].id} has been silent for a while" if late else to_do

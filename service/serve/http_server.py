@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import threading
-import time
+from collections.abc import Sequence
 from typing import Any
 
 import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from stemwatch.service.logs import OnceAMinute
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +28,6 @@ ANSWER_BYTES = 60_000
 MOST_CONNECTIONS = 256
 END_S = 5  # how long answers that are being made hold up the end of the server
 
-_MOST_KINDS = 1000
 _TOO_SLOW = b"HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 _FULL = (
     b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nRetry-After: 5\r\n"
@@ -48,8 +48,12 @@ def connection_limit() -> int:
     return max(8, min(MOST_CONNECTIONS, soft // 4))
 
 
-def http_server(app: Any, *, lifespan: bool = True) -> uvicorn.Server:
-    """A server of ``app`` (ASGI 3) with these bounds; the caller gives it its sockets."""
+def http_server(app: Any, *, lifespan: bool = True, proxies: Sequence[str] = ()) -> uvicorn.Server:
+    """A server of ``app`` (ASGI 3) with these bounds; the caller gives it its sockets.
+
+    Of ``proxies``, and of nobody else, it believes in X-Forwarded-For and X-Forwarded-Proto who
+    asks and whether by TLS: any program of this machine could write them.
+    """
     limit = connection_limit()
     for name in ("uvicorn.error", "asyncio", __name__):
         logging.getLogger(name).addFilter(_ONCE_A_MINUTE)
@@ -60,39 +64,13 @@ def http_server(app: Any, *, lifespan: bool = True) -> uvicorn.Server:
         log_config=None,
         access_log=False,
         server_header=False,
+        proxy_headers=bool(proxies),
+        forwarded_allow_ips=list(proxies),
         lifespan="auto" if lifespan else "off",
         backlog=limit // 2,  # so many are accepted in one go
         timeout_graceful_shutdown=END_S,
     )
     return uvicorn.Server(config)
-
-
-class OnceAMinute(logging.Filter):
-    """Passes a message once in ``every_s`` seconds, with the number of repetitions left out, so
-    that clients cannot fill the disk with log lines."""
-
-    def __init__(self, every_s: float = 60.0) -> None:
-        super().__init__()
-        self._every_s = every_s
-        self._said: dict[tuple[str, type[BaseException] | None], tuple[float, int]] = {}
-        self._lock = threading.Lock()
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        """Whether this record is written; the number left out is then added to its text."""
-        error = record.exc_info[0] if record.exc_info else None
-        kind, now = (str(record.msg).partition("\n")[0], error), time.monotonic()
-        with self._lock:
-            if len(self._said) >= _MOST_KINDS:
-                self._said.clear()
-            last, left_out = self._said.get(kind, (-self._every_s, 0))
-            if now - last < self._every_s:
-                self._said[kind] = last, left_out + 1
-                return False
-            self._said[kind] = now, 0
-        if left_out:
-            record.msg = f"{record.getMessage()} ({left_out} times more since it was last said)"
-            record.args = None
-        return True
 
 
 _ONCE_A_MINUTE = OnceAMinute()

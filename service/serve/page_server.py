@@ -83,7 +83,7 @@ class PageServer:
             hosts=tuple(dict.fromkeys((*hosts, *own))),
             token=os.environ.get(ENVIRONMENT, ""),
         )
-        self._server = http_server(create_app(site))
+        self._server = http_server(create_app(site), proxies=plant.service.trusted_proxies)
         self._listening = listening
         self._thread = threading.Thread(target=self._run, name="pages")
 

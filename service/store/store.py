@@ -21,12 +21,17 @@ from stemwatch.service.store.accounts.one_time_links import AccessLinks
 from stemwatch.service.store.accounts.users import Accounts
 from stemwatch.service.store.alerts.alerts import Alerts
 from stemwatch.service.store.alerts.deliveries import Deliveries
-from stemwatch.service.store.database.engine import make_engine, plainly
-from stemwatch.service.store.database.transactions import Transactions
+from stemwatch.service.store.database.engine import (
+    existing_engine,
+    make_engine,
+    plainly,
+    store_errors,
+)
+from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.leases import Leases
-from stemwatch.service.store.runs.queue import RunQueue
+from stemwatch.service.store.runs.queue import RunQueue, end_lost
 from stemwatch.service.store.runs.schedules import Schedules
 from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.store.samples.sources import Sources
@@ -83,6 +88,29 @@ def open_store(url: str | DatabaseUrl) -> Store:
     return Store(engine, address)
 
 
+def open_existing_store(url: str | DatabaseUrl) -> Store:
+    """Open an existing store, for commands that only read.
+
+    Raises ``StoreError`` where there is no database or it holds no results of stemwatch, and as
+    ``open_store`` does.
+    """
+    from stemwatch.service.store.migrations.migrate import current_revision
+
+    address = url if isinstance(url, DatabaseUrl) else DatabaseUrl(url)
+    engine = existing_engine(address)
+    try:
+        with store_errors(address, "opening the store"), engine.connect() as connection:
+            made_by_us = current_revision(connection) is not None
+    finally:
+        engine.dispose()
+    if not made_by_us:
+        raise StoreError(
+            f"{address}: this database is empty; expected one that `stemwatch screen` or "
+            "`stemwatch serve` has written to. Look for a typing error in its name"
+        )
+    return open_store(address)
+
+
 class Store:
     """Access to the database. Each method is one transaction; several threads and processes may
     write at the same time.
@@ -129,11 +157,19 @@ class Store:
         self.transactions.readers.dispose()
 
     def begin_run(
-        self, *, command: Sequence[str] = (), software_version: str, settings_digest: str = ""
+        self,
+        *,
+        command: Sequence[str] = (),
+        software_version: str,
+        settings_digest: str = "",
+        owner: str | None = None,
     ) -> int:
-        """Record the start of a run and return its number. Secrets in ``command`` are masked."""
+        """Record the start of a run by ``owner`` (a ``process_name``) and return its number.
+        Secrets in ``command`` are masked. Runs whose process was killed are ended."""
         with self.transactions.writing("noting the run") as session:
+            end_lost(session, database_now(session))
             run = RunRow(
+                owner=owner,
                 started=datetime.now(UTC),
                 finished=None,
                 command=masked_command(command),

@@ -8,6 +8,7 @@ what the page may do. It is one ASGI layer, so that a page added later cannot be
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Sequence
 from urllib.parse import urlsplit
 
@@ -27,6 +28,9 @@ AMBIGUOUS = (
     "This request gives the length of its body twice, by Content-Length and by Transfer-Encoding. "
     "Exactly one Content-Length is expected."
 )
+
+# A name or an address, and a port: links are built of it, and in "a:1@b" the machine is b.
+_HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::[0-9]{1,5})?")
 
 # Styles of elements come from files; attributes hold the lengths of bars, worked out by us.
 POLICY = (
@@ -116,8 +120,8 @@ class SecurityMiddleware:
         return None if scope["method"] in SAFE else _unsafe_refusal(headers)
 
     def _knows(self, host: str) -> bool:
-        name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
-        return "*" in self._hosts or name.casefold() in self._hosts
+        told = _HOST.fullmatch(host)
+        return told is not None and ("*" in self._hosts or told["name"].casefold() in self._hosts)
 
 
 def _unsafe_refusal(headers: Headers) -> PlainTextResponse | None:

@@ -184,3 +184,28 @@ def test_a_wrong_decimal_mark_is_wrong_usage(stemwatch, one_valve: Path) -> None
     assert outcome.status == 2
     assert "decimal" in outcome.said
     assert "Traceback" not in outcome.said
+
+
+def test_a_plant_file_is_written_beside_the_export_or_elsewhere_and_never_over_another(
+    stemwatch, one_valve: Path, tmp_path: Path
+) -> None:
+    """It loads and screens from any folder, and what a person has filled in is not lost."""
+    beside, elsewhere = one_valve.parent / "written.toml", tmp_path / "far" / "plant.toml"
+    elsewhere.parent.mkdir()
+    for plant in (beside, elsewhere):
+        seen = stemwatch("inspect", one_valve, "--write", plant)
+        assert seen.status == 0, seen.said
+        assert f"stemwatch screen --plant {plant}" in seen.out
+        loaded = load_plant(plant)
+        assert loaded.problems == ()
+        found = tmp_path / f"{plant.parent.name}.json"
+        command = ("screen", "--plant", plant, "--out", tmp_path / "out", "--json", found)
+        assert stemwatch(*command, "--workers", 1).status == 0
+        (valve,) = json.loads(found.read_text(encoding="utf-8"))
+        assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
+    beside.write_text("# filled in by hand\n", encoding="utf-8")
+    again = stemwatch("inspect", one_valve, "--write", beside)
+    assert again.status == 2
+    assert "is not overwritten" in again.said
+    assert beside.read_text(encoding="utf-8") == "# filled in by hand\n"
+    beside.unlink()

@@ -1,4 +1,4 @@
-"""Ctrl-C ends a run at once and leaves a database that works."""
+"""Ctrl-C and SIGTERM end a run at once; they and SIGKILL leave a database that works."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ import pytest
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
 
 
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def started_runs(database: Path) -> int:
     """How many runs the database knows; 0 where it is not there or has no tables yet."""
     if not database.exists():
@@ -27,12 +31,22 @@ def started_runs(database: Path) -> int:
             return 0
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+ENDS = {
+    "Ctrl-C": (signal.SIGINT, 130, "cancelled", "interrupted by Ctrl-C"),
+    "SIGTERM": (signal.SIGTERM, 143, "cancelled", "ended by SIGTERM"),
+    "SIGKILL": (signal.SIGKILL, -9, "failed", "its process ended before the run was over"),
+}
+
+
+@pytest.mark.parametrize(
+    ("workers", "by"), [(1, "Ctrl-C"), (2, "Ctrl-C"), (2, "SIGTERM"), (2, "SIGKILL")]
+)
 def test_an_interrupted_run_leaves_a_usable_database(
-    stemwatch, one_valve: Path, tmp_path: Path, workers: int
+    stemwatch, one_valve: Path, tmp_path: Path, workers: int, by: str
 ) -> None:
-    """After Ctrl-C the process is gone without a traceback, its run is noted as cancelled, and the
-    next run keeps its result."""
+    """The process is gone without a traceback, its run is over with the reason, and the next run
+    keeps its result. A script's background job ignores Ctrl-C and hears of SIGTERM alone."""
+    number, status, state, reason = ENDS[by]
     folder, database = tmp_path / "exports", tmp_path / "kept.db"
     folder.mkdir()
     for place in range(96):
@@ -45,15 +59,17 @@ def test_an_interrupted_run_leaves_a_usable_database(
         stderr=subprocess.PIPE,
         encoding="utf-8",
         start_new_session=True,
+        preexec_fn=_ignore_ctrl_c if number is not signal.SIGINT else None,
     )
     for _ in range(600):
         if started_runs(database) or process.poll() is not None:
             break
         time.sleep(0.05)
     assert process.poll() is None
-    os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to the whole group
+    # A terminal sends it to the whole group.
+    (os.killpg if number is signal.SIGINT else os.kill)(process.pid, number)
     _, err = process.communicate(timeout=60)
-    assert process.returncode != 0
+    assert process.returncode == status
     assert "Traceback" not in err
 
     after = stemwatch("screen", one_valve, *tags, "--out", tmp_path / "out", "--workers", 1)
@@ -61,5 +77,7 @@ def test_an_interrupted_run_leaves_a_usable_database(
     with closing(sqlite3.connect(database)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         ended = connection.execute("SELECT state, finished IS NOT NULL FROM runs ORDER BY id")
-        assert [("cancelled", 1), ("done", 1)] == ended.fetchall()
+        assert [(state, 1), ("done", 1)] == ended.fetchall()
+        (said,) = connection.execute("SELECT reason FROM runs ORDER BY id").fetchone()
+        assert said.startswith(reason)
         assert ("historian",) in connection.execute("SELECT valve FROM screenings").fetchall()

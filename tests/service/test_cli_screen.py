@@ -168,7 +168,7 @@ def test_json_is_the_reports_own(screened, export: Path, tmp_path: Path) -> None
     outcome, valves = screened(export, "--json", file)
     assert outcome.status == 0
     assert valves == json.loads(file.read_text(encoding="utf-8"))
-    assert [1, 1, 1] == [valve["version"] for valve in valves]
+    assert [2, 2, 2] == [valve["version"] for valve in valves]
 
 
 def test_the_report_is_four_files_that_agree(screened, export: Path, tmp_path: Path) -> None:
@@ -222,3 +222,34 @@ def test_a_valve_whose_tag_is_nowhere_is_reported(screened, plant: Path) -> None
     assert verdicts(valves)["FIC-104"] == "sticky"
     reason = next(v["reason"] for v in valves if v["valve"] == "FIC-107")
     assert "the OP tag FIC-777.OP is in none of the source's files" in reason
+
+
+FAILING = {
+    "a wrong tag": ("one_valve", ("--op", "NOPE"), "there is no tag 'NOPE'"),
+    "an empty file": (b"", PAIR, "the file is empty"),
+    "a binary file": (bytes(range(256)) * 20, PAIR, "is not text"),
+    "an empty folder": (None, (), "the folder is empty"),
+}
+
+
+@pytest.mark.parametrize(("source", "more", "why"), FAILING.values(), ids=FAILING.keys())
+def test_a_failed_run_leaves_the_last_report_as_it_was(
+    screened, one_valve: Path, tmp_path: Path, source: Any, more: tuple[str, ...], why: str
+) -> None:
+    """Nothing could be read: the reason is told once, no table is shown and no file is written."""
+    good, _ = screened(one_valve, *PAIR)
+    out = tmp_path / "out"
+    before = {path.name: path.read_bytes() for path in out.iterdir() if path.suffix[:3] != ".db"}
+    broken = one_valve
+    if source != "one_valve":
+        broken = tmp_path / "broken.csv"
+        broken.mkdir() if source is None else broken.write_bytes(source)
+    outcome, _ = screened(broken, *more)
+    after = {path.name: path.read_bytes() for path in out.iterdir() if path.suffix[:3] != ".db"}
+    assert good.status == 0
+    assert outcome.status == 2
+    assert after == before
+    assert outcome.said.count(why) == 1
+    assert outcome.said.count("nothing could be screened") == 1
+    assert "verdict" not in outcome.out
+    assert "Report:" not in outcome.out

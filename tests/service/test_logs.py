@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -11,6 +13,8 @@ import time
 from pathlib import Path
 
 import pytest
+
+from stemwatch.service.logs import OnceAMinute
 
 TOKEN, HOOK, FILED = "the-readers-token-1", "the-hooks-secret-2", "the-filed-secret-3"
 SERVE = "import typer; from stemwatch.service.cli.serve import serve; typer.run(serve)"
@@ -162,3 +166,32 @@ def test_a_token_in_an_address_is_masked() -> None:
     from stemwatch.service.logs import clean
 
     assert clean("GET /?token=geheim&x=1 failed") == "GET /?token=***&x=1 failed"
+
+
+def test_equal_warnings_are_counted_and_not_repeated() -> None:
+    """A full disk says the same line hundreds of times: it is written once a minute, with how often
+    it came; other lines, and what is no warning, are untouched."""
+    now, lines = [0.0], io.StringIO()
+    handler = logging.StreamHandler(lines)
+    handler.addFilter(OnceAMinute(equal=True, clock=lambda: now[0]))
+    log = logging.Logger("a part")
+    log.addHandler(handler)
+    for second in range(150):
+        now[0] = float(second)
+        for _ in range(4):
+            log.error("the disk is full: %s", "store.db")
+        if second % 50 == 0:
+            log.info("a run begins")
+            log.warning("another at %d s", second)
+    now[0] = 300.0
+    log.error("the disk is full: %s", "store.db")
+    full = "the disk is full: store.db"
+    assert lines.getvalue().splitlines() == [
+        full,
+        *("a run begins", "another at 0 s"),
+        *("a run begins", "another at 50 s"),
+        f"{full} (239 times more since it was last said)",
+        *("a run begins", "another at 100 s"),
+        f"{full} (239 times more since it was last said)",
+        f"{full} (119 times more since it was last said)",
+    ]

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from stemwatch.service.process_lifecycle import has_ended, process_name
+
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
 
 HEAD = """
@@ -97,6 +99,37 @@ def test_workers_end_with_a_parent_that_was_killed(pool: str, tmp_path: Path) ->
         while any(map(alive, workers)) and time.monotonic() < end:
             time.sleep(0.05)
         assert [one for one in workers if alive(one)] == []
+
+
+NAMED = """
+import pathlib, sys, time
+from stemwatch.service.process_lifecycle import process_name
+path = pathlib.Path(sys.argv[1]) / "named-1"
+path.with_suffix(".new").write_text(process_name(), encoding="utf-8")
+path.with_suffix(".new").rename(path)
+time.sleep(120)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks into /proc")
+def test_a_process_of_this_machine_is_known_to_have_ended(tmp_path: Path) -> None:
+    """While it lives it has not ended; killed it has, before and after it was collected. Whoever
+    has its number later is another, and of another machine or start nobody knows."""
+    with started(NAMED, tmp_path) as process:
+        there(tmp_path, "named-1", 1)
+        name = (tmp_path / "named-1").read_text(encoding="utf-8")
+        assert not has_ended(name)
+        process.kill()
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        assert has_ended(name)
+        process.communicate(timeout=30)
+        assert has_ended(name)
+    own = process_name()
+    host, pid, began, place, _ = own.rsplit(":", 4)
+    assert not has_ended(own)
+    assert has_ended(f"{host}:{pid}:{int(began) + 1}:{place}:0")
+    for other in (f"x{host}:{pid}:1:{place}:0", f"{host}:{pid}:1:x:0", f"{host}:{pid}:ab", "Ann"):
+        assert not has_ended(other)
 
 
 @pytest.mark.parametrize("pool", POOLS)

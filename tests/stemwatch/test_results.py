@@ -18,6 +18,7 @@ import pytest
 
 import stemwatch as sw
 from stemwatch.connectors.connector import ConnectorError
+from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import Recording
 from stemwatch.models.verdict import Verdict
 from stemwatch.results import ExplainedValve, ExplainedValves, ScreenedValve, ScreenedValves
@@ -186,6 +187,9 @@ def test_an_explanation_names_what_is_left_out(explained: ExplainedValve) -> Non
     assert page.count("<svg") == 2
     several = sw.explain([sw.simulate(S=3.0, J=0.0, minutes=10)], narx=False)
     assert isinstance(several, ExplainedValves)
+    assert several[0].finding is Finding.NONE
+    assert several[0].S.value is not None
+    assert f"<b>{several[0].S.value:.2f}" in several[0]._repr_html_()
     jsonschema.validate([explained.to_dict(), *several.to_dict()], EXPLAIN_SCHEMA)
 
 

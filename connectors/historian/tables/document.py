@@ -16,6 +16,7 @@ MAX_TEXT_BYTES = 4 * 1024**3
 # once that is no longer little, is no export, or one that is made to fill the memory.
 MAX_EXPANSION = 200
 EXPANSION_ALLOWED_BYTES = 256 * 1024**2
+LOST = "\ufffd"  # stands in a cell where bytes were lost; the same sign as for undecodable bytes
 _CHUNK = 1 << 16
 _GZIP = b"\x1f\x8b"
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
@@ -138,8 +139,10 @@ def _detect(data: bytes) -> str:
         if data.startswith(mark):
             return name
     head = data[:4096]
-    if head.count(0) > 0.3 * len(head) and len(head) > 3:
-        return "utf-16-le" if head[1::2].count(0) > head[::2].count(0) else "utf-16-be"
+    low, high = head[::2].count(0), head[1::2].count(0)
+    # A block of NULs that a power cut left has them on both sides of each pair.
+    if low + high > 0.3 * len(head) and len(head) > 3 and min(low, high) < 0.2 * max(low, high):
+        return "utf-16-le" if high > low else "utf-16-be"
     try:
         data.decode("utf-8")
         return "utf-8"
@@ -190,12 +193,24 @@ def _decode_damaged(data: bytes, encoding: str, error: Exception, notes: Reading
 
 
 def _clean(text: str, notes: ReadingNotes) -> str:
-    if "\0" in text:
-        notes.problem(f"{text.count(chr(0))} NUL characters were removed")
-        text = text.replace("\0", "")
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
+    if "\0" in text:
+        text = _mark_lost(text, notes)
     if "Â" in text:
         text, repaired = _TWICE_ENCODED.subn(r"\1", text)
         if repaired:
             notes.decide(f"{repaired} signs written as in 'Â°' were read as '°' (encoded twice).")
     return text
+
+
+def _mark_lost(text: str, notes: ReadingNotes) -> str:
+    """NULs stand where bytes were lost: what is left of such a cell is no number any more."""
+    lines = text.split("\n")
+    for i, line in enumerate(lines):
+        if "\0" not in line:
+            continue
+        only = not line.strip("\0 \t")
+        what = "only lost bytes" if only else "a cell that lost bytes; it is unreadable"
+        notes.problem(f"line {i + 1}: {what} ({line.count(chr(0))} NUL characters)")
+        lines[i] = "" if only else line.replace("\0", LOST)
+    return "\n".join(lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from stemwatch.connectors.historian.times.time_column import Instants
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.values import implausible_values
-from stemwatch.connectors.historian.values.numbers import parse_numbers
+from stemwatch.connectors.historian.values.numbers import parse_number, parse_numbers
 from stemwatch.connectors.historian.values.quality_codes import quality_of
 from stemwatch.connectors.historian.values.value_texts import (
     mode_value,
@@ -25,6 +25,7 @@ from stemwatch.connectors.historian.values.value_texts import (
 from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes, Role
 
 _SHOWN = 30
+_TOLD = 5  # doubtful cells of one tag that are named with their lines
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,15 +82,19 @@ def convert(
     decimal: str,
     good: tuple[str, ...],
     name: str,
+    lines: Sequence[int] = (),
     as_mode: bool = False,
 ) -> Column:
     """Values and quality of ``raw``; with ``as_mode`` words such as AUTO and MAN count as 1 and 0.
 
+    ``lines`` are the numbers of the file's lines on which the table's rows stand, for messages.
     Raises ``UnreadableSource`` where a quality column's codes cannot be understood.
     """
     notes = ReadingNotes()
     values = parse_numbers(raw.cells, decimal)
     quality, reasons = _words(raw, values, notes)
+    if lines:
+        _tell_doubtful(raw, values, decimal, lines, notes)
     if as_mode:
         values, quality = _modes(raw, values, quality)
     quality = _coded(raw, quality, good, name, notes, reasons)
@@ -156,6 +161,26 @@ def _words(
                 "is truncated and later samples are missing; export it again with a larger array."
             )
     return quality, reasons
+
+
+def _tell_doubtful(
+    raw: RawColumn, values: Floats, decimal: str, lines: Sequence[int], notes: ReadingNotes
+) -> None:
+    """Cells that could be a number and are not taken for one, with their lines."""
+    told = 0
+    for row in np.flatnonzero(np.isnan(values)).tolist():
+        text = raw.cells[row].strip()
+        if parse_number(text, decimal) is None:
+            continue
+        told += 1
+        if told > _TOLD:
+            notes.decide(f"{raw.tag}: and more cells such as these on later lines.")
+            return
+        at = row if raw.rows is None else int(raw.rows[row])
+        notes.decide(
+            f"{raw.tag}: line {lines[at]}: {text[:_SHOWN]!r} is left out: the tag's other numbers "
+            "are written without marks for thousands, so it may be two numbers or a damaged one."
+        )
 
 
 def _modes(

@@ -33,6 +33,9 @@ _GROUPED = {
     ),
 }
 _MARKS = re.compile(r"[ '\u00a0\u202f]")
+_GROUPS = re.compile(r"[0-9][,. '\u00a0\u202f][0-9]{3}(?![0-9])")
+_FEWEST_APART, _HABIT = 2, 0.1  # cells with marks for thousands, and their share of all
+_NEEDS_MARK, _NEAR_MARK = 10_000.0, 500.0  # "1000" is often written without a mark, "10000" not
 _WITH_UNIT = re.compile(r"^(?P<number>[^A-Za-z%°]*[0-9.,])\s*(?P<unit>[A-Za-z%°][^\s]*)$")
 # A comma that does not stand before exactly three digits cannot mark thousands.
 _CERTAIN_COMMA = re.compile(r",(?:[0-9]{1,2}(?![0-9])|[0-9]{4})")
@@ -57,17 +60,49 @@ def parse_number(text: str, decimal: str) -> float | None:
 
 
 def parse_numbers(cells: Sequence[str], decimal: str) -> Floats:
-    """(n,) numbers of ``cells``; NaN where a cell is none (or is too large for a float)."""
+    """(n,) numbers of ``cells``; NaN where a cell is none (or is too large for a float), and where
+    its marks for thousands are not what the other cells write."""
     quick = _quick(cells, decimal)
     if quick is not None:
         return quick
     known: dict[str, float] = {}
+    doubtful: set[str] = set()
     for text in dict.fromkeys(cells):
         number = parse_number(text, decimal)
         known[text] = np.nan if number is None else number
+        if number is not None and _may_be_two(text, decimal):
+            doubtful.add(text)
+    if doubtful and not _writes_thousands_apart(cells, known, doubtful):
+        known.update(dict.fromkeys(doubtful, np.nan))
     values = np.fromiter((known[text] for text in cells), dtype=np.float64, count=len(cells))
     values[~np.isfinite(values)] = np.nan
     return values
+
+
+def _may_be_two(text: str, decimal: str) -> bool:
+    """Whether a mark for thousands in ``text`` may as well be another sign that was damaged.
+
+    ``41 435`` may be two numbers or 41.435; ``41.435,2`` has both marks and is one number.
+    """
+    text = text.strip()
+    if _PLAIN[decimal].fullmatch(text) or not _GROUPS.search(text):
+        return False
+    return bool(_MARKS.search(text)) or decimal not in text
+
+
+def _writes_thousands_apart(
+    cells: Sequence[str], known: dict[str, float], doubtful: set[str]
+) -> bool:
+    """Whether the column has the habit: several of its numbers are written so, none of five
+    digits is not, and they are a tenth of all or go on from where the plain ones end."""
+    count = Counter(cells)
+    apart = sum(count[text] for text in doubtful)
+    plain = [abs(v) for text, v in known.items() if np.isfinite(v) and text not in doubtful]
+    most = max(plain, default=0.0)
+    if apart < _FEWEST_APART or most >= _NEEDS_MARK:
+        return False
+    numbers = sum(n for text, n in count.items() if np.isfinite(known[text]))
+    return apart >= _HABIT * numbers or most >= _NEAR_MARK
 
 
 def _quick(cells: Sequence[str], decimal: str) -> Floats | None:

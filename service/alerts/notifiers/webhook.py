@@ -63,6 +63,8 @@ def is_public(address: str) -> bool:
     if isinstance(plain, IPv6Address):
         if plain in _TEREDO or plain in _LOCAL_TRANSLATED or plain.scope_id is not None:
             return False
+        if plain.is_site_local:  # withdrawn, but routers still lead it to networks of a site
+            return False
         inner = _inner(plain)
         if inner is not None:
             return is_public(str(inner))

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.screenings.records import RunState
-from stemwatch.service.store.screenings.screenings import latest_screening_id
+from stemwatch.service.store.screenings.screenings import count_overall, latest_screening_id
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
 from stemwatch.service.store.store import Store
 
@@ -85,9 +85,10 @@ def _last_run(session: Session) -> LastRun | None:
 
 def _verdicts(session: Session) -> dict[str, int]:
     latest = ScreeningRow.id == latest_screening_id()
-    verdict = func.coalesce(ScreeningRow.verdict, NOT_SCREENED)
-    statement = select(verdict, func.count()).select_from(ValveRow).outerjoin(ScreeningRow, latest)
-    return _counts(session, statement.group_by(verdict))
+    joined = select(ScreeningRow).select_from(ValveRow).join(ScreeningRow, latest)
+    counts = count_overall(session, joined)
+    valves = session.scalar(select(func.count()).select_from(ValveRow)) or 0
+    return {**counts, NOT_SCREENED: valves - sum(counts.values())}
 
 
 def _alerts(session: Session) -> dict[tuple[str, str], int]:

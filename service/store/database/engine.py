@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from json import JSONDecodeError
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,12 @@ from stemwatch.service.store.errors import StoreError
 
 BUSY_TIMEOUT_MS = 30_000
 _WRITES = "stemwatch_writes"
+# As SQLite says it; the last two where bytes of a text or of its own schema are no text any more.
+_DAMAGED = (
+    "malformed", "is not a database", "file is encrypted", "database corruption", "disk I/O error",
+    "Could not decode", "unsupported file format",
+)  # fmt: skip
+_OWN = 0o600  # it holds digests of passwords
 
 
 def make_engine(address: DatabaseUrl) -> Engine:
@@ -31,6 +39,7 @@ def make_engine(address: DatabaseUrl) -> Engine:
             "needs the package psycopg"
         ) from None
     if backend == "sqlite":
+        event.listen(engine, "do_connect", lambda *_: _make_private(engine.url.database))
         event.listen(engine, "connect", _prepare_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
     return engine
@@ -42,7 +51,10 @@ def existing_engine(address: DatabaseUrl) -> Engine:
     engine = make_engine(address)
     file = engine.url.database
     if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
-        raise StoreError(f"{address}: there is no database at {Path(file).absolute()}")
+        raise StoreError(
+            f"{address}: there is no database at {Path(file).absolute()}; `stemwatch screen` and "
+            "`stemwatch serve` make one"
+        )
     return engine
 
 
@@ -62,7 +74,24 @@ def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     try:
         yield
     except SQLAlchemyError as error:
-        raise StoreError(f"{address}: {doing} failed: {plainly(error, address)}") from None
+        said = f"{doing} failed: {plainly(error, address)}"
+        raise StoreError(f"{address}: {said}{_if_damaged(error, said, address)}") from None
+    except (UnicodeDecodeError, JSONDecodeError) as error:  # what a row holds is not what was saved
+        said = f"{doing} failed: {error}"
+        raise StoreError(f"{address}: {said}{_if_damaged(error, said, address)}") from None
+
+
+def _if_damaged(error: Exception, said: str, address: DatabaseUrl) -> str:
+    """What to do, where a file of SQLite is damaged; empty where it is not that."""
+    cause = getattr(error, "orig", None) or error
+    broken = isinstance(cause, ValueError) or any(words in said for words in _DAMAGED)
+    if not broken or not address.reveal().startswith("sqlite"):
+        return ""
+    return (
+        ". The file is damaged, or no database of stemwatch: stop the service, put the file aside "
+        "with its -wal and -shm, and bring the newest backup back with stemwatch db restore; "
+        "stemwatch db check tells whether a database is whole"
+    )
 
 
 @contextmanager
@@ -120,6 +149,14 @@ def _with_driver(url: str) -> str:
         if url.startswith(scheme):
             return "postgresql+psycopg://" + url.removeprefix(scheme)
     return url
+
+
+def _make_private(file: str | None) -> None:
+    """Make a file that is not there yet for its owner alone; -wal and -shm take its rights."""
+    if not file or file == ":memory:" or file.startswith("file:"):
+        return
+    with suppress(OSError):  # it is there, or cannot be made: SQLite says which
+        os.close(os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, _OWN))
 
 
 def _prepare_sqlite(connection: Any, _record: object) -> None:

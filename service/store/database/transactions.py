@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 
 from sqlalchemy import Engine, text
+from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.database.engine import for_writing, store_errors
+from stemwatch.service.store.database.engine import for_writing, plainly, store_errors
 from stemwatch.service.store.database_url import DatabaseUrl
 
 # The reads here look up pages of valves and their latest rows by index. PostgreSQL's planner
@@ -26,11 +27,18 @@ class Transactions:
         self.readers = engine
         self.writers = for_writing(engine)
         self.address = address
+        self._fault = ""
 
     @property
     def is_sqlite(self) -> bool:
         """Whether the database is SQLite rather than PostgreSQL."""
         return self.readers.dialect.name == "sqlite"
+
+    @property
+    def write_fault(self) -> str:
+        """Why the last transaction that was to write could not: the disk is full, the file may not
+        be written, the server is away. Empty where it could, or was refused for what it held."""
+        return self._fault
 
     @contextmanager
     def reading(self, doing: str = "reading") -> Iterator[Session]:
@@ -45,10 +53,20 @@ class Transactions:
         """A session that is committed at the end of the block, or rolled back after an error."""
         with (
             store_errors(self.address, doing),
+            self._noting_faults(),
             Session(self.writers, expire_on_commit=False) as session,
             session.begin(),
         ):
             yield session
+
+    @contextmanager
+    def _noting_faults(self) -> Iterator[None]:
+        try:
+            yield
+        except OperationalError as error:
+            self._fault = plainly(error, self.address)
+            raise
+        self._fault = ""
 
 
 def database_now(session: Session) -> datetime:

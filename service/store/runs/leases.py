@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from datetime import timedelta
 
-from sqlalchemy import delete, or_, select
+from sqlalchemy import delete, select
 
+from stemwatch.service.process_lifecycle import has_ended
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.runs.tables import LeaseRow
@@ -18,17 +19,14 @@ class Leases:
         self._transactions = transactions
 
     def hold(self, name: str, owner: str, for_: timedelta) -> bool:
-        """Take or renew the lease for this long; whether ``owner`` has it now."""
+        """Take or renew the lease for this long; whether ``owner`` has it now. The lease of a
+        process that is known to have ended is free."""
         with self._transactions.writing(f"taking over {name}") as session:
             now = database_now(session)
             values = {"name": name, "owner": owner, "until": now + for_}
             session.execute(upsert(session, LeaseRow, [values], ("name",), update=False))
-            row = session.scalar(
-                select(LeaseRow)
-                .where(LeaseRow.name == name, or_(LeaseRow.owner == owner, LeaseRow.until < now))
-                .with_for_update()
-            )
-            if row is None:
+            row = session.scalar(select(LeaseRow).where(LeaseRow.name == name).with_for_update())
+            if row is None or not (row.owner == owner or row.until < now or has_ended(row.owner)):
                 return False
             row.owner, row.until = owner, now + for_
             return True
@@ -37,7 +35,7 @@ class Leases:
         """The owner of the lease, ``None`` where it has run out."""
         with self._transactions.reading() as session:
             row = session.get(LeaseRow, name)
-            if row is None or row.until < database_now(session):
+            if row is None or row.until < database_now(session) or has_ended(row.owner):
                 return None
             return row.owner
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from sqlalchemy import ColumnElement, and_, or_, select, update
 from sqlalchemy.orm import Session
 
+from stemwatch.service.process_lifecycle import has_ended
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.runs.tables import RunValveRow
@@ -24,6 +25,7 @@ from stemwatch.service.store.screenings.screenings import count_verdicts, ensure
 from stemwatch.service.store.screenings.tables import RunRow
 
 SILENT_AFTER = timedelta(seconds=30)
+LOST_AFTER = timedelta(days=1)
 _GOING = (RunState.WAITING.value, RunState.RUNNING.value)
 _IN_ONE_STATEMENT = 500
 
@@ -99,13 +101,16 @@ class RunQueue:
     def claim(self, owner: str, *, silent_after: timedelta = SILENT_AFTER) -> StoredRun | None:
         """Assign the next run to ``owner``; ``None`` where there is none.
 
-        Runs with a heartbeat older than ``silent_after`` come first, then the oldest that may
-        start. Two processes never get the same run.
+        Runs whose heartbeat is older than ``silent_after`` or whose worker is known to have ended
+        come first, then the oldest that may start. Two processes never get the same run.
         """
         with self._transactions.writing("taking a run from the queue") as session:
             now = database_now(session)
+            end_lost(session, now)
             silent = and_(
-                RunRow.state == RunState.RUNNING.value, RunRow.heartbeat < now - silent_after
+                RunRow.state == RunState.RUNNING.value,
+                RunRow.heartbeat.is_not(None),
+                or_(RunRow.heartbeat < now - silent_after, RunRow.owner.in_(_ended(session))),
             )
             ready = and_(
                 RunRow.state == RunState.WAITING.value,
@@ -235,6 +240,28 @@ class RunQueue:
         with self._transactions.reading() as session:
             rows = select(RunRow).where(RunRow.state.in_(_GOING)).order_by(RunRow.id)
             return [stored_run(row) for row in session.scalars(rows)]
+
+
+def end_lost(session: Session, now: datetime) -> None:
+    """End runs of the command line whose process was killed before it could record the end.
+
+    Such runs have no heartbeat. Whether a process on another machine still runs is unknown; after
+    a day its run counts as lost, and if it finishes after all, it records that itself.
+    """
+    alone = (RunRow.state == RunState.RUNNING.value, RunRow.heartbeat.is_(None))
+    old = RunRow.started < now - LOST_AFTER
+    for row in session.scalars(
+        select(RunRow).where(*alone, or_(old, RunRow.owner.in_(_ended(session))))
+    ):
+        row.state, row.finished = RunState.FAILED.value, now
+        row.reason = "its process ended before the run was over; what it had saved is kept"
+        row.counts = dict(count_verdicts(session, row.id))
+
+
+def _ended(session: Session) -> list[str]:
+    """Processes that have a run and are known to have ended."""
+    running = select(RunRow.owner).where(RunRow.state == RunState.RUNNING.value).distinct()
+    return [owner for owner in session.scalars(running) if owner and has_ended(owner)]
 
 
 def mark(session: Session, run_id: int, valve: str, state: ValveState, reason: str) -> None:

@@ -30,11 +30,11 @@ class TestedScreening:
     named: bool
 
 
-def remark_column() -> ColumnElement[str | None]:
-    """The remark as an SQL column, read only for screenings with a named effect, since the JSON is
-    long; NULL where there is none."""
-    kept = type_coerce(ScreeningRow.mismatch, JSON)[KEY].as_string()
-    named = ScreeningRow.mismatch_finding == Finding.NAMED.value
+def remark_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
+    """The remark as an SQL column, read only for screenings with named effects, since the JSON is
+    long; NULL where there is none. ``of`` is the table of screenings or an alias of it."""
+    kept = type_coerce(of.mismatch, JSON)[KEY].as_string()
+    named = of.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
     return case((named, kept), else_=None).label(KEY)
 
 

@@ -10,7 +10,9 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.screenings.baselines import BASELINE
+from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.records import TrendPoint
 from stemwatch.service.store.screenings.tables import (
     IndicatorRow,
@@ -23,7 +25,8 @@ MOST_POINTS = 3000
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryPoint:
-    """S and J of one screening, each (value, low, high) in percent of OP span."""
+    """S and J of one screening, each (value, low, high) in percent of OP span, and the verdict on
+    its valve."""
 
     id: int
     at: datetime
@@ -64,6 +67,8 @@ def read_history(session: Session, valve: str, since: datetime | None = None) ->
         table.id,
         table.at,
         table.verdict,
+        table.mismatch_slugs,
+        remark_column(),
         table.severity,
         table.grade,
         table.run_id,
@@ -79,7 +84,9 @@ def read_history(session: Session, valve: str, since: datetime | None = None) ->
         HistoryPoint(
             id=row.id,
             at=row.at,
-            verdict=Verdict(row.verdict),
+            verdict=overall_verdict(
+                Verdict(row.verdict), named=bool(row.mismatch_slugs) and not row.held_back
+            ),
             S=(row.s_percent, row.s_low_percent, row.s_high_percent),
             J=(row.j_percent, row.j_low_percent, row.j_high_percent),
             severity=row.severity,

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session, aliased
 
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.rows import window_key
 from stemwatch.service.store.screenings.tables import ScreeningRow
 
@@ -72,6 +73,7 @@ def _columns(screening: Any) -> tuple[Any, ...]:
         *numbers,
         screening.mismatch_finding,
         screening.mismatch_slugs,
+        remark_column(screening),
     )
 
 
@@ -85,4 +87,5 @@ def _previous(row: Any) -> PreviousFinding:
         J=row.j_percent,
         finding=row.mismatch_finding,
         effects=tuple(row.mismatch_slugs or ()),
+        held_back=bool(row.held_back),
     )

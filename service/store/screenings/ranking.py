@@ -20,7 +20,14 @@ from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import WORST_FIRST, Shape, Verdict
 from stemwatch.service.presenter.wording import finite
-from stemwatch.service.presenter.work_decision import WorkState, kinds_of, severity_of, work_state
+from stemwatch.service.presenter.work_decision import (
+    STATE_OF,
+    WorkState,
+    confidence_in,
+    kinds_of,
+    overall_verdict,
+    severity_of,
+)
 from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
@@ -50,7 +57,8 @@ class RankingFilter:
 
 @dataclass(frozen=True, kw_only=True)
 class RankingLine:
-    """A valve in the ranking; ``verdict`` is ``None`` where it has not been screened."""
+    """A valve in the ranking. ``verdict`` is on the valve, ``stem_verdict`` by S and J alone, both
+    ``None`` where it has not been screened. ``confidence`` is that in ``stem_verdict``."""
 
     place: int
     valve: str
@@ -58,6 +66,7 @@ class RankingLine:
     area: str
     criticality: int
     verdict: Verdict | None
+    stem_verdict: Verdict | None
     at: datetime | None
     severity: float
     confidence: float | None
@@ -72,8 +81,12 @@ class RankingLine:
     @property
     def state(self) -> WorkState | None:
         """Whether the valve needs work; ``None`` where it has not been screened."""
-        named = bool(self.left_out) and not self.held_back
-        return None if self.verdict is None else work_state(self.verdict, named=named)
+        return None if self.verdict is None else STATE_OF[self.verdict]
+
+    @property
+    def sure(self) -> float | None:
+        """The confidence in ``verdict``, 0 to 1."""
+        return None if self.verdict is None else confidence_in(self.verdict, self.confidence)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,9 +157,9 @@ _SORTED_IN_SQL: dict[str, Any] = {
 }
 
 
-def _decided(row: Any) -> tuple[WorkState | None, float]:
-    """State of work and severity of a row with the columns of ``_deciding``, as in every report;
-    ``None`` and 0 where the valve has not been screened."""
+def _decided(row: Any) -> tuple[Verdict | None, float]:
+    """Verdict on the valve and severity of a row with the columns of ``_deciding``, as in every
+    report; ``None`` and 0 where the valve has not been screened."""
     if row.verdict is None:
         return None, 0.0
     verdict, named = Verdict(row.verdict), tuple(row.named or ())
@@ -158,21 +171,21 @@ def _decided(row: Any) -> tuple[WorkState | None, float]:
         finding=None if row.finding is None else Finding(row.finding),
     )
     severity = finite(severity_of(verdict, row.severity, kinds)) or 0.0
-    return work_state(verdict, named=bool(named)), severity
+    return overall_verdict(verdict, named=bool(named)), severity
 
 
 def _in_order(
     rows: Sequence[Any], wanted: RankingFilter
-) -> list[tuple[Any, WorkState | None, float]]:
-    """The rows in the wanted order, each with state and severity. Where the database has sorted
+) -> list[tuple[Any, Verdict | None, float]]:
+    """The rows in the wanted order, each with verdict and severity. Where the database has sorted
     them, rows with equal values are ordered worst first."""
     decided = {row.id: _decided(row) for row in rows}
 
-    def urgency(row: Any) -> tuple[int, int, float]:
-        state, severity = decided[row.id]
-        if state is None:
-            return len(WorkState), len(WORST_FIRST), 0.0
-        return list(WorkState).index(state), WORST_FIRST.index(Verdict(row.verdict)), -severity
+    def urgency(row: Any) -> tuple[int, float]:
+        verdict, severity = decided[row.id]
+        if verdict is None:
+            return len(WORST_FIRST), 0.0
+        return WORST_FIRST.index(verdict), -severity
 
     def worst_first(row: Any) -> tuple[Any, ...]:
         return *urgency(row), -row.criticality
@@ -232,11 +245,11 @@ def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     largest = 0.0
     # Not through the session, whose rows cost several times as much: these are all valves.
     rows = session.connection().execute(statement).all()
-    for row, state, severity in _in_order(rows, wanted):
-        word = row.verdict or NOT_SCREENED
+    for row, verdict, severity in _in_order(rows, wanted):
+        word = NOT_SCREENED if verdict is None else verdict.value
         counts[word] += 1
-        if state is not None:
-            states[state] += 1
+        if verdict is not None:
+            states[STATE_OF[verdict]] += 1
         largest = max(largest, row.s_percent or 0.0, row.j_percent or 0.0)
         if not wanted.verdicts or word in wanted.verdicts:
             chosen.append((row.id, row.screening_id, severity))
@@ -283,13 +296,16 @@ def read_valves_in(session: Session, area: str) -> list[str]:
 
 
 def _line(row: Any, place: int, severity: float, previous: PreviousFinding | None) -> RankingLine:
+    stem = None if row.verdict is None else Verdict(row.verdict)
+    named = bool(row.mismatch_slugs) and not row.held_back
     return RankingLine(
         place=place,
         valve=row.id,
         description=row.description,
         area=row.area,
         criticality=row.criticality,
-        verdict=None if row.verdict is None else Verdict(row.verdict),
+        verdict=None if stem is None else overall_verdict(stem, named=named),
+        stem_verdict=stem,
         at=row.at,
         severity=severity,
         confidence=row.confidence,

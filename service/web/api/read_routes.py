@@ -26,7 +26,7 @@ from stemwatch.service.web.dependencies import Dependencies, Deps
 
 Id = Annotated[str, Query(alias="id", min_length=1, max_length=500, description="the valve's id")]
 Number = Annotated[int, Query(ge=1, le=LARGEST_NUMBER)]
-Word = Literal["sticky", "watch", "undetermined", "healthy", "none"]
+Word = Literal["sticky", "defective", "watch", "undetermined", "healthy", "none"]
 Sort = Literal[
     "rank", "valve", "area", "criticality", "S", "J", "severity", "confidence", "at", "grade"
 ]
@@ -40,7 +40,7 @@ def valves(
     deps: Deps,
     q: Annotated[str, Query(max_length=200, description="in tag, service or area")] = "",
     area: Annotated[list[str], Query(max_length=100)] = [],  # noqa: B006  # read, never changed
-    verdict: Annotated[list[Word], Query(max_length=5)] = [],  # noqa: B006
+    verdict: Annotated[list[Word], Query(max_length=6)] = [],  # noqa: B006
     criticality: Annotated[list[Literal["1", "2", "3"]], Query(max_length=3)] = [],  # noqa: B006
     sort: Sort = "rank",
     order: Literal["asc", "desc"] = "asc",
@@ -176,9 +176,11 @@ def valve_line(line: RankingLine) -> shapes.ValveLine:
         area=line.area,
         criticality=line.criticality,
         verdict=None if line.verdict is None else line.verdict.value,
+        stem_verdict=None if line.stem_verdict is None else line.stem_verdict.value,
         at=line.at,
         severity=line.severity,
-        confidence=line.confidence,
+        confidence=line.sure,
+        stem_confidence=line.confidence,
         grade=line.grade,
         shape=line.shape,
         S=_estimated(line.S),

@@ -42,10 +42,12 @@ class ValveLine(BaseModel):
     description: str
     area: str
     criticality: int = Field(description="1 to 3; 3 is what the plant can least do without")
-    verdict: str | None
+    verdict: str | None = Field(description="sticky, defective, watch, undetermined or healthy")
+    stem_verdict: str | None = Field(description="what S and J alone say; never defective")
     at: datetime | None = Field(description="end of the window that the finding speaks for")
     severity: float = Field(description="0 to 100")
-    confidence: float | None = Field(description="0 to 1")
+    confidence: float | None = Field(description="in the verdict, 0 to 1; null where defective")
+    stem_confidence: float | None = Field(description="in the stem's verdict, 0 to 1")
     grade: str = Field(description="data quality, A to D; empty where not screened")
     shape: str | None
     S: Estimated = Field(description="dead band plus stick band, percent of OP span")

@@ -52,6 +52,7 @@ class Authentication:
         """``None`` for a request that may go on, else the refusal."""
         operation = self._permits.of(scope)
         scope["state"] = {**scope.get("state", {}), "operation": operation}
+        self._look_for_proxy(scope)
         if PERMISSIONS[operation].least is None:
             return None
         request, headers = Request(scope), Headers(scope=scope)
@@ -68,6 +69,18 @@ class Authentication:
             return None
         await self.note(scope, 403)
         return self._answer(request, 403, _lacking(current_user, operation))
+
+    def _look_for_proxy(self, scope: Scope) -> None:
+        """Say that a proxy is not believed: everybody behind it is then counted as one address."""
+        plant = self._site.plant
+        if plant is None or plant.service.trusted_proxies:
+            return
+        if any(name == b"x-forwarded-for" for name, _ in scope["headers"]):
+            log.warning(
+                "%s sends X-Forwarded-For and is not believed: name it in trusted_proxies of "
+                "[service] if it is your proxy",
+                address_of(scope),
+            )
 
     async def note(self, scope: Scope, status: int) -> None:
         """Write the audit log, where the request wanted to change something or was refused."""

@@ -1,12 +1,16 @@
-"""The cookie of a session: no script reads it, no foreign page sends it, and with TLS it never
-travels without."""
+"""The cookies of a session and of a browser that is known: no script reads them, no foreign page
+sends them, and with TLS they never travel without."""
 
 from __future__ import annotations
 
+from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Scope
 
+from stemwatch.service.access.known_browser import KNOWN_FOR
+
 NAME = "stemwatch_session"
+BROWSER_NAME = "stemwatch_browser"
 # Browsers take a name with this prefix only over TLS and from this machine itself.
 SECURE_NAME = f"__Host-{NAME}"
 
@@ -34,6 +38,24 @@ def set_session(response: Response, secret: str, scope: Scope) -> None:
         samesite="lax",
         secure=is_secure(scope),
         path="/",
+    )
+
+
+def known_browser_of(request: Request) -> str:
+    """What the browser's cookie of ``known_browser`` holds; it is sent to the login alone."""
+    return request.cookies.get(BROWSER_NAME, "")
+
+
+def set_known_browser(response: Response, value: str, scope: Scope) -> None:
+    """Let the browser be known again; ``lax`` and under this path it travels to the login alone."""
+    response.set_cookie(
+        BROWSER_NAME,
+        value,
+        max_age=int(KNOWN_FOR.total_seconds()),
+        httponly=True,
+        samesite="lax",
+        secure=is_secure(scope),
+        path=str(scope.get("root_path", "")).rstrip("/") + "/login",
     )
 
 

@@ -7,15 +7,22 @@ from urllib.parse import urlsplit
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from stemwatch.service.access.known_browser import remember_browser
 from stemwatch.service.access.links import BadName, LinkIsOver, find_link, use_link
 from stemwatch.service.access.login import LoginRefused, TooMany, sign_in
 from stemwatch.service.access.passwords import LONGEST, SHORTEST, Busy, WeakPassword
-from stemwatch.service.access.sessions import begin_session
-from stemwatch.service.store.accounts.records import AuditEntry, OneTimeLink, OneTimeLinkKind
+from stemwatch.service.access.sessions import begin_session, end_session
+from stemwatch.service.store.accounts.records import AuditEntry, OneTimeLink, OneTimeLinkKind, User
 from stemwatch.service.store.accounts.users import NameTaken
 from stemwatch.service.web.auth.current_user import SignedIn, address_of
 from stemwatch.service.web.auth.forms import SentForm, SentOpenForm
-from stemwatch.service.web.auth.session_cookie import drop_session, set_session
+from stemwatch.service.web.auth.session_cookie import (
+    cookie_name,
+    drop_session,
+    known_browser_of,
+    set_known_browser,
+    set_session,
+)
 from stemwatch.service.web.dependencies import Dependencies, Deps
 
 router = APIRouter(include_in_schema=False)
@@ -33,13 +40,14 @@ def log_in(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     """Sign in with name and password."""
     wanted, name = safe_place(form.text("next")), form.text("name")
     try:
-        _, cookie = sign_in(
+        user, cookie = sign_in(
             deps.store,
             name,
             form.secret("password"),
             now=deps.now,
             address=address_of(request.scope),
             agent=request.headers.get("user-agent", ""),
+            browser=known_browser_of(request),
         )
     except TooMany as error:
         page = _login_page(request, deps, wanted, name=name, said=str(error), status=429)
@@ -49,7 +57,7 @@ def log_in(request: Request, deps: Deps, form: SentOpenForm) -> Response:
         return _login_page(request, deps, wanted, name=name, said=str(error), status=403)
     except Busy as error:
         return _login_page(request, deps, wanted, name=name, said=str(error), status=503)
-    return _enter(request, cookie, wanted)
+    return _enter(request, deps, user, cookie, wanted)
 
 
 @router.post("/logout")
@@ -103,7 +111,7 @@ def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     )
     agent = request.headers.get("user-agent", "")
     cookie = begin_session(deps.store, user.id, now=deps.now, address=address, agent=agent)
-    return _enter(request, cookie, "/")
+    return _enter(request, deps, user, cookie, "/")
 
 
 def safe_place(wanted: str) -> str:
@@ -114,9 +122,18 @@ def safe_place(wanted: str) -> str:
     return wanted if plain and own and not parts.scheme and not parts.netloc else "/"
 
 
-def _enter(request: Request, cookie: str, wanted: str) -> RedirectResponse:
+def _enter(
+    request: Request, deps: Dependencies, user: User, cookie: str, wanted: str
+) -> RedirectResponse:
+    """In with the new session; the one that this browser had before has ended."""
     answer = RedirectResponse(f"{_base(request)}{wanted}", 303)
+    if old := request.cookies.get(cookie_name(request.scope), ""):
+        end_session(deps.store, old)
     set_session(answer, cookie, request.scope)
+    known = deps.store.accounts.password_of(user.name)
+    if known is not None:
+        mark = remember_browser(known_browser_of(request), known[1], deps.now)
+        set_known_browser(answer, mark, request.scope)
     return answer
 
 

@@ -60,7 +60,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         found=page,
         work=WorkCounts.of_states(page.states),
         trends=[
-            change_since_last_run(line, line.previous) if line.verdict else None
+            change_since_last_run(line, line.verdict, line.previous) if line.verdict else None
             for line in page.lines
         ],
         alerted=alerted,

@@ -146,14 +146,24 @@ def _shown(store: Store, name: str) -> ShownScreening | None:
     screening = screening_of(stored, indicators)
     mismatch = screening.mismatch
     stands = not stored.held_back if mismatch is not None and mismatch.effects else None
+    said = present(screening, stands=stands)
     return ShownScreening(
         screening=screening,
-        said=present(screening, stands=stands),
+        said=said,
         stored=stored,
-        trend=change_since_last_run(screening, store.previous_finding(screening)),
+        trend=change_since_last_run(
+            screening, said.decision.verdict, store.previous_finding(screening)
+        ),
         mismatch=None
         if mismatch is None
-        else mismatch_view(mismatch, None, ANCHOR, name, stored.held_back),
+        else mismatch_view(
+            mismatch,
+            None,
+            ANCHOR,
+            name,
+            stored.held_back,
+            counts=(screening.S, screening.J),
+        ),
     )
 
 

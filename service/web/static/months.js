@@ -2,7 +2,7 @@
 var stemwatchMonths = (function () {
   "use strict";
   var HEIGHT = 180, DAY_S = 86400, DATE_PX = 92;
-  var VERDICTS = { sticky: "sticky", watch: "watch", healthy: "healthy", undetermined: "undetermined" };
+  var VERDICTS = { sticky: "sticky", defective: "defective", watch: "watch", healthy: "healthy", undetermined: "undetermined" };
 
   function seconds(text) { return Date.parse(text) / 1e3; }
 

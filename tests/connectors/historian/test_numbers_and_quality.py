@@ -82,6 +82,49 @@ def test_empty_words_are_missing(open_text, word: str) -> None:
     assert open_text(column(["1", "2", word, "4"])).read(OP).op.quality[2] == Quality.MISSING
 
 
+def test_a_cell_with_a_lost_byte_is_no_number(open_text) -> None:
+    """12, a lost byte, 977 is not 12977: the cell is bad and its line is named."""
+    recording = open_text(column(["1", "12\x00977", "\x003", "4\x00", "5"])).read(OP)
+    bad = Quality.BAD
+    assert recording.op.quality.tolist() == [0, bad, bad, bad, 0]
+    assert "line 3: a cell that lost bytes; it is unreadable" in said(recording)
+
+
+def test_a_line_of_lost_bytes_is_blank(open_text) -> None:
+    """A block of NULs that a power cut left between two lines costs no row beside it."""
+    text = column(["1", "2", "3", "4"]).replace("2;3", "\0" * 400 + "\n2;3")
+    recording = open_text(text).read(OP)
+    assert recording.op.values.tolist() == [1, 2, 3, 4]
+    assert "line 4: only lost bytes" in said(recording)
+
+
+@pytest.mark.parametrize("cell", ["41 435", "41\u00a0435", "41'435", "41 435 %", "41,435"])
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_lone_mark_for_thousands_is_not_believed(open_text, cell: str, times: int) -> None:
+    """41 435 among numbers such as 41.2 may be 41.435 or two numbers: bad, with its line."""
+    cells = [f"{41 + i / 100:.2f}" for i in range(40)]
+    for i in range(times):
+        cells[7 + i] = cell
+    recording = open_text(column(cells)).read(OP)
+    assert recording.op.quality[7] == Quality.BAD
+    assert f"OP: line 9: {cell!r} is left out" in said(recording)
+    assert np.isfinite(recording.op.values).sum() == 40 - times
+
+
+def test_a_habit_of_marks_for_thousands_is_believed(open_text) -> None:
+    """Where the column writes its thousands so, or goes up to them, they are numbers."""
+    mixed = [f"{900 + 10 * i}" if i < 10 else f"1 {10 * (i - 10):03d}" for i in range(20)]
+    assert open_text(column(mixed)).read(OP).op.values.tolist() == [900 + 10 * i for i in range(20)]
+    rare = ["998.5"] * 60 + ["1 000.5", "1 001.5"]
+    assert open_text(column(rare)).read(OP).op.values[-2:].tolist() == [1000.5, 1001.5]
+
+
+def test_marks_for_thousands_beside_plain_ten_thousands_are_not_believed(open_text) -> None:
+    """A column that writes 41434 does not write 41 435."""
+    recording = open_text(column(["41434", "41 435", "41 436", "41437"])).read(OP)
+    assert recording.op.quality.tolist() == [0, Quality.BAD, Quality.BAD, 0]
+
+
 def test_undecidable_decimal_mark(open_text) -> None:
     """1,234 alone between tabs is not guessed."""
     text = column(["1,234", "2,345"], "\t")

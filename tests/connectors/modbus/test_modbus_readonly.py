@@ -123,12 +123,12 @@ def test_a_server_that_records_sees_functions_3_and_4_only() -> None:
         async with serving(sim_device(1, behaviour)) as served:
             registers = [register(f"H{i}", i) for i in range(40)]
             registers += [register(f"I{i}", i, table=Table.INPUT) for i in range(40)]
-            plc = device(tcp(served.port, timeout_s=0.1), *registers, every_s=0.1)
+            plc = device(tcp(served.port, timeout_s=0.5), *registers, every_s=0.1)
             await try_map(plc)
             polling = asyncio.create_task(DevicePoller(plc, lambda batch: None).run())
             await asyncio.sleep(0.5)
-            behaviour.delay_s = 0.3
-            await asyncio.sleep(0.5)
+            behaviour.delay_s = 0.8
+            await asyncio.sleep(1.0)
             behaviour.delay_s = 0.0
             served.cut()
             await asyncio.sleep(0.8)

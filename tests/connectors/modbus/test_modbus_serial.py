@@ -18,7 +18,7 @@ from tests.connectors.modbus.served import Behaviour, device, register, sim_devi
 
 def serial(port: str) -> Link:
     """A link over a serial port that does not wait long."""
-    return Link(kind=LinkKind.SERIAL, target=port, timeout_s=0.3)
+    return Link(kind=LinkKind.SERIAL, target=port, timeout_s=0.5)
 
 
 def test_two_units_on_one_line_are_polled(serial_pair) -> None:

@@ -11,6 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.service.access import login
+from stemwatch.service.access.known_browser import (
+    KNOWN_FOR,
+    key_of_browser,
+    remember_browser,
+)
 from stemwatch.service.access.login import WRONG, LoginRefused, TooMany, confirm, sign_in
 from stemwatch.service.access.sessions import user_of_cookie
 from stemwatch.service.store.accounts.audit import AuditFilter
@@ -156,3 +161,50 @@ def test_confirming_a_password_is_throttled_as_a_login_is(store: Store, ann: Use
         assert not confirm(store, ann, "wrong", now=NOW, address=HERE)
     with pytest.raises(TooMany):
         confirm(store, ann, PASSWORD, now=NOW, address=HERE)
+
+
+def test_a_known_browser_is_not_locked_out_by_those_who_guess(store: Store, ann: User) -> None:
+    """Whatever others try under the name and from the address, the owner's browser gets in at
+    once; a browser of somebody else, or of a password before, waits as all do."""
+    hashed = store.accounts.password_of(ann.name)[1]
+    known = remember_browser("", hashed, NOW)
+    others = remember_browser("", "the hash of another", NOW)
+    assert fail(store, ann.name, 12).count(0) == 5
+    for browser in ("", others, "rubbish", "a~1~b", f"{known}x", "~".join(["x", "9" * 400, "y"])):
+        with pytest.raises(TooMany):
+            sign_in(store, ann.name, PASSWORD, now=NOW, address=HERE, browser=browser)
+    assert sign_in(store, ann.name, PASSWORD, now=NOW, address=HERE, browser=known)
+    later = NOW + KNOWN_FOR
+    assert key_of_browser(known, hashed, later - timedelta(seconds=2)) is not None
+    assert key_of_browser(known, hashed, later) is None
+    assert key_of_browser(known, "a new password's hash", NOW) is None
+
+
+def test_guesses_in_a_known_browser_wait_too(store: Store, ann: User) -> None:
+    """They are counted by themselves: neither name nor address pays for them, and they for none."""
+    known = remember_browser("", store.accounts.password_of(ann.name)[1], NOW)
+    for _ in range(5):
+        with pytest.raises(LoginRefused, match=WRONG):
+            sign_in(store, ann.name, "wrong", now=NOW, address=HERE, browser=known)
+    with pytest.raises(TooMany):
+        sign_in(store, ann.name, PASSWORD, now=NOW, address=HERE, browser=known)
+    assert sign_in(store, ann.name, PASSWORD, now=NOW, address=HERE)
+
+
+def test_a_browser_knows_several_users() -> None:
+    """A control room's machine: the newest eight, each once."""
+    cookie = ""
+    for number in [*range(10), 9, 9]:
+        cookie = remember_browser(cookie, f"hash {number}", NOW)
+    known = [n for n in range(10) if key_of_browser(cookie, f"hash {n}", NOW) is not None]
+    assert known == list(range(2, 10))
+    assert len(cookie.split(".")) == 8
+
+
+def test_refused_guesses_are_one_entry_a_minute(store: Store, ann: User) -> None:
+    """With how many there were, so that a thousand guesses are seen and do not fill the log."""
+    fail(store, ann.name, 45)
+    fail(store, ann.name, 2, at=NOW + timedelta(seconds=62))
+    entries = [one for one in store.audit.read(AuditFilter()) if "not tried" in one.detail]
+    assert [one.detail.split(" not tried")[0] for one in entries] == ["40 attempts", "1 attempt"]
+    assert {(one.who, one.outcome.value) for one in entries} == {(ann.name, "refused")}

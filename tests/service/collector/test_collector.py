@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from stemwatch.service.collector import Collector, Spool, collect
+from stemwatch.service.collector.spool import backlog
 from tests.service.collector.collecting import (
     EVERY_S,
     RealTable,
@@ -194,7 +195,7 @@ def test_a_killed_collector_loses_at_most_the_poll_it_was_in(tmp_path: Path) -> 
                 await process.wait()
             table = RealTable(database)
             async with collecting(table, tmp_path / "spool"):
-                await asyncio.sleep(0.2)
+                await until(lambda: backlog(tmp_path / "spool").size_bytes == 0)
             return served
 
     served = asyncio.run(run())

@@ -139,6 +139,10 @@ def test_a_mistake_costs_its_own_entry(tmp_path: Path, text: str, expected: str)
     [
         ("[alerts]\nraise_after_runs = 5", "alerts.raise_after_runs: found raise_after_runs = 5"),
         ("[service]\nkeep_reports = 0", "line 2: service.keep_reports: found 0; expected a whole"),
+        (
+            '[service]\ntrusted_proxies = ["proxy.plant"]',
+            "trusted_proxies[1]: found the text 'proxy.plant'; expected an address or network",
+        ),
         ("[service]\nspol = 'x'", "did you mean 'spool'?"),
     ],
 )

@@ -17,10 +17,19 @@ import pytest
 DEMO = ("demo", "--live", "--port", "0", "--speed", "4")
 
 
-class Started:
-    """``command`` with ``folder`` to write into; what it prints is read as it comes."""
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-    def __init__(self, folder: Path, command: Sequence[str] = DEMO) -> None:
+
+class Started:
+    """``command`` with ``folder`` to write into; what it prints is read as it comes.
+
+    ``in_background`` as a shell script starts it with ``&``, which ignores Ctrl-C.
+    """
+
+    def __init__(
+        self, folder: Path, command: Sequence[str] = DEMO, *, in_background: bool = False
+    ) -> None:
         self.folder = folder
         self.lines: list[str] = []
         self.process = subprocess.Popen(
@@ -30,6 +39,7 @@ class Started:
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
+            preexec_fn=_ignore_ctrl_c if in_background else None,
         )
         self._reading = threading.Thread(target=self._read)
         self._reading.start()
@@ -56,6 +66,13 @@ class Started:
         """Ctrl-C, as a terminal sends it; the exit status."""
         os.killpg(self.process.pid, signal.SIGINT)
         status = self.process.wait(timeout=120)
+        self._reading.join()
+        return status
+
+    def terminate(self) -> int:
+        """SIGTERM, as ``kill`` or a service manager sends it; the exit status."""
+        self.process.terminate()
+        status = self.process.wait(timeout=60)
         self._reading.join()
         return status
 

@@ -46,6 +46,18 @@ def test_it_serves_what_its_plant_file_says_until_ctrl_c(tmp_path: Path) -> None
             started.kill()
 
 
+def test_in_the_background_of_a_script_it_ends_on_sigterm(tmp_path: Path) -> None:
+    """There Ctrl-C is ignored, so that SIGTERM must not be handed on as that."""
+    command = ("simulate", "--modbus", "--what", "healthy", "--count", "1", "--port", "0")
+    started = Started(tmp_path / "plant", command=command, in_background=True)
+    try:
+        started.said(r"^Modbus on 127\.0\.0\.1:(\d+), unit 1")
+        assert started.terminate() == 0, started.everything()
+        assert "Traceback" not in started.everything()
+    finally:
+        started.kill()
+
+
 def test_which_valves_wear_is_said_by_tag_S_and_J() -> None:
     """The first one where nothing is asked; S alone has no jump."""
     loops = demo_plant(1)[:3]

@@ -66,6 +66,10 @@ def test_screening_leaves_the_report_and_the_command_makes_it_again(stemwatch, s
 def test_the_command_says_what_it_needs(stemwatch, stroked, tmp_path):
     """A plant or a database, and a run that is there."""
     assert "give --plant plant.toml or --db URL" in stemwatch("maintenance-report").said
+    early = stemwatch("maintenance-report", "--plant", stroked, "--out", tmp_path / "o")
+    assert early.status == 2
+    assert "there is no database at" in early.said
+    open_store(load_plant(stroked, environment={}).storage).close()
     done = stemwatch("maintenance-report", "--plant", stroked, "--run", 7, "--out", tmp_path / "o")
     assert done.status == 2
     assert "there is no run 7" in done.said

@@ -101,19 +101,21 @@ def test_the_documentation_has_these_numbers():
         assert f"{severity:.0f}" in page
 
 
-def test_the_false_alarms_are_those_of_the_readme():
-    """What a page publishes was counted, and is counted there."""
-    readme = (REPOSITORY / "README.md").read_text("utf-8")
+def test_the_false_alarms_are_those_that_were_counted():
+    """What a page publishes was counted; docs/ has the count, the README its gist."""
+    docs = REPOSITORY / "docs"
+    trial, proof = ((docs / name).read_text("utf-8") for name in ("trial.md", "proof.md"))
     count, of, interval = FALSE_STICKY
     assert re.search(
-        rf"\*\*{of} healthy valves:\*\* called sticky \| \*\*{count}, .*\({interval}\)", readme
+        rf"\*\*{of} healthy valves:\*\* called sticky \| \*\*{count}, .*\({interval}\)", trial
     )
+    assert f"{count} of {of} healthy valves" in (REPOSITORY / "README.md").read_text("utf-8")
     for row, (count, of, interval) in (
         ("false alarm", FALSE_EFFECT),
         ("the same with 12 % scatter", FALSE_EFFECT_SCATTERED),
     ):
         shown = interval.removesuffix(" %")
-        assert re.search(rf"{row} \| {count} of {of}, .*\({shown}\)", readme)
+        assert re.search(rf"{row} \| {count} of {of}, .*\({shown}\)", proof)
 
 
 def past(*verdicts: Verdict, **of_each) -> list[PreviousFinding]:
@@ -183,3 +185,13 @@ def test_work_is_set_against_the_finding():
     assert after == "Last work: 2026-02-19 06:00, packing renewed. It came 10 days after that work."
     assert "still there" in work_sentence(work, DAY - timedelta(days=20), UTC)
     assert work_sentence([], DAY, UTC) == ""
+
+
+@given(severity=st.floats(0, 100), criticality=st.sampled_from(["1", "2", "3"]))
+def test_a_reader_comes_to_the_printed_class(severity: float, criticality: str) -> None:
+    """The documented rule, applied to the numbers that are printed, gives the class beside them."""
+    made = priority(severity, criticality, WORSE)
+    printed = re.search(r"criticality (\d) of 3, severity (\d+) of 100", made.reason)
+    assert printed is not None
+    by_hand = int(printed[2]) * WEIGHT_OF_CRITICALITY[printed[1]] * WEIGHT_OF_TREND["worse"]
+    assert made.code == next(code for least, code in CLASSES if by_hand >= 100 * least - 1e-6)

@@ -78,6 +78,8 @@ def test_the_finding_reads_the_same_everywhere(outputs: Outputs) -> None:
         assert bare(said.next_step) in outputs.report
         line = Text.from_markup(views.verdict_line(valve.screening)).plain
         assert bare(said.reason) in bare(line)
+        if valve.stands is not False:
+            assert line.startswith(said.decision.verdict.value)
         if said.decision.has_page:
             assert bare(said.reason) in outputs.maintenance
             assert bare(said.reason) in outputs.pdf
@@ -89,6 +91,9 @@ def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> No
     """JSON, table and work order agree, and whoever has an order is told so in the table."""
     for valve in outputs.ranking:
         name, decision = valve.screening.valve, valve.decision
+        verdict = decision.verdict.value
+        assert outputs.objects[name]["verdict"] == outputs.rows[name]["verdict"] == verdict
+        assert outputs.objects[name]["stem_verdict"] == valve.screening.verdict.value
         assert outputs.objects[name]["severity"] == decision.severity
         assert float(outputs.rows[name]["severity (0 to 100)"]) == decision.severity
         assert outputs.rows[name]["maintenance"] == decision.state.value

@@ -15,7 +15,7 @@ import pytest
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role, Signal
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.report import ReportNotWritten, ValveFacts, to_contract, write_report
 from stemwatch.service.report.csv_file import harmless
 
@@ -68,9 +68,9 @@ def test_csv_xlsx_and_json_say_the_same(written):
 
 
 def test_the_worst_valve_stands_first(written):
-    """Order is sticky, watch, undetermined, healthy, and by severity within each."""
+    """Order is that of the verdicts, and by severity within each."""
     objects = json.loads(written.json.read_text("utf-8"))
-    order = [Verdict.STICKY, Verdict.WATCH, Verdict.UNDETERMINED, Verdict.HEALTHY]
+    order = list(WORST_FIRST)
     keys = [(order.index(Verdict(one["verdict"])), -one["severity"]) for one in objects]
     assert sorted(keys) == keys
     assert keys[0][0] == 0
@@ -105,11 +105,11 @@ def test_nan_and_infinity_become_null(make_screening):
 
 
 def test_the_contract_names_its_fields(make_screening):
-    """Version 1 has exactly these fields; a reader may rely on them."""
+    """Version 2 has exactly these fields; a reader may rely on them."""
     one = to_contract(make_screening("FV-1"))
     later = {"mismatch"}  # not in the first reports of this version
     assert set(SCHEMA["$defs"]["screening"]["required"]) | later == set(one)
-    assert one["version"] == 1
+    assert one["version"] == 2
     assert one["recording"] == "exports/FV-1.csv"
     assert one["window"]["start"] == "2026-03-02T06:00:00+00:00"
     assert set(one["residuals"]["narx"]) == {"rmse", "normalised", "fit", "one_step"}

@@ -101,7 +101,8 @@ def before(verdict: Verdict, S: float | None = None, severity: float = 0.0) -> P
 )
 def test_the_trend_is_an_arrow_and_words(previous, direction, words_said, make_screening):
     """A change counts by verdict first, then by S beyond its interval, then by severity."""
-    found = change_since_last_run(make_screening("FV-1", S=5.2, samples=20), previous)
+    now = make_screening("FV-1", S=5.2, samples=20)
+    found = change_since_last_run(now, now.verdict, previous)
     assert (found.direction, found.words) == (direction, words_said)
     assert found.arrow
 
@@ -109,15 +110,17 @@ def test_the_trend_is_an_arrow_and_words(previous, direction, words_said, make_s
 def test_a_valve_that_recovered_is_better(make_screening):
     """Watch after sticky is an improvement even if S were larger."""
     now = make_screening("FV-1", Verdict.WATCH, S=6.0, samples=20)
-    assert change_since_last_run(now, before(Verdict.STICKY, 4.0)).direction == "better"
+    assert (
+        change_since_last_run(now, now.verdict, before(Verdict.STICKY, 4.0)).direction == "better"
+    )
 
 
 def test_without_an_interval_a_tenth_of_s_is_a_change(make_screening):
     """The step has to be a tenth of the earlier S, and 0.2 % at least."""
     now = make_screening("FV-1", samples=20)
     now = replace(now, S=Estimate(value=5.2, unit="%"))
-    assert change_since_last_run(now, before(Verdict.STICKY, 4.9)).direction == "same"
-    assert change_since_last_run(now, before(Verdict.STICKY, 4.4)).direction == "worse"
+    assert change_since_last_run(now, now.verdict, before(Verdict.STICKY, 4.9)).direction == "same"
+    assert change_since_last_run(now, now.verdict, before(Verdict.STICKY, 4.4)).direction == "worse"
 
 
 def test_gauges_share_a_round_scale_that_holds_every_value(make_screening):

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -148,7 +147,7 @@ def test_killed_half_way_the_next_start_finishes(make_plant, plant_store: Store)
     before = {one.valve: one.id for one in map(_last(plant_store), plant.valves) if one}
     done = plant_store.queue.valves_done(number)
     assert plant_store.run(number).state is RunState.RUNNING
-    work(plant_store, plant, silent_after=timedelta(0))
+    work(plant_store, plant)  # the dead process was of this machine: nothing to wait for
     run = plant_store.run(number)
     assert (run.state, run.done) == (RunState.DONE, 3)
     assert {valve: _last(plant_store)(valve).id for valve in done} == {

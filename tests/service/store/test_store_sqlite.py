@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sqlalchemy import text
 from sqlalchemy.dialects import sqlite
@@ -86,6 +88,67 @@ def test_a_file_that_is_no_database_is_named(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"plant\.toml: opening the store failed: file is not a"):
         open_store(f"sqlite:///{path}")
     assert path.read_text() == "[plant]\n" * 200
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of files are POSIX")
+def test_a_database_file_is_its_owners_alone(url: str) -> None:
+    """It holds digests of passwords; the files beside it take the same rights."""
+    before = os.umask(0o022)
+    try:
+        with open_store(url) as store:
+            store.begin_run(software_version="1")
+            files = list(Path(url.removeprefix("sqlite:///")).parent.glob("store.db*"))
+            assert len(files) == 3
+            assert {path.stat().st_mode & 0o777 for path in files} == {0o600}
+    finally:
+        os.umask(before)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_damaged_file_is_called_damaged(
+    url: str, make_screening: Callable[..., Screening], seed: int
+) -> None:
+    """Bytes overwritten anywhere: whatever is asked, an answer or a StoreError that says what to
+    do, and never an error of a codec."""
+    with open_store(url) as store:
+        run = store.begin_run(software_version="1")
+        store.save_many([make_screening(valve=f"V{n}") for n in range(40)], run)
+        store.finish_run(run)
+    path = Path(url.removeprefix("sqlite:///"))
+    content = bytearray(path.read_bytes())
+    rng = np.random.default_rng(seed)
+    for _ in range(60):
+        at = int(rng.integers(0 if seed == 0 else 4096, len(content) - 256))
+        content[at : at + 256] = rng.integers(0, 256, 256, dtype=np.uint8).tobytes()
+    path.write_bytes(content)
+    said = []
+    for ask in (
+        lambda store: store.latest_screenings(),
+        lambda store: store.valves(),
+        lambda store: store.run(run),
+        lambda store: store.queue.recent(),
+        lambda store: store.screenings("V3"),
+        lambda store: store.save(make_screening(valve="V7"), run),
+        lambda store: store.add_note("V3", datetime.now(UTC), "a"),
+    ):
+        try:
+            with open_store(url) as store:
+                ask(store)
+        except StoreError as error:
+            said.append(str(error))
+    assert said
+    assert all("stemwatch db restore" in one for one in said), said
+
+
+def test_a_text_that_is_no_text_any_more_is_damage(url: str) -> None:
+    """A byte of a note in another encoding is said as damage, with the remedy."""
+    with open_store(url) as store:
+        store.add_note("FIC-101", datetime.now(UTC), "packing seen to")
+        with sqlite3.connect(url.removeprefix("sqlite:///")) as raw:
+            raw.execute("UPDATE notes SET note = CAST(x'7b22f72233' AS TEXT)")
+        raw.close()
+        with pytest.raises(StoreError, match=r"damaged.*stemwatch db restore"):
+            store.notes("FIC-101")
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -232,10 +232,10 @@ def serving(site: Site) -> Iterator[str]:
 
 
 @contextmanager
-def serving_app(app: Any) -> Iterator[str]:
+def serving_app(app: Any, *, proxies: Sequence[str] = ()) -> Iterator[str]:
     """An application behind the server of the product on a free port; gives its address."""
     with listen("127.0.0.1", 0) as listening:
-        server = http_server(app, lifespan=False)
+        server = http_server(app, lifespan=False, proxies=proxies)
         thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
         thread.start()
         try:

@@ -17,6 +17,7 @@ from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.scheduler import Scheduler
 from stemwatch.service.serve.health_checks import health_checks
 from stemwatch.service.serve.startup_server import REASON, StartupServer
+from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.site import Check, Site
@@ -121,6 +122,27 @@ def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
         one for one in health_checks(store, plant, scheduler, [ended]) if one.name == "runner"
     ]
     assert (found.ok, found.vital) == (False, True)
+
+
+def test_a_database_that_cannot_be_written_is_a_reason(store: Store, plant: Plant) -> None:
+    """On a full disk all can still be read: the last write tells, and the next that works."""
+    scheduler = Scheduler(store, "UTC")
+    scheduler.look()
+    with store.transactions.readers.connect() as connection:
+        pages = connection.exec_driver_sql("PRAGMA page_count").scalar()
+    raw = store.transactions.readers.raw_connection()
+    raw.execute(f"PRAGMA max_page_count = {pages}")  # SQLite's own "disk is full"
+    raw.close()
+    with pytest.raises(StoreError, match="full"):
+        store.add_note("FIC-101", datetime.now(UTC), "x" * 1_000_000)
+    (found,) = [one for one in health_checks(store, plant, scheduler) if one.name == "store"]
+    assert (found.ok, found.vital) == (False, True)
+    assert found.says == "the database cannot be written; the log says why"
+    raw = store.transactions.readers.raw_connection()
+    raw.execute("PRAGMA max_page_count = 1000000")
+    raw.close()
+    store.add_note("FIC-101", datetime.now(UTC), "x" * 1_000_000)
+    assert "store" not in said(health_checks(store, plant, scheduler))
 
 
 def ask(port: int, path: str) -> tuple[int, dict[str, object]]:

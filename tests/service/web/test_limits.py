@@ -18,8 +18,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from stemwatch.service.logs import OnceAMinute
 from stemwatch.service.serve import http_server
-from stemwatch.service.serve.http_server import OnceAMinute, connection_limit
+from stemwatch.service.serve.http_server import connection_limit
 from stemwatch.service.web.middleware import LARGEST_BODY, SecurityMiddleware
 from stemwatch.service.web.site import Site
 from tests.service.web.made_plant import serving, serving_app
@@ -188,7 +189,7 @@ def test_an_answer_waits_only_so_long_for_its_reader(monkeypatch) -> None:
 
 def test_a_slow_reader_gets_all_of_an_answer(monkeypatch) -> None:
     """Whoever goes on reading is waited for, however long all of it takes."""
-    monkeypatch.setattr(http_server, "ANSWER_S", 0.5)
+    monkeypatch.setattr(http_server, "ANSWER_S", 1.5)
     with (
         serving_app(_long_answer) as base,
         httpx.stream("GET", base, trust_env=False, timeout=PATIENCE_S) as answer,
@@ -254,7 +255,8 @@ def test_connections_take_a_quarter_of_the_descriptors(monkeypatch) -> None:
 
 def test_a_line_that_strangers_can_cause_is_said_rarely_and_counted() -> None:
     """Once in a while, with how often it came; other lines are not held back by it."""
-    filter_ = OnceAMinute(every_s=0.2)
+    now = [0.0]
+    filter_ = OnceAMinute(clock=lambda: now[0])
 
     def record(text: str, *values: object) -> logging.LogRecord:
         return logging.LogRecord("x", logging.WARNING, "x.py", 1, text, values, None)
@@ -262,7 +264,7 @@ def test_a_line_that_strangers_can_cause_is_said_rarely_and_counted() -> None:
     assert filter_.filter(record("%d open", 1))
     assert not any(filter_.filter(record("%d open", one)) for one in range(5))
     assert filter_.filter(record("something else"))
-    time.sleep(0.25)
+    now[0] = 61.0
     last = record("%d open", 9)
     assert filter_.filter(last)
     assert last.getMessage() == "9 open (5 times more since it was last said)"

@@ -42,6 +42,22 @@ def test_no_page_holds_a_script_or_names_another_machine(client, path):
     assert [one for one in loaded if re.match(r"(?:\w+:)?//", one)] == []
 
 
+@pytest.mark.parametrize(
+    "host",
+    ["127.0.0.1:8410@evil", "127.0.0.1@evil:1", "127.0.0.1:", "127.0.0.1:1/x", "[::1]:80@evil",
+     "localhost:1 evil", "localhost:999999", ""],
+)  # fmt: skip
+def test_a_host_that_is_no_name_and_port_is_refused(client, host):
+    """In 127.0.0.1:8410@evil the machine is evil, and one-time links are built of it."""
+    assert client.get("/login", headers={"host": host}).status_code == 421
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8410", "localhost", "[::1]:8300", "LOCALHOST:1"])
+def test_a_host_of_this_machine_is_answered(client, host):
+    """With and without port, whatever the letters' case."""
+    assert client.get("/login", headers={"host": host}).status_code == 200
+
+
 def test_an_unforeseen_failure_is_a_page_with_the_headers_too(live, client, monkeypatch, caplog):
     """The reader gets a sentence, the log gets the trace, and the policy holds there as well."""
 

@@ -10,6 +10,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from stemwatch.models.screening_result import Screening
+from stemwatch.service.store.runs import leases, queue
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState, ValveState
 from stemwatch.service.store.store import Store, open_store
@@ -159,3 +160,40 @@ def test_schedules_of_the_file_follow_the_file(store: Store) -> None:
     assert (kept["daily"].last_due, kept["h"].last_due) == (DUE, None)
     store.schedules.take_from_file([daily])
     assert [kept.schedule.name for kept in store.schedules.all()] == ["daily"]
+
+
+def test_a_run_whose_process_was_killed_is_taken_over_at_once(store: Store, monkeypatch) -> None:
+    """It waits for nobody; the run of a process that may live waits until that has been silent."""
+    gone, alive = put(store, who="Ann"), put(store, who="Ann")
+    store.queue.claim("killed")
+    store.queue.claim("alive")
+    monkeypatch.setattr(queue, "has_ended", lambda owner: owner == "killed")
+    assert store.queue.claim("next").id == gone
+    assert store.queue.claim("next") is None
+    assert store.queue.beat(alive, "alive") is not None
+
+
+def test_a_run_of_a_killed_command_is_over(store: Store, monkeypatch) -> None:
+    """Noted when the next run begins or the queue is looked at; one that may go on is left alone
+    for a day."""
+    killed = store.begin_run(software_version="1", owner="killed")
+    alive = store.begin_run(software_version="1", owner="elsewhere")
+    monkeypatch.setattr(queue, "has_ended", lambda owner: owner == "killed")
+    assert store.queue.claim("a service") is None
+    assert store.run(killed).state is RunState.FAILED
+    assert "its process ended before the run was over" in store.run(killed).reason
+    assert store.run(alive).state is RunState.RUNNING
+    monkeypatch.setattr(queue, "LOST_AFTER", NOT_AT_ALL)
+    store.begin_run(software_version="1", owner="third")
+    assert store.run(alive).state is RunState.FAILED
+    store.finish_run(alive)
+    assert store.run(alive).state is RunState.DONE
+
+
+def test_a_duty_of_a_killed_process_is_free(store: Store, monkeypatch) -> None:
+    """Nobody waits for the end of its lease, and nobody takes it for one that serves."""
+    assert store.leases.hold("service", "killed", timedelta(minutes=1))
+    assert not store.leases.hold("service", "next", timedelta(minutes=1))
+    monkeypatch.setattr(leases, "has_ended", lambda owner: owner == "killed")
+    assert store.leases.holder("service") is None
+    assert store.leases.hold("service", "next", timedelta(minutes=1))

@@ -14,7 +14,7 @@ from stemwatch.service.access.tokens import make_token
 from stemwatch.service.store.accounts.audit import AuditFilter
 from stemwatch.service.store.accounts.records import OneTimeLinkKind, Scope, UserRole
 from stemwatch.service.web.app import create_app
-from stemwatch.service.web.auth.session_cookie import NAME, SECURE_NAME
+from stemwatch.service.web.auth.session_cookie import BROWSER_NAME, NAME, SECURE_NAME
 from stemwatch.service.web.pages.login_page import safe_place
 from stemwatch.service.web.site import Site
 from tests.service.made_user import make_user
@@ -89,6 +89,28 @@ def test_a_session_that_was_laid_down_is_not_taken_over(stranger: Browser) -> No
     again = stranger.sign_in("Ann").headers["set-cookie"]
     assert "laid-down" not in given
     assert given != again
+
+
+def test_a_login_ends_the_session_that_the_browser_had(stranger: Browser, live: Site) -> None:
+    """Nobody who kept a copy of the cookie before stays in."""
+    stranger.sign_in("Ann")
+    old = stranger.client.cookies[NAME]
+    stranger.sign_in("Ann")
+    assert stranger.client.get("/").status_code == 200
+    stranger.client.cookies.set(NAME, old)
+    assert len(live.store.web_sessions.of_user(1, now=NOW, idle=timedelta(hours=1))) == 1
+
+
+def test_a_browser_is_known_after_a_login(stranger: Browser, live: Site, client_of) -> None:
+    """Others' guesses do not keep its user out; its cookie travels to the login alone."""
+    given = stranger.sign_in("Ann").headers.get_list("set-cookie")
+    (cookie,) = [one for one in given if one.startswith(f"{BROWSER_NAME}=")]
+    assert {"HttpOnly", "SameSite=lax", "Path=/login", "Max-Age=7776000"} <= set(cookie.split("; "))
+    stranger.send("/", "/logout")
+    other = Browser(client_of(live, None))
+    assert [other.sign_in("Ann", "a wrong one").status_code for _ in range(7)][-1] == 429
+    assert other.sign_in("Ann").status_code == 429
+    assert stranger.sign_in("Ann").status_code == 303
 
 
 def test_a_login_form_needs_its_own_mark(stranger: Browser) -> None:
