@@ -65,7 +65,7 @@ from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, n
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
-from stemwatch.models.percent import possible
+from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import breakaways
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
@@ -122,7 +122,7 @@ def explain(
     ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
     ``archive`` is that archive where it is known, else it is looked for.
     """
-    began, recording = time.perf_counter(), possible(on_own_clock(recording))
+    began, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
     settled = replace(settle(recording), restore=restore, archive=archive)
     late_s = find_op_late(recording) if late_s is None else late_s
