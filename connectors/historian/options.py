@@ -45,7 +45,7 @@ class ReadOptions:
     quality_column: str | None = None
     """Narrow files: header of the column that holds the quality code."""
     interval_s: float | None = None
-    """Seconds between rows, for a file that has no time column."""
+    """Seconds between rows, for a file that has no time column, or one that only counts rows."""
     good_quality: tuple[str, ...] = ()
     """The quality codes that mean good, as they are written in the file."""
 

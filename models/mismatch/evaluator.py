@@ -34,6 +34,8 @@ N_BASE = 6
 # A command is sampled somewhere between two scans; more than this is a dead time.
 WITHIN_SAMPLE = 0.6
 DEAD_TIME = "dead_time"
+DRIVE, LOAD = "motor_drive", "load_by_position"  # that bear on the base's own coordinates
+LATE_DRIVE = 8.0  # samples that a bus and a controller may keep a command back
 # How far from its level a breakaway may come, a share: three times a normal scatter and more.
 WINDOW = 0.35
 EVENT_OF_DRAWN = 0.7  # samples that a breakaway counts for where most samples are drawn
@@ -112,13 +114,14 @@ class CoordinateLayout:
         return tuple((t, self.places[t.slug]) for t in terms if t.way is not Way.COMMAND)
 
     @cached_property
-    def kind(self) -> tuple[bool, bool]:
-        """Whether levels vary along the record, and whether readings wander: what runs alike."""
+    def kind(self) -> tuple[bool, bool, bool]:
+        """Whether levels vary along the record, whether readings wander, and whether the stem has
+        inertia: what runs alike."""
         stem = Stem.neutral(2, 1.0)
         for term, place in self.filling:
             term.fill(stem, self.bounds.high[place])
-        varied, timed = used(stem.numbers[None])
-        return bool(varied), bool(timed)
+        varied, timed, heavy = used(stem.numbers[None])
+        return bool(varied), bool(timed), bool(heavy)
 
 
 class RunResults(NamedTuple):
@@ -197,6 +200,10 @@ class Evaluator:
             places[term.slug] = slice(begin, len(low))
         if DEAD_TIME in places:
             high[DELAY] = 0.0  # one delay is enough
+        elif DRIVE in places:
+            high[DELAY] = LATE_DRIVE * self.problem.interval_s
+        if LOAD in places:
+            low[GAIN] = high[GAIN] = 0.0  # a load that rises with position is a span error
         return CoordinateLayout(hypothesis, places, Bounds(np.array(low), np.array(high)))
 
     def simulate(self, layout: CoordinateLayout, candidate: Floats) -> Floats:

@@ -32,7 +32,7 @@ from stemwatch.models.mismatch.base_fit import (
     naive_layout,
 )
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.between_samples import find_archive, stands_for_friction
+from stemwatch.models.mismatch.between_samples import Archive, find_archive, stands_for_friction
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -41,7 +41,9 @@ from stemwatch.models.mismatch.describe_effect import (
     effect,
     residual_map,
 )
-from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
+from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
+from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
@@ -53,6 +55,7 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.held_out import show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import Off, findings, values_of
@@ -62,7 +65,7 @@ from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, n
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
-from stemwatch.models.percent import possible
+from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import breakaways
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
@@ -97,6 +100,7 @@ class _Case:
     refused: Mapping[str, str]
     ceiling: Floats | None
     own_reading: bool
+    balance: ForceBalance | None  # of a drive whose motion the samples resolve
 
 
 def explain(
@@ -107,6 +111,7 @@ def explain(
     late_s: float | None = None,
     look_for_curve: bool = True,
     restore: bool = True,
+    archive: Archive | None = None,
 ) -> Mismatch:
     """All that is known of the mismatch of one recording; never raises for what it holds.
 
@@ -114,11 +119,12 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here, unless ``look_for_curve`` says that there is none. ``late_s`` is how
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
-    ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks.
+    ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
+    ``archive`` is that archive where it is known, else it is looked for.
     """
-    began, recording = time.perf_counter(), possible(on_own_clock(recording))
+    began, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
-    settled = replace(settle(recording), restore=restore)
+    settled = replace(settle(recording), restore=restore, archive=archive)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
@@ -274,7 +280,10 @@ def _fitted(
     )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
-    return _Case(recording, settled, base, refused, ceiling, own_reading)
+    balance = force_balance(problem) if own_reading else None
+    if balance is None:
+        refused |= dict.fromkeys(OF_A_DRIVE, NOT_RESOLVED)
+    return _Case(recording, settled, base, refused, ceiling, own_reading, balance)
 
 
 def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
@@ -282,9 +291,20 @@ def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
     return {slug: term for slug, term in catalogue().items() if slug not in refused}
 
 
+def _named(case: _Case, terms: Mapping[str, Term]) -> Named:
+    """What the recording needs: as a drive whose motion it resolves, or else term by term."""
+    drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
+    if drive is not None:
+        return drive
+    one_by_one = (slug for slug in terms if slug not in OF_A_DRIVE)
+    return name(
+        case.base, [terms[slug] for slug in one_by_one if terms[slug].way is not Way.READING]
+    )
+
+
 def _told(case: _Case) -> Mismatch:
     terms = admissible(case.refused)
-    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    named = _named(case, terms)
     evaluator = named.evaluator
     off, fitted = findings(evaluator, named.fitted, terms)
     layout, best = _whole(evaluator, fitted)
@@ -295,16 +315,24 @@ def _told(case: _Case) -> Mismatch:
     plain = naive_evaluator(evaluator)
     simple = naive_layout(plain)
     naive = conclude(plain, fit_naive(plain, everything))
-    shown = show(evaluator, layout, [score.term for score in named.needed], case.ceiling)
+    of_drive = starts_of_first_part(evaluator, layout)
+    in_turn = (
+        layout.hypothesis.terms
+        if DRIVE in layout.places
+        else [score.term for score in named.needed]
+    )
+    shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     finding = _finding(effects, open_end)
     before = residual_map(evaluator, shown.runs.naive)
-    archive = find_archive(case.recording) if case.settled.restore else None
+    archive = _archive(case, evaluator, best)
     record_effects = case.settled.effects
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = finding is Finding.NONE and archive is None
     alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
     restated = _stiction(evaluator, drawn, best, by_breakaways=told)
+    if case.balance is not None and DRIVE in layout.places:
+        restated = _of_balance(case.balance, restated)
     archive = None if stands_for_friction(restated.S, alone.S) else archive
     # What a slow actuator keeps between command and stem was not lost between two samples.
     slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in effects)
@@ -327,6 +355,17 @@ def _told(case: _Case) -> Mismatch:
         runs=shown.runs,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
     )
+
+
+def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
+    """The slow archive that S and J are restored from, if any."""
+    if not case.settled.restore or case.settled.archive is not None:
+        return case.settled.archive
+    archive = find_archive(case.recording)
+    if archive is None:
+        return None
+    gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
+    return archive.with_slips(evaluator.problem, gain, zero)
 
 
 def _standing(
@@ -385,6 +424,12 @@ def _stiction(
             estimate(S_drawn * drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
         ),
     )
+
+
+def _of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
+    """S by the force balance, which every moving sample tells; J as it was ``fitted``."""
+    error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
+    return replace(fitted, S=_positive(estimate(balance.S_drawn, balance.S, PERCENT, float(error))))
 
 
 def _positive(estimate: Estimate) -> Estimate:
@@ -514,6 +559,6 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
         return {}
     case = _fitted(recording, settled, None)
     terms = admissible(case.refused)
-    named = name(case.base, [term for term in terms.values() if term.way is not Way.READING])
+    named = _named(replace(case, balance=None), terms)
     first: tuple[TermScore, ...] = named.stages[0].scores
     return {score.slug: (score.advantage.mean, score.advantage.t) for score in first}

@@ -32,19 +32,29 @@ class HeldOutComparison:
 
 
 def show(
-    evaluator: Evaluator, layout: CoordinateLayout, terms: Sequence[Term], ceiling: Floats | None
+    evaluator: Evaluator,
+    layout: CoordinateLayout,
+    terms: Sequence[Term],
+    ceiling: Floats | None,
+    starts: Floats | None = None,
 ) -> HeldOutComparison:
     """Fit naive and extended to the first part only, run both freely over the whole record.
 
     ``layout`` is the final hypothesis, ``terms`` its terms in the order in which they were found.
 
-    ``ceiling`` (n,) is the free run of a network that was fitted to the same first part.
+    ``ceiling`` (n,) is the free run of a network that was fitted to the same first part. With
+    ``starts`` (m, size), which know the first part alone, the final hypothesis begins there.
     """
     problem = evaluator.problem
     train = problem.training_blocks()
     plain = naive_evaluator(evaluator)
     naive = plain.simulate(naive_layout(plain), conclude(plain, fit_naive(plain, train)))
-    trained = conclude(evaluator, _trained(evaluator, layout, terms, train))
+    if starts is None:
+        trained = conclude(evaluator, _trained(evaluator, layout, terms, train))
+    else:
+        trained = conclude(
+            evaluator, search(evaluator, layout, train, layout.bounds.clip(starts), CAREFUL)
+        ).candidate
     extended = evaluator.simulate(layout, trained)
     first = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
     late = evaluator.measured & (np.arange(problem.op.size) >= first)

@@ -76,13 +76,15 @@ _U = np.uint64
 # Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
 # Rows of the lanes' array: the stem; what holds for a run; the levels; the reading and its loss.
-_ROWS = 30
+_ROWS = 33
 (_X, _Z, _SIDE, _MOVING, _BEFORE, _LEAVES, _RESTED) = [_U(i * LANES) for i in range(7)]
 (_SHARE, _LEAST, _STEP, _LOW, _HIGH, _HALF) = [_U(i * LANES) for i in range(7, 13)]
 (_S_HALF, _J_HALF, _UNEVEN, _GROWN) = [_U(i * LANES) for i in range(13, 17)]
 (_FS_UP, _FS_DOWN, _FD_UP, _FD_DOWN, _PUSHED) = [_U(i * LANES) for i in range(17, 22)]
 (_SPAN, _OFFSET, _DRIFTS, _WANDER, _PRODUCT) = [_U(i * LANES) for i in range(22, 27)]
 (_FRICTION, _RISE, _LOOKED_UP) = [_U(i * LANES) for i in range(27, 30)]
+(_SPEED, _HAS_LEFT, _WAS_AT) = [_U(i * LANES) for i in range(30, 33)]
+_PARTS = 4  # of a sample, in which a stem with inertia is moved
 
 
 @njit(cache=True)
@@ -160,14 +162,15 @@ def _begin(
         s[_UNEVEN + i], s[_GROWN + i] = q[stem_number.ASYMMETRY], q[stem_number.GROWTH] / n
         s[_SPAN + i], s[_OFFSET + i] = q[stem_number.GAIN], 50.0 + q[stem_number.ZERO]
         s[_DRIFTS + i] = q[stem_number.DRIFT] / n
-        s[_FRICTION + i], s[_RISE + i], s[_LOOKED_UP + i] = 0.0, 0.0, np.nan
+        s[_FRICTION + i], s[_RISE + i], s[_LOOKED_UP + i], s[_SPEED + i] = 0.0, 0.0, np.nan, 0.0
     _set_levels(s, _U(lanes), _I(0))
 
 
 @njit(cache=True)
-def used(numbers: Floats) -> tuple[bool, bool]:
-    """Whether levels of some stem vary along the record, and whether readings wander."""
-    varied, timed = False, False
+def used(numbers: Floats) -> tuple[bool, bool, bool]:
+    """Whether levels of some stem vary along the record, whether readings wander, and whether some
+    stem has inertia."""
+    varied, timed, heavy = False, False, False
     for q in numbers:
         varied |= (
             q[stem_number.GROWTH] != 0.0
@@ -175,7 +178,8 @@ def used(numbers: Floats) -> tuple[bool, bool]:
             or q[stem_number.BY_REST] != 0.0
         )
         timed |= q[stem_number.BY_TIME] != 0.0
-    return varied, timed
+        heavy |= q[stem_number.RUN_UP_S] > 0.0
+    return varied, timed, heavy
 
 
 @njit(cache=True)
@@ -242,6 +246,55 @@ def _move(
             full += 1 if product > _FULL else 0
         k += 1
     return k, full
+
+
+@njit(cache=True)
+def _move_heavy(
+    s: Floats, numbers: Floats, forces: Floats, near: tuple[float, float], dt: float
+) -> None:
+    """One sample of the lanes whose stem has inertia, before ``_move`` reads and charges it.
+
+    The force balance in ``_PARTS`` implicit steps ``h``, stable for every drag and inertia: in the
+    direction of motion, ``w = max((a w/h + gap) / (a/h + DRAG_S + h), 0)``, ``a = DRAG_S
+    RUN_UP_S``. ``forces`` (lanes,) then hold the stem where it has come to, so that ``_move`` reads
+    it there; what ``_move`` cannot know is put right after it by ``_after_heavy``.
+    """
+    h = dt / _PARTS
+    for lane in range(numbers.shape[0]):
+        i, q = _U(lane), numbers[lane]
+        if q[stem_number.RUN_UP_S] <= 0.0:
+            continue
+        drag, top = q[stem_number.DRAG_S], q[stem_number.TOP_SPEED]
+        inertia = drag * q[stem_number.RUN_UP_S] / h
+        x, d, w = s[_X + i], s[_SIDE + i], s[_SPEED + i]
+        force, left = forces[i] - s[_PUSHED + i], 0.0
+        for part in range(_PARTS):
+            f = force - x
+            if w <= 0.0:
+                up, down = f > near[0] * s[_FS_UP + i], -f > near[1] * s[_FS_DOWN + i]
+                if not (up or down):
+                    break
+                d = 1.0 if up else -1.0
+                left = f if part == 0 else left
+            gap = d * f - (s[_FD_UP + i] if d > 0.0 else s[_FD_DOWN + i])
+            w = min(max((inertia * w + gap) / (inertia + drag + h), 0.0), top)
+            x += d * w * h
+        stopped = min(max(x, s[_LOW + i]), s[_HIGH + i])
+        s[_SPEED + i] = w if stopped == x else 0.0
+        s[_X + i], s[_SIDE + i], s[_MOVING + i] = stopped, d, 0.0
+        s[_HAS_LEFT + i], s[_WAS_AT + i] = left, force - stopped
+        forces[i] = stopped + s[_PUSHED + i]
+
+
+@njit(cache=True)
+def _after_heavy(s: Floats, numbers: Floats) -> None:
+    """What ``_move_heavy`` knows of the lanes that it moved: whether they move still, the force
+    with which they let go, and that on them."""
+    for lane in range(numbers.shape[0]):
+        i = _U(lane)
+        if numbers[lane, stem_number.RUN_UP_S] > 0.0:
+            s[_MOVING + i] = 1.0 if s[_SPEED + i] > 0.0 else 0.0
+            s[_LEAVES + i], s[_BEFORE + i] = s[_HAS_LEFT + i], s[_WAS_AT + i]
 
 
 @njit(cache=True)
@@ -393,7 +446,7 @@ def _wander_and_rest(
         z = min(max(z, laid[lane] - band), laid[lane] + band)
         # At a RESYNC it rests within the play of its reading.
         s[_X + i] = z if start else min(max(s[_X + i], z - half), z + half)
-        s[_Z + i], s[_MOVING + i] = z, 0.0
+        s[_Z + i], s[_MOVING + i], s[_SPEED + i] = z, 0.0, 0.0
         s[_RESTED + i] = 0.0 if start else s[_RESTED + i]
 
 
@@ -436,7 +489,7 @@ def follow(
     out: Floats,
     early_late: Floats,
 ) -> None:
-    """Run ``m <= LANES`` stems of ``numbers`` (m, 16), each over a row of ``force`` (r, n).
+    """Run ``m <= LANES`` stems of ``numbers`` (m, 18), each over a row of ``force`` (r, n).
 
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
     sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and
@@ -453,7 +506,8 @@ def follow(
     lanes = (m + _WIDTH - 1) // _WIDTH * _WIDTH
     s, laid, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
-    varied, timed = used(numbers)
+    varied, timed, heavy = used(numbers)
+    weighty = numbers[: m if heavy else 0]
     losses[:] = 0.0
     early_late[:, : 0 if window > 0.0 else n] = 0.0
     k, current, full = _I(0), _I(-1), _I(0)
@@ -480,15 +534,17 @@ def follow(
             _set_levels(s, _U(lanes), k)
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
         end = k + 1
-        if not (up or down or mark != 0 or varied or timed):
+        if not (up or down or mark != 0 or varied or timed or heavy):
             most = min(n, k - k % _AHEAD + _AHEAD)
             end = _plain(k, most, marks, block, next_up[k], next_down[k], patience)
         near_up = _near(next_up[k], k, n, window, patience)
         near = near_up, _near(next_down[k], k, n, window, patience)
         for lane in range(m if up or down else 0):
             before[lane] = s[_BEFORE + _U(lane)]
+        _move_heavy(s, weighty, laid[o:], near, dt)
         at, (k, more) = k, _move(s, laid, _U(lanes), near, mv, slack, charged, k, end)
         full += more
+        _after_heavy(s, weighty)
         if up or down:
             costs = scatter, event, scale
             _charge_onsets(s, before, (up, down), costs, at, b, losses, early_late)

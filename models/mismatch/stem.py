@@ -12,6 +12,9 @@ doi:10.1016/j.conengprac.2004.05.005): levels ``fs = (S + J)/2`` and ``fd = (S -
   (``breakaway``, added to ``fs``), on direction (``ASYMMETRY``: J (1 + a) rising, J (1 - a)
   falling) and on time (``GROWTH``: both levels times 1 + g t/T),
 - a force may depend on place (``force``), a resting stem may creep, stops may hold it,
+- a stem with inertia (``RUN_UP_S`` > 0, where a drive is recorded so often that it shows) is moved
+  by its force balance, ``DRAG_S (RUN_UP_S dv/dt + v) = d F - fd``, ``0 <= v <= TOP_SPEED``; it
+  rests where its speed has come to 0 and the force is within ``fs``,
 - between stem and reading there may be play, and the reading may drift:
   ``MV = gain (z - 50) + 50 + zero + drift (t/T - 1/2) + wander(t)``.
 """
@@ -25,7 +28,7 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 
-# Order of the numbers (16,) of a stem. They and the places are compiled into ``kernel``, whose
+# Order of the numbers (18,) of a stem. They and the places are compiled into ``kernel``, whose
 # cache does not notice a change here: clear it, or save ``kernel`` as well.
 (
     S,
@@ -44,12 +47,14 @@ from stemwatch.models.recording import Floats
     BY_PLACE,
     BY_REST,
     BY_TIME,
-) = range(16)
-N_NUMBERS = 16
+    RUN_UP_S,
+    TOP_SPEED,
+) = range(18)
+N_NUMBERS = 18
 PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 
 _NEUTRAL = np.zeros(N_NUMBERS)
-_NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH]] = 1.0, -np.inf, np.inf
+_NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH, TOP_SPEED]] = 1.0, -np.inf, np.inf, np.inf
 _FLAGS = [BY_PLACE, BY_REST, BY_TIME]  # that switch the tables on
 EVENT = 3.0  # samples that a breakaway counts for
 
@@ -70,7 +75,7 @@ class Tables(NamedTuple):
 
 @dataclass
 class Stem:
-    """Numbers (16,) and tables of one run.
+    """Numbers (18,) and tables of one run.
 
     ``friction`` and ``force`` (141,) over place, ``breakaway`` (n + 1,) over the samples rested,
     ``wander`` (n + 1,) of the reading over time, all in percent of span. A term that fills a table
@@ -92,7 +97,7 @@ class Stem:
 
 @dataclass(frozen=True)
 class Stems:
-    """Stems that run side by side: each is a view of a row of ``numbers`` (m, 16) and tables."""
+    """Stems that run side by side: each is a view of a row of ``numbers`` (m, 18) and tables."""
 
     numbers: Floats
     tables: Tables

@@ -144,7 +144,7 @@ def breakaways(
     tried = []
     for delay in delays:
         command_then = np.interp(clock - delay, clock, command)
-        near, far, after, rate, jump = _distances(
+        near, far, after, rate, jump = distances(
             stem, command_then, seen.at, side, seen.rested, place
         )
         slip = (jump >= LEAST_JUMP * J) & (far > 0.0)
@@ -161,7 +161,7 @@ def breakaways(
 
 
 @njit(cache=True)
-def _distances(
+def distances(
     stem: Floats, command: Floats, at: Samples, side: Floats, rested: Samples, place: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """(m,) each, of the onsets: the distance of command and stem that the stem has borne and the

@@ -42,7 +42,7 @@ Interval = Annotated[
     float | None,
     typer.Option(
         "--interval-s",
-        help="Seconds between rows, for a file without a time column.",
+        help="Seconds between rows, for a file without times or with a row counter instead.",
         rich_help_panel=READING,
     ),
 ]

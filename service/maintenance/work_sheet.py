@@ -21,7 +21,7 @@ from stemwatch.service.maintenance.first_seen import FirstSeen
 from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discoveries
-from stemwatch.service.presenter.finding import PresentedFinding
+from stemwatch.service.presenter.finding import PresentedFinding, field_test
 from stemwatch.service.presenter.wording import (
     figure,
     finite,
@@ -40,6 +40,7 @@ CLASSES = ((0.80, 1), (0.55, 2), (0.30, 3), (0.0, 4))
 WORDS = {1: "within a week", 2: "within a month", 3: "within three months", 4: "at the next stop"}
 DAYS = {1: 7, 2: 30, 3: 90, 4: 180}
 
+GENERAL_TEST = "Step OP by 1 %"  # how the step for all sticking valves begins
 MOST_PAST = 5  # earlier screenings in the table
 MEANING = {
     "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
@@ -148,7 +149,7 @@ def work_sheet_of(
     kinds = said.decision.kinds
     earlier = background.earlier(screening)
     seen = s.first_seen(kinds[0], earlier)
-    steps = advice.steps_for(kinds)
+    steps = _with_field_test(advice.steps_for(kinds), field_test(screening))
     picture, note = picture_of(screening, background.samples(screening), zone)
     sizes, stroke_note = sizes_of(screening, valve.facts.stroke)
     return WorkSheet(
@@ -171,6 +172,14 @@ def work_sheet_of(
         picture_note=note,
         run=background.run,
     )
+
+
+def _with_field_test(steps: tuple[CheckStep, ...], test: str) -> tuple[CheckStep, ...]:
+    """The steps, with the test of this valve's own size in place of the one for all valves."""
+    at = next((k for k, step in enumerate(steps) if step.text.startswith(GENERAL_TEST)), None)
+    if at is None or not test:
+        return steps
+    return (*steps[:at], replace(steps[at], text=test), *steps[at + 1 :])
 
 
 def sizes_of(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:

@@ -33,6 +33,9 @@ MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
 LEAST_SHARE_OF_INTERVAL = 0.1
 # A stem that crosses its travel in five seconds is no slow one, on a faster record in five samples.
 FASTEST_PERCENT = 20.0
+# From this S on a test by hand uses this step: three or more of them, each one to be seen.
+TEST_STEPS = ((3.0, 1.0), (1.5, 0.5), (0.0, 0.2))
+LEAST_TESTED = 0.6  # percent; a smaller S is not counted in steps by hand
 ALIKE_SHARE = 0.2  # two directions closer than this are said once
 NAIVE_SHARE = 1 / 3
 SMALLEST_NAIVE_STEP_PERCENT = 0.2
@@ -108,15 +111,19 @@ def present(
         found=_found(screening, decision),
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
-        beside_friction=" ".join(
-            sentence
-            for sentence in (beside_friction(screening), without_them(screening))
-            if sentence
-        ),
+        beside_friction=_measured_beside(screening),
         effects=() if mismatch is None else present_effects(mismatch),
         otherwise=_otherwise(mismatch, decision.kinds, stands),
         held_back=run.remark if run is not None and stands is False else "",
     )
+
+
+def _measured_beside(screening: Screening) -> str:
+    """What delays or slows the stem by the quick fit; empty where effects were named, which say it
+    better: a lag here and a rate limit there would be one thing under two names."""
+    if screening.mismatch is not None and screening.mismatch.effects:
+        return ""
+    return " ".join(filter(None, (beside_friction(screening), without_them(screening))))
 
 
 def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
@@ -162,12 +169,33 @@ def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
     return tuple(said)
 
 
+def field_test(screening: Screening) -> str:
+    """A test by hand that can move this valve, with what to expect from its own S and J; empty
+    where they are not known or nothing is to be confirmed."""
+    S, J = finite(screening.S.value), finite(screening.J.value) or 0.0
+    if screening.verdict not in (Verdict.STICKY, Verdict.WATCH) or S is None or S < LEAST_TESTED:
+        return ""
+    step = next(step for least, step in TEST_STEPS if least <= S)
+    low, high = finite(screening.S.low) or S, finite(screening.S.high) or S
+    fewest, most = max(1, round(low / step)), max(1, round(high / step))
+    about = f"{max(1, round(S / step))}"
+    if fewest != most:
+        about += f" ({fewest} to {most})"
+    jump = f"a jump of about {span_percent(J)} %" if J >= step / 2 else "no jump"
+    return (
+        f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
+        f"back by the same steps, and count them. Expect about {about} "
+        f"before it moves back, with {jump}. A stem that answers the first or second step back "
+        "passes."
+    )
+
+
 def _next_step(screening: Screening, decision: WorkDecision) -> str:
     """The screening's advice. A valve that does not stick but has an effect that wants work gets
     that effect's: to look for the cause elsewhere would be wrong."""
     if decision.verdict is Verdict.DEFECTIVE:
         return present_effect(decision.effects[0]).check
-    return screening.advice
+    return " ".join(filter(None, (screening.advice, field_test(screening))))
 
 
 def _otherwise(
@@ -282,6 +310,7 @@ def stiction_grown(before: Estimate | None, now: Estimate) -> str:
 def baseline_left(ratio: float) -> str:
     """That the position follows its baseline network worse than it did, ``ratio`` times."""
     return (
-        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
-        "was set: the valve moves differently. Look at its page for where it does."
+        "The valve moves otherwise than it did when its baseline was set: a model of how it moved "
+        f"then is {ratio:.1f} times worse at telling its position now. That alone does not say "
+        "what is wrong. Look at its page for where it differs, and ask what was changed."
     )

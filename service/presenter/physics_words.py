@@ -22,7 +22,7 @@ FINDING_TITLE = {
     Finding.NOT_TESTABLE: "cannot be tested",
 }
 FINDING_MEANING = {
-    Finding.NAMED: "one effect explains what S and J leave over, and nothing else does as well",
+    Finding.NAMED: "what is named explains what S and J leave over, and nothing else does as well",
     Finding.CANDIDATES: "effects that this recording cannot tell apart; a test would",
     Finding.UNKNOWN: "systematic, and nothing in the catalogue explains it",
     Finding.NONE: "S and J explain the recording, scatter of the breakaways included",
@@ -41,6 +41,45 @@ FACETS = {
 def effect_name(slug: str) -> str:
     """A slug as people say it: ``actuator_lag`` is an actuator lag."""
     return slug.replace("_", " ")
+
+
+# What the numbers of an effect are; where two effects use one letter, by effect and letter.
+PARAMETERS = {
+    "A": "extra friction",
+    "D": "drift over the record",
+    "U": "push of the fluid at mid-travel",
+    "creep": "speed of the creep",
+    "dwell_dependent_breakaway.b": "rise of the breakaway for 2.7 times the rest",
+    "gain": "reading for 1 % of travel",
+    "growth": "growth over the record",
+    "late_s": "OP stored late by",
+    "lost_motion.b": "play",
+    "place": "at travel",
+    "range": "range of the drift",
+    "rate": "top speed",
+    "rate_falling": "top speed falling",
+    "rate_rising": "top speed rising",
+    "ratio": "jump rising over jump falling",
+    "recovery": "time constant of the recovery",
+    "sag": "share of a move that is missing",
+    "stop_high": "upper stop",
+    "stop_low": "lower stop",
+    "tau": "time constant",
+    "tau_falling": "time constant falling",
+    "tau_rising": "time constant rising",
+    "tau_v": "time constant of the slide",
+    "theta": "dead time",
+    "v_c": "speed below which it sticks again",
+    "width": "half width",
+    "wn": "natural frequency",
+    "zero": "error of the zero",
+    "zeta": "damping ratio",
+}
+
+
+def parameter_name(name: str, slug: str = "") -> str:
+    """A number of the effect ``slug`` in words: ``theta`` of a dead time is the dead time."""
+    return PARAMETERS.get(f"{slug}.{name}") or PARAMETERS.get(name) or effect_name(name)
 
 
 def effect_names(slugs: Iterable[str]) -> str:

@@ -136,7 +136,8 @@ def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> Mismatch
     mismatch, tag = valve.screening.mismatch, valve.screening.valve
     if mismatch is None:
         return None
-    return mismatch_view(mismatch, None, valve.anchor, tag, held_back, overlay)
+    counts = valve.screening.S, valve.screening.J
+    return mismatch_view(mismatch, None, valve.anchor, tag, held_back, overlay, counts)
 
 
 class _Compiled(BytecodeCache):
@@ -181,6 +182,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "spread_percent": spread_percent,
         "left_over_bars": left_over_bars,
         "effect_name": mismatch_words.effect_name,
+        "parameter_name": mismatch_words.parameter_name,
         "effect_names": mismatch_words.effect_names,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],

@@ -4,11 +4,13 @@ where the residual lives, facet by facet, before and after.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from stemwatch.models.mismatch.findings import Cell, Finding, HeldOutFit, Mismatch
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Cell, Finding, Mismatch
 from stemwatch.models.recording import Recording
 from stemwatch.service.presenter.physics_words import facet_title
 from stemwatch.service.presenter.wording import finite
@@ -21,7 +23,9 @@ from stemwatch.service.report.heatmap import heat_map, largest
 class MismatchView:
     """``found`` with its pictures; ``anchor`` and ``tag`` name the valve in the page.
 
-    ``held_back`` is why its effects do not stand among all valves of the run; empty where they do.
+    ``S`` and ``J`` are those of the valve, the only ones that count on a page; ``alternative`` is
+    why those of S and J alone differ, empty where they do not. ``held_back`` is why its effects do
+    not stand among all valves of the run; empty where they do.
     """
 
     found: Mismatch
@@ -32,6 +36,9 @@ class MismatchView:
     top: float  # rms in percent of span at the full colour of both maps
     facets: tuple[FacetBars, ...]
     overlay: Chart | None
+    S: Estimate
+    J: Estimate
+    alternative: str = ""
     held_back: str = ""
 
     @property
@@ -58,8 +65,13 @@ def mismatch_view(
     tag: str,
     held_back: str = "",
     overlay: Chart | None = None,
+    counts: tuple[Estimate, Estimate] | None = None,
 ) -> MismatchView:
-    """The view of ``mismatch``; without ``recording`` with the ``overlay`` given, if any."""
+    """The view of ``mismatch``; without ``recording`` with the ``overlay`` given, if any.
+
+    ``counts`` are the valve's S and J where a screening says them; else the mismatch does.
+    """
+    S, J = counts or (mismatch.restated.S, mismatch.restated.J)
     top = largest(mismatch.before, mismatch.after)
     return MismatchView(
         found=mismatch,
@@ -70,17 +82,44 @@ def mismatch_view(
         top=top,
         facets=tuple(facet_bars(mismatch)),
         overlay=overlay_of(recording, mismatch.runs) or overlay,
+        S=S,
+        J=J,
+        alternative=_alternative(mismatch, S, J),
         held_back=held_back,
     )
 
 
-def left_over_bars(heldout: HeldOutFit) -> list[LeftOver]:
-    """Rmse before and after beside what is systematic at all and the noise; known ones only."""
+def _alternative(mismatch: Mismatch, S: Estimate, J: Estimate) -> str:
+    """Why the S and J of S and J alone are others than those of the valve."""
+    if (mismatch.naive.S, mismatch.naive.J) == (S, J):
+        return ""
+    if mismatch.effects:
+        return "S and J alone, without what was named"
+    return "the fit that physics beside friction was looked for from"
+
+
+def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
+    """Rmse before and after beside what is systematic at all and the noise; known ones only.
+
+    "After" is there where something was named. A model that comes nearer than the estimated noise
+    shows that the noise is less; a network that a model beats is no ceiling.
+    """
+    heldout = mismatch.heldout
+    after = finite(heldout.rmse_extended) if mismatch.effects else None
+    before, ceiling = finite(heldout.rmse_naive), finite(heldout.rmse_ceiling)
+    noise = finite(heldout.noise_floor)
+    nearest = min((one for one in (before, after, ceiling) if one is not None), default=math.inf)
+    network = "NARX network, the ceiling"
+    if ceiling is not None and nearest < ceiling:
+        network = "NARX network"
+    floor, floor_name = noise, "noise floor"
+    if noise is not None and nearest < noise:
+        floor, floor_name = nearest, "noise floor, at most"
     rows = (
-        ("naive", "S and J alone", heldout.rmse_naive, heldout.fit_naive),
-        ("extended", "with what was left out", heldout.rmse_extended, heldout.fit_extended),
-        ("narx", "NARX network, the ceiling", heldout.rmse_ceiling, None),
-        ("floor", "noise floor", heldout.noise_floor, None),
+        ("naive", "S and J alone", before, heldout.fit_naive),
+        ("extended", "with what was left out", after, heldout.fit_extended),
+        ("narx", network, ceiling, None),
+        ("floor", floor_name, floor, None),
     )
     known = [(*row[:2], rmse, row[3]) for row in rows if (rmse := finite(row[2])) is not None]
     longest = max((rmse for _, _, rmse, _ in known), default=0.0)

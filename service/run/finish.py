@@ -148,6 +148,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
             SourceNotRead(source=str(problem.file), reason=str(problem))
             for problem in plant.problems
         ]
+    weeks = run.store.trends(list(executed.previous))
     return ReportContext(
         started=run.started,
         plant=plant.name if plant else "",
@@ -155,7 +156,8 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         command=run.command,
         settings_digest=plant.settings_digest if plant else "",
         valves={
-            valve: facts_of(plant, valve, before) for valve, before in executed.previous.items()
+            valve: replace(facts_of(plant, valve, before), weeks=weeks.get(valve))
+            for valve, before in executed.previous.items()
         },
         sources_not_read=tuple(notes),
     )

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions
@@ -37,6 +38,7 @@ from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.store.samples.sources import Sources
 from stemwatch.service.store.screenings import (
     baselines,
+    daily_stiction,
     false_discoveries,
     history,
     ranking,
@@ -305,6 +307,11 @@ class Store:
         and what they are compared with."""
         with self.transactions.reading() as session:
             return recent.read_recent(session, valves, depth, indicator)
+
+    def trends(self, valves: Sequence[str]) -> dict[str, TrendOverWeeks]:
+        """How S of each of ``valves`` changes over weeks, where that is known."""
+        with self.transactions.reading() as session:
+            return daily_stiction.read_trends(session, valves)
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run that could have shown an effect beside S and J."""

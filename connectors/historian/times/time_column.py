@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.times.cut_stamps import evenly_within_stamps
 from stemwatch.connectors.historian.times.day_month_order import local_ns
 from stemwatch.connectors.historian.times.time_fields import NO_OFFSET, Ints, Order, take_apart
 from stemwatch.connectors.historian.times.zones import to_utc
@@ -51,8 +53,14 @@ def read_instants(
     times = table.times
     if times.texts is None:
         return _counted(table, options, name, notes)
-    stored = isinstance(times.texts, StoredText)
-    texts = times.texts if stored else [text.strip() for text in times.texts]
+    instants = _written(table, options, name, notes)
+    return instants if table.narrow else _with_cut_stamps(instants, table, options, notes)
+
+
+def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
+    """The instants that the time column holds."""
+    told = table.times.texts or ()
+    texts = told if isinstance(told, StoredText) else [text.strip() for text in told]
     instants = _numeric(texts, table, notes)
     if options.time_format is not None:
         instants = _by_format(texts, options.time_format, table, options, notes)
@@ -66,6 +74,38 @@ def read_instants(
         )
     _report_unreadable(instants.ok, texts, table, notes)
     return _without_strays(_with_milliseconds(instants, table), texts, table, notes)
+
+
+def _with_cut_stamps(
+    instants: Instants, table: RawTable, options: ReadOptions, notes: ReadingNotes
+) -> Instants:
+    """What the user or equal numbers of rows for each stamp say of the rows between two stamps."""
+    column, given = table.times.name, options.interval_s
+    if given is not None and not instants.known and not instants.zone:
+        notes.decide(
+            f"The rows are {given:g} s apart, as given; column {column!r} only counts them."
+        )
+        ns = np.round(np.arange(instants.ns.size) * given * 1e9).astype(np.int64)
+        return Instants(ns=ns, ok=np.ones_like(instants.ok), known=False, zone="")
+    if given is not None:
+        notes.decide(f"interval_s = {given:g} is not used: column {column!r} dates each row.")
+    spread = evenly_within_stamps(instants.ns, instants.ok)
+    if spread is None or _repeated_rows(table):
+        return instants
+    ns, each = spread
+    interval_s = float(np.median(np.diff(ns))) / 1e9
+    notes.decide(
+        f"Column {column!r} gives the same time to {each} rows in a row, as a spreadsheet does "
+        f"that cuts times; the rows are taken as {interval_s:g} s apart."
+    )
+    return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
+
+
+def _repeated_rows(table: RawTable) -> bool:
+    """Whether rows mostly say what the row before says: the file has each row several times."""
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    same = sum(row == before for before, row in pairwise(rows))
+    return same > 0.3 * len(rows)
 
 
 def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:

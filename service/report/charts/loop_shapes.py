@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.presenter.wording import finite
 
 CURVE, BAND = "curve from OP to stroke", "stick band of S and J"
+FEWEST_TURNS = 4  # of the command from which its usual turns are known
 SLIDE_POINTS = 40  # of a slide along a bent curve
 
 
@@ -69,10 +71,28 @@ def _zero(command: Floats, mv: Floats) -> float:
     return 0.5 * float(np.sum(np.percentile(mv - command, [2.0, 98.0])))
 
 
+def _turns(command: Floats, S: float) -> tuple[float, float]:
+    """Where the command usually turns round, below and above, percent: the medians of its turns of
+    at least ``S``. A few large moves in a long record say nothing of the loops between them; where
+    it hardly turns, the ends of its swing."""
+    low, high = (float(end) for end in np.percentile(command, [1.0, 99.0]))
+    if not S > 0.0:
+        return low, high
+    at = reversals(command, S)
+    if at.size < FEWEST_TURNS:
+        return low, high
+    turns = command[at]
+    is_top = turns > command[np.concatenate((at[1:], [command.size - 1]))]
+    if is_top.all() or not is_top.any():
+        return low, high
+    below, above = float(np.median(turns[~is_top])), float(np.median(turns[is_top]))
+    return (below, above) if above - below > S else (low, high)
+
+
 def _band(
     screening: Screening, command: Floats, mv: Floats, op: Floats, curve: StrokeCurve | None = None
 ) -> Floats | None:
-    """(m, 2) corners of the loop that S and J alone describe between the turns of OP, percent.
+    """(m, 2) corners of the loop that S and J describe between the usual turns of OP, percent.
 
     The stem slides at ``command - (S - J) / 2`` upwards and ``command + (S - J) / 2`` downwards;
     after a turn it rests until the command has moved S, and then jumps J to the other side.
@@ -83,7 +103,7 @@ def _band(
         return None
     scale = 1.0 if curve is None else abs(curve.slope)
     S, J = scale * S, scale * J
-    low, high = np.percentile(command, [1.0, 99.0])
+    low, high = _turns(command, S)
     if not 0.0 < S < high - low:
         return None
     zero, slide = _zero(command, mv), 0.5 * (S - J)

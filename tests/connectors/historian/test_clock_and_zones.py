@@ -274,3 +274,43 @@ def test_two_clocks_in_one_header_name(open_text) -> None:
     """A column that is called UTC holds UTC."""
     source = open_text(wide(["2026-05-01 00:00:00", "2026-05-01 00:00:10"], "Time (UTC)"))
     assert source.read(OP).start == datetime(2026, 5, 1, tzinfo=UTC)
+
+
+@pytest.mark.parametrize("first", [0, 17])
+@pytest.mark.parametrize("each", [4, 60])
+def test_stamps_that_a_spreadsheet_cut_to_the_minute_are_spread_evenly(
+    open_text, first: int, each: int
+) -> None:
+    """Sixty rows a minute are a row each second, also where the first minute is not whole."""
+    rows = each * 8 - first % each
+    start = datetime(2026, 3, 2, 6, tzinfo=UTC)
+    skipped = first % each
+    minutes = [(skipped + row) // each for row in range(rows)]
+    times = [(start + timedelta(minutes=m)).strftime("%Y-%m-%d %H:%M") for m in minutes]
+    recording = open_text(wide(times), options=ReadOptions(zone="UTC")).read(OP)
+    assert recording.interval_s == 60 / each
+    assert recording.start == start + timedelta(seconds=skipped * 60 / each)
+    assert recording.op.values.tolist() == [row + 0.5 for row in range(rows)]
+    assert f"gives the same time to {each} rows in a row" in said(recording)
+
+
+def test_rows_that_stand_twice_in_a_file_are_no_cut_stamps(open_text) -> None:
+    """Each row twice is a damaged export: the repeats are dropped, and the clock stays."""
+    times = [f"2026-03-02 06:{minute:02d}" for minute in range(40)]
+    text = "Time;OP\n" + "".join(f"{time};{i + 0.5}\n" * 2 for i, time in enumerate(times))
+    recording = open_text(text, options=ReadOptions(zone="UTC")).read(OP)
+    assert recording.interval_s == 60
+    assert recording.op.values.tolist() == [i + 0.5 for i in range(40)]
+
+
+def test_an_interval_that_is_given_is_used_or_said_not_to_be(open_text) -> None:
+    """A column that only counts rows gives way to it; dates do not, and that is said."""
+    counted = [str(row) for row in range(50)]
+    given = ReadOptions(interval_s=20.0, zone="UTC")
+    recording = open_text(wide(counted), options=given).read(OP)
+    assert recording.interval_s == 20.0
+    assert "20 s apart, as given; column 'Time' only counts them" in said(recording)
+    dated = [f"2026-03-02 06:{minute:02d}" for minute in range(50)]
+    recording = open_text(wide(dated), options=given).read(OP)
+    assert recording.interval_s == 60.0
+    assert "interval_s = 20 is not used: column 'Time' dates each row" in said(recording)

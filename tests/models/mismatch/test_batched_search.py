@@ -116,7 +116,7 @@ def test_answers_are_those_of_a_candidate_alone():
 def test_hypotheses_run_alike_by_what_their_stems_use():
     """Levels that vary and readings that wander are kept apart from plain stems."""
     kinds = [evaluator().layout(hypothesis(*slugs)).kind for slugs in KINDS]
-    plain, varied, timed = (False, False), (True, False), (False, True)
+    plain, varied, timed = (False, False, False), (True, False, False), (False, True, False)
     assert kinds == [plain, plain, plain, varied, varied, timed, varied]
 
 
@@ -124,7 +124,7 @@ def test_hypotheses_run_alike_by_what_their_stems_use():
 def test_every_term_is_known_by_its_upper_limits(slug):
     """What a term fills anywhere within its limits it also fills at the upper ones."""
     layout = evaluator().layout(hypothesis(slug))
-    varied, timed = layout.kind
+    varied, timed, heavy = layout.kind
     for candidate in anywhere(layout, 5, np.random.default_rng(5)):
         stem = Stem.neutral(900, 1.0)
         for term, place in layout.filling:
@@ -134,6 +134,7 @@ def test_every_term_is_known_by_its_upper_limits(slug):
         ]
         assert varied or not (by_place or by_rest or growth)
         assert timed or not by_time
+        assert heavy or not stem.numbers[stem_number.RUN_UP_S]
 
 
 def test_a_force_is_made_once_and_the_oldest_makes_room():

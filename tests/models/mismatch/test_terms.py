@@ -43,8 +43,10 @@ PARAMETERS = {
     "dwell_dependent_breakaway": {"b": "%"},
     "flow_force": {"U": "%"},
     "growing_stiction": {"growth": "%"},
+    "load_by_position": {"rise": "%", "bend": "%"},
     "lost_motion": {"b": "%"},
     "low_speed_restick": {"v_c": "%/s"},
+    "motor_drive": {"tau": "s", "run_up": "s"},
     "position_dependent_friction": {"A": "%", "place": "%", "width": "%"},
     "rate_limit": {"rate": "%/s"},
     "sensor_drift": {"D": "%", "range": "%"},
@@ -67,8 +69,10 @@ MATTERS = [
     ("dwell_dependent_breakaway", [0.05], [0.15]),
     ("flow_force", [1.0], [-2.5]),
     ("growing_stiction", [0.1], [0.4]),
+    ("load_by_position", [0.6, 0.0, 0.0], [2.0, 0.0, -3.0]),
     ("lost_motion", [0.1], [0.6]),
     ("low_speed_restick", [0.1], [0.3]),
+    ("motor_drive", [20.0, 0.5, 0.0], [20.0, 3.0, 0.0]),
     ("position_dependent_friction", [0.2, 50.0, 5.0], [1.0, 50.0, 5.0]),
     ("rate_limit", [1 / 20.0], [1 / 1.5]),
     ("sensor_drift", [0.3, 0.0, 0.0, 0.0], [-0.7, 0.0, 0.0, 0.0]),
@@ -94,7 +98,7 @@ def said(slug: str, values: list[float], spread: float = 0.05) -> str:
 
 
 def test_the_catalogue_holds_all_physics_of_the_valve():
-    """Twenty effects, and the file is named as the effect."""
+    """Valves and drives, and the file is named as the effect."""
     assert set(CATALOGUE) == set(PARAMETERS)
     assert all(term.slug == slug for slug, term in CATALOGUE.items())
 
@@ -125,6 +129,15 @@ def test_a_richer_term_names_the_simpler_ones_that_it_contains():
         "asymmetric_lag": ("actuator_lag",),
         "asymmetric_rate_limit": ("rate_limit",),
         "asymmetric_slip": ("zero_shift",),
+        "load_by_position": ("flow_force", "span_error"),
+        "motor_drive": (
+            "viscous_drag",
+            "actuator_lag",
+            "asymmetric_lag",
+            "dead_time",
+            "rate_limit",
+            "underdamped_positioner",
+        ),
         "span_error": ("zero_shift",),
         "underdamped_positioner": ("actuator_lag",),
     }
@@ -230,6 +243,12 @@ def test_advice_names_things_to_look_at_and_a_test(slug):
         ("flow_force", [-3.0], "by 3.00 (2.85 to 3.15) % of span more towards opening"),
         ("growing_stiction", [0.8], "grew by 80.0 (76.0 to 84.0) % over the record"),
         ("growing_stiction", [-0.3], "shrank by 30.0 (28.5 to 31.5) % over"),
+        ("load_by_position", [4.0, 0.0, 0.0], "by 4.00 (3.80 to 4.20) % of span more towards clos"),
+        (
+            "motor_drive",
+            [9.0, 3.0, 0.0],
+            "9.00 (8.55 to 9.45) s and runs up in 3.00 (2.85 to 3.15)",
+        ),
         ("position_dependent_friction", [1.5, 50.0, 5.0], "Between 45 and 55 % of travel"),
         ("rate_limit", [0.5], "no more than 2.00 (1.90 to 2.10) %/s, opening and closing alike"),
         ("sensor_drift", [-1.5, 0.0, 0.0, 0.0], "drifts downwards by 1.50 (1.43 to 1.57) %"),

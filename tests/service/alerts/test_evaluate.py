@@ -210,3 +210,30 @@ def test_a_silent_device_is_one_alert_for_all_its_valves(store: Store, plant: Pl
     say(late, "")
     watch_sources(store, plant, since=START, now=late + timedelta(minutes=1))
     assert store.alerts.open() == []
+
+
+def test_what_has_one_cause_is_one_alert_with_its_evidence(store: Store, plant: Plant) -> None:
+    """A valve leaves its baseline and then sticks: the second alert takes the first one in."""
+    for hour in (0, 1):
+        run(store, plant, hour, left=["V3"])
+    (early,) = store.alerts.open()
+    assert early.kind is AlertKind.BASELINE
+    for hour in (2, 3, 4):
+        run(store, plant, hour, sticky=["V3"], left=["V3"])
+    (alert,) = store.alerts.open()
+    assert alert.kind is AlertKind.STICKY
+    closed = store.alerts.get(early.id)
+    assert closed.closed is not None
+    assert "part of another alert of this valve" in closed.closed_why
+
+
+def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
+    """Found together, they are one alert and one message from the beginning."""
+    numbers = []
+    for hour in (0, 1, 2):
+        numbers += run(store, plant, hour, sticky=["V3"], left=["V3"])
+    (alert,) = store.alerts.open()
+    assert numbers == [alert.id]
+    assert [one["kind"] for one in alert.evidence["findings"]] == ["baseline"]
+    assert "Also seen: The valve moves otherwise than it did" in alert.text
+    assert alert.text.count("V3") == 1

@@ -96,3 +96,15 @@ def test_nothing_is_drawn_behind_pv():
         ]
         == []
     )
+
+
+def test_the_band_lies_where_the_loops_turn_and_not_at_a_rare_large_move():
+    """Two large moves in an hour; the loops between them turn much earlier."""
+    found = screening("FV-1", S=3.0, J=1.0)
+    seconds = found.recording.time_s
+    amplitude = np.where(seconds < seconds[-1] / 12.0, 20.0, 4.0)
+    op = 50.0 + amplitude * np.sin(2.0 * np.pi * seconds / 240.0)
+    corners = loop_shapes(found, op, stick_slip(op, 3.0, 1.0)).band
+    assert corners is not None
+    assert corners[:, 0].max() == pytest.approx(54.0, abs=0.3)
+    assert corners[:, 0].min() == pytest.approx(46.0, abs=0.3)

@@ -53,6 +53,21 @@ def test_a_false_alarm_is_kept_as_one(live, send, client):
     assert "test signal" in client.get("/alerts?state=false").text
 
 
+def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
+    """One form, one comment; where one of them is not there, none is changed."""
+    numbers = [str(alert.id) for alert in live.store.alerts.open()]
+    assert len(numbers) > 1
+    page = client.get("/alerts").text
+    bulk = page[page.index("at once:") : page.index("Acknowledge all")]
+    assert all(f'value="{number}"' in bulk for number in numbers)
+    wrong = send("/alerts/settle", alert=[*numbers, "999999"], how="acknowledge", text="x")
+    assert wrong.status_code == 404
+    assert live.store.alerts.count_open(NOW) == len(numbers)
+    send("/alerts/settle", alert=numbers, how="acknowledge", text="seen in the meeting")
+    assert live.store.alerts.count_open(NOW) == 0
+    assert {one.comment for one in live.store.alerts.open()} == {"seen in the meeting"}
+
+
 @pytest.mark.parametrize(
     ("fields", "status", "said"),
     [

@@ -1,0 +1,148 @@
+"""A motor drive: its lag, inertia and load are looked for together, from the force balance.
+
+One by one they are not found: without the load a fit takes its pull for friction, without the lag
+it takes the lag for a dead band as wide as the swing. The force balance says where they lie
+together; the evaluator of all hypotheses says on unseen blocks of time whether they are needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.base_fit import BaseFit, breakaway_scatter, scale
+from stemwatch.models.mismatch.batched_search import Search, conclude
+from stemwatch.models.mismatch.crossfit import (
+    CAREFUL,
+    POLISH,
+    Fitted,
+    again,
+    crossfit,
+    gain,
+    scored,
+)
+from stemwatch.models.mismatch.evaluator import DRIVE, LOAD, CoordinateLayout, Evaluator, TermSet
+from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
+from stemwatch.models.mismatch.reading import pinned
+from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.term_selection import (
+    Named,
+    Needed,
+    SelectionStage,
+    TermScore,
+    reduced,
+)
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.parameters import Bounds
+
+TERMS = (DRIVE, LOAD)
+NOT_RESOLVED = (
+    "the samples do not resolve how the stem gathers speed, as those of a motor drive that is "
+    "recorded many times while it moves"
+)
+NEAR, LEAST_NEAR = 0.1, 0.03  # of S, percent
+RATIOS = (0.0, 0.4)  # J/S
+DELAYS = (0.0, 2.0, 4.0)  # samples
+TOP_SPEEDS = (1.0, 1.15, np.inf)  # times the fastest motion that was seen
+
+
+def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) -> Named | None:
+    """What the drive needs beyond S and J; ``None`` where lag and inertia are not needed.
+
+    ``terms`` are those that the recording can show. The load stays in the fit where it is too small
+    to be named: else the reading's gain would take its place.
+    """
+    hypothesis = TermSet()
+    for slug in TERMS:
+        hypothesis = hypothesis.plus(terms[slug])
+    evaluator, fitted = _fitted(base, balance, hypothesis)
+    needed = []
+    for term in hypothesis.terms:
+        without = conclude(evaluator, _without(evaluator, fitted, term))
+        score = TermScore(term, fitted, gain(evaluator, without, fitted))
+        stands = convincing(score.advantage, evaluator.told, term.slug)
+        if stands and term.material(score.values, evaluator.look):
+            stage = SelectionStage(without, (score,), (score,))
+            needed.append(Needed(stage, without, score.advantage))
+    if DRIVE not in {one.term.slug for one in needed}:
+        return None
+    stages = tuple(one.stage for one in needed)
+    return Named(
+        evaluator=evaluator, base=base.fitted, fitted=fitted, needed=tuple(needed), stages=stages
+    )
+
+
+def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[Evaluator, Fitted]:
+    """The drive fitted to both folds, by a loss on the scale of what it leaves."""
+    # Runs are free: where motion is resolved, breakaways are not the samples that tell most.
+    evaluator = replace(base.evaluator, window=0.0, _layouts={})
+    layout = _near_friction(evaluator.layout(hypothesis), balance.S)
+    starts = _starts(evaluator, layout, balance)
+    fitted = conclude(evaluator, crossfit(evaluator, layout, starts, CAREFUL))
+    middle = fitted.candidates.mean(axis=0)
+    simulated, early_late = evaluator.assimilated(layout, middle)
+    S = float(middle[base_coordinate.S_PERCENT])
+    level = 0.5 * S * (1.0 + float(middle[base_coordinate.RATIO]))
+    evaluator = replace(
+        evaluator,
+        delta=scale(evaluator, simulated),
+        scatter=breakaway_scatter(early_late, level, evaluator.problem.sigma),
+        look=replace(evaluator.look, S=S, J=S * float(middle[base_coordinate.RATIO])),
+        _layouts={},
+    )
+    layout = _near_friction(evaluator.layout(hypothesis), balance.S)
+    fitted = conclude(evaluator, scored(layout, fitted.candidates))
+    fitted = conclude(evaluator, again(evaluator, fitted, CAREFUL))
+    return evaluator, conclude(evaluator, again(evaluator, fitted, POLISH))
+
+
+def _near_friction(layout: CoordinateLayout, S: float) -> CoordinateLayout:
+    """``layout`` with S near that of the force balance: there friction is told by every sample that
+    moves, in a free run by those few in which the stem turns round."""
+    low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
+    low[base_coordinate.S_PERCENT] = max((1.0 - NEAR) * S - LEAST_NEAR, 0.0)
+    high[base_coordinate.S_PERCENT] = (1.0 + NEAR) * S + LEAST_NEAR
+    high[base_coordinate.RATIO] = 1.0
+    return replace(layout, bounds=Bounds(low, high))
+
+
+def _starts(evaluator: Evaluator, layout: CoordinateLayout, balance: ForceBalance) -> Floats:
+    """(m, size) where the force balance lies, with and without jump, delay and top speed."""
+    dt = evaluator.problem.interval_s
+    rows = []
+    for ratio, delay, top in product(RATIOS, DELAYS, TOP_SPEEDS):
+        row = np.zeros(layout.size)
+        row[base_coordinate.S_PERCENT], row[base_coordinate.RATIO] = balance.S, ratio
+        row[base_coordinate.ZERO], row[base_coordinate.DELAY] = balance.zero, delay * dt
+        lag_s = max(balance.lag_s - delay * dt, 0.3 * balance.lag_s)
+        row[layout.places[DRIVE]] = lag_s, balance.run_up_s, 1.0 / (top * balance.top_speed)
+        row[layout.places[LOAD]] = balance.load
+        rows.append(row)
+    return layout.bounds.clip(np.array(rows))
+
+
+def starts_of_first_part(evaluator: Evaluator, layout: CoordinateLayout) -> Floats | None:
+    """(m, size) where a drive's fit to the first part begins, from no number that has seen the
+    rest; ``None`` for a hypothesis without a drive, or where that part shows none."""
+    if DRIVE not in layout.places:
+        return None
+    problem = evaluator.problem
+    early = evaluator.within(problem.training_blocks())
+    balance = force_balance(replace(problem, block=early))
+    return None if balance is None else _starts(evaluator, layout, balance)
+
+
+def _without(evaluator: Evaluator, fitted: Fitted, term: Term) -> Search[Fitted]:
+    """The best fit that lacks ``term``, from the richer one."""
+    lacking = fitted.layout.hypothesis.without(term.slug)
+    layout = evaluator.layout(lacking)
+    if term.slug == LOAD:  # of which a span error would be the straight part
+        layout = pinned(layout, base_coordinate.GAIN, 0.0)
+    begun = yield from scored(layout, layout.bounds.clip(reduced(evaluator, fitted, lacking)))
+    without = yield from again(evaluator, begun, CAREFUL)
+    return without

@@ -1,0 +1,111 @@
+"""Load that depends on position: ``F -= a z + b z^2 + c z^3``, ``z = (x - 50)/50``. Neutral: all 0.
+
+A force of any smooth shape, such as a weight on an arm, a spring or a cam, to which a drive of
+finite gain gives way; constant beyond 0 and 100 %, and 0 at mid-travel, where it is a zero shift.
+Its straight part is what a span error of the reading would be; beside this term the reading's
+gain is 1.
+
+Signature: the position stands off by an amount that goes with the place, whichever way it came.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, number, size
+from stemwatch.models.recording import Floats
+
+MOST = 60.0  # percent at an end of travel, either way
+MATERIAL_PERCENT = 1.2  # change of the force over the travel seen
+SAID_AT = np.array([25.0, 50.0, 75.0])  # percent of travel
+
+
+def _powers(x: Floats) -> Floats:
+    """(n, 3) the shapes at places ``x`` (n,), percent of travel."""
+    z = np.clip(x / 50.0 - 1.0, -1.0, 1.0)
+    return np.stack((z, z**2, z**3), axis=-1)
+
+
+_TABLES = _powers(stem_number.places())
+
+
+class LoadByPosition(StemTerm):
+    """A smooth force over the travel, a cubic: three coefficients, percent of span."""
+
+    slug = "load_by_position"
+    order = 12
+    contains: tuple[str, ...] = ("flow_force", "span_error")
+    words = Words(
+        plain="a load that depends on position pulls the stem off its command",
+        decide=(
+            "Take the load off, or raise the gain of the position controller: what a load pulls "
+            "goes or shrinks, an error of the reading stays."
+        ),
+        advice=FieldAdvice(
+            title="load pulls the stem off",
+            steps=check_steps(
+                "desk: Compare the load with what drive and gain can hold: gain, size, gear.",
+                "look: Look for a weight, an unbalanced arm or a spring that is not as meant.",
+                "manual: Hold five places, coming from either side, and note OP and position.",
+                "line: Balance the load, or add integral action to the position controller.",
+            ),
+            parts=("counterweight or balance spring", "drive of the next size"),
+            damage="FTR",
+            cause="1.0",
+            part="actuator",
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """What the straight, the bent and the twice bent part add at 100 % of travel."""
+        return (
+            Coordinate(name="straight_percent", low=-MOST, high=MOST),
+            Coordinate(name="bent_percent", low=-MOST, high=MOST),
+            Coordinate(name="twice_bent_percent", low=-MOST, high=MOST),
+        )
+
+    def starts(self, look: Look) -> Floats:
+        """Straight and bent ones, either way."""
+        straight = np.array([[size, 0.0, 0.0] for size in (-12.0, -5.0, -2.0, 2.0, 5.0, 12.0)])
+        bent = np.array([[0.0, size, 0.0] for size in (-8.0, -3.0, 3.0, 8.0)])
+        return np.vstack((straight, bent))
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The shape onto the table of force."""
+        if np.any(values != 0.0):
+            table = stem.force
+            table += _TABLES @ values
+            stem.numbers[stem_number.BY_PLACE] = 1.0
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """The force changes by more than a percent of span over the travel that was seen."""
+        seen = _powers(np.linspace(look.mv_low, look.mv_high, 21)) @ values
+        return bool(seen.max() - seen.min() >= MATERIAL_PERCENT)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """How much more it pulls down at 75 % of travel than at 25 %, and at 50 % than halfway
+        between these."""
+        low, middle, high = _powers(SAID_AT) @ values
+        return {
+            "rise": (float(high - low), "%"),
+            "bend": (float(middle - 0.5 * (low + high)), "%"),
+        }
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        rise = parameters["rise"]
+        towards = falling if number(rise) > 0.0 else rising
+        return (
+            "A load that depends on position pulls the stem off its command: by "
+            f"{size(rise)} of span more towards {towards} at 75 % of travel than at 25 %."
+        )
+
+
+TERM: Term = LoadByPosition()

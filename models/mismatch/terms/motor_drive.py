@@ -1,0 +1,106 @@
+"""Motor drive of finite gain: ``tau (tau_r dv/dt + v) = F - d fd``, ``|v| <= v_max``. Neutral: 0.
+
+A motor under proportional position control is driven by the distance ``u - x`` that is left, less
+what its speed induces: ``tau`` is that voltage over the controller's gain, in seconds; ``tau_r``
+is the time in which the motor runs up, its inertia over the same coefficient; ``v_max`` is the
+speed at full voltage. The bus and the controller may keep the command back by some samples, so the
+delay of the base reaches further beside this term. A usual model of a direct-current drive, as in
+Armstrong-Hélouvry, Dupont and Canudas de Wit (1994, doi:10.1016/0005-1098(94)90209-7).
+
+Signature: the position follows behind the command by an amount that rises with speed, and swings
+into and out of motion over several samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.terms._ways import StemTerm, grid
+from stemwatch.models.recording import Floats
+
+LONGEST = 60.0  # samples
+LEAST_SHOWN = 1.0  # samples of the run-up, below which inertia does not show
+FREE = 1e6  # percent a unit of time: no top speed
+
+
+class MotorDrive(StemTerm):
+    """Lag, inertia and top speed of a drive: ``tau`` and ``tau_r`` in seconds, ``1/v_max``."""
+
+    slug = "motor_drive"
+    order = 32
+    contains: tuple[str, ...] = (
+        "viscous_drag",
+        "actuator_lag",
+        "asymmetric_lag",
+        "dead_time",
+        "rate_limit",
+        "underdamped_positioner",
+    )
+    words = Words(
+        plain="a motor of finite gain moves the stem: it lags, runs up, and has a top speed",
+        decide=(
+            "Raise the gain of the position controller: lag, dead band and the pull of a load all "
+            "shrink as one over the gain, the run-up time does not."
+        ),
+        advice=FieldAdvice(
+            title="drive follows slowly",
+            steps=check_steps(
+                "desk: Compare lag and top speed with the data sheet of drive and gear.",
+                "desk: Read the gain of the position controller; integral action takes the rest.",
+                "look: Look for a low supply voltage and a hot motor.",
+                "manual: Step OP by 2 % and by 20 %: the large step meets the top speed.",
+                "line: Check gear and bearings for stiff spots.",
+            ),
+            parts=("motor", "gear", "power supply of the drive"),
+            damage="DOP",
+            cause="4.2",
+            part="actuator",
+        ),
+    )
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """Lag and run-up up to sixty samples; a top speed at which OP's swing takes as long."""
+        longest = LONGEST * look.interval_s
+        return (
+            Coordinate(name="tau_s", low=0.0, high=longest),
+            Coordinate(name="run_up_s", low=0.0, high=longest),
+            Coordinate(name="slowness_s_per_percent", low=0.0, high=longest / max(look.swing, 1.0)),
+        )
+
+    def starts(self, look: Look) -> Floats:
+        """Lags of 4 to 30 samples, run-ups of 2 to 8, without and with a top speed."""
+        dt = look.interval_s
+        lags, run_ups = np.array([4.0, 10.0, 30.0]) * dt, np.array([2.0, 6.0]) * dt
+        slow = np.array([0.0, 40.0]) * dt / max(look.swing, 1.0)
+        return grid(lags, run_ups, slow)
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """Drag, run-up and top speed."""
+        numbers = stem.numbers
+        numbers[stem_number.DRAG_S], numbers[stem_number.RUN_UP_S] = values[0], values[1]
+        numbers[stem_number.TOP_SPEED] = 1.0 / values[2] if values[2] > 1.0 / FREE else np.inf
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """The run-up takes a sample and more; without it this is a drag or a lag."""
+        return bool(min(values[0], values[1]) >= LEAST_SHOWN * look.interval_s)
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """The lag and the run-up."""
+        return {"tau": (float(values[0]), "s"), "run_up": (float(values[1]), "s")}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """What a maintenance engineer reads."""
+        return (
+            "A motor of finite gain moves the stem: it follows with a time constant of "
+            f"{parameters['tau']} and runs up in {parameters['run_up']}."
+        )
+
+
+TERM: Term = MotorDrive()
