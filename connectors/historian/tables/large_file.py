@@ -305,7 +305,7 @@ class FileColumns:
 
     def cells(self, index: int) -> StoredText:
         """A column, of which nothing is read yet."""
-        return StoredText(index, self._size, self._text_of, self._numbers_of)
+        return StoredText(index, self._size, self._text_of, self._numbers_of, self._first_of)
 
     def read_ahead(self, indices: Sequence[int]) -> None:
         """Read the numbers of several columns in one pass."""
@@ -341,7 +341,14 @@ class FileColumns:
             (self._text[index],) = self._read([index], pa.string())
         return self._text[index]
 
-    def _read(self, indices: Sequence[int], kind: pa.DataType) -> list[pa.Array]:
+    def _first_of(self, index: int, count: int) -> pa.Array:
+        import pyarrow as pa
+
+        return self._read([index], pa.string(), min(count, self._size))[0]
+
+    def _read(
+        self, indices: Sequence[int], kind: pa.DataType, most: int | None = None
+    ) -> list[pa.Array]:
         import pyarrow as pa
         import pyarrow.csv as csv
 
@@ -368,19 +375,23 @@ class FileColumns:
             ),
         )
         batches: list[list[pa.Array]] = [[] for _ in indices]
+        wanted, there = self._size if most is None else most, 0
         for batch in reader:
+            there += batch.num_rows
             for place, column in enumerate(batch.columns):
                 batches[place].append(column)
+            if there >= wanted:
+                break  # a historian may go on writing
         columns = []
         for place in range(len(indices)):
             parts, batches[place] = batches[place], []
             columns.append(pa.concat_arrays(parts) if parts else pa.array([], kind))
-        if any(len(column) < self._size for column in columns):
+        if there < wanted:
             raise UnreadableSource(
                 f"{self._path}: has become shorter while it was read; read it again when nobody "
                 "writes it any more"
             )
-        return [column[: self._size] for column in columns]  # a historian may go on writing
+        return [column[:wanted] for column in columns]
 
 
 def _plain(text: pa.Array) -> Floats | None:

@@ -21,6 +21,7 @@ from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.stored_text import StoredText
 from stemwatch.models.recording import Bools, Floats
 
+_LOOKED_AT = 20_000  # rows of a large file that show whether it repeats its rows
 _SECOND_NS = 1_000_000_000
 _MAX_SECONDS = 4e9  # relative times beyond this are no seconds
 # Epoch times between 1980 and 2100, by their unit.
@@ -103,7 +104,11 @@ def _with_cut_stamps(
 
 def _repeated_rows(table: RawTable) -> bool:
     """Whether rows mostly say what the row before says: the file has each row several times."""
-    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    columns = [
+        cells.first(_LOOKED_AT) if isinstance(cells := column.cells, StoredText) else cells
+        for column in table.columns
+    ]
+    rows = list(zip(*columns, strict=True))
     same = sum(row == before for before, row in pairwise(rows))
     return same > 0.3 * len(rows)
 

@@ -28,9 +28,11 @@ class StoredText(Sequence[str]):
         size: int,
         read_text: Callable[[int], pa.Array],
         read_numbers: Callable[[int], Floats | None],
+        read_first: Callable[[int, int], pa.Array],
     ) -> None:
         self.place, self._size = place, size
         self._read_text, self._read_numbers = read_text, read_numbers
+        self._read_first = read_first
 
     def __len__(self) -> int:
         return self._size
@@ -48,6 +50,10 @@ class StoredText(Sequence[str]):
     def __iter__(self) -> Iterator[str]:
         for piece in self.pieces():
             yield from piece
+
+    def first(self, count: int) -> list[str]:
+        """The first cells, without reading the others."""
+        return [cell.strip() for cell in self._read_first(self.place, count).to_pylist()]
 
     def pieces(self) -> Iterator[list[str]]:
         """The cells in order, so many at a time that they need little memory."""

@@ -62,6 +62,7 @@ FILES: dict[str, tuple[bytes, ReadOptions]] = {
     "semicolons": (export(separator=";", end="\r\n"), ReadOptions()),
     "tabs": (export(separator="\t", form="%Y-%m-%d %H:%M:%S.%f"), BERLIN),
     "day and month": (export(form="%d/%m/%Y %H:%M:%S"), ReadOptions()),
+    "cut stamps": (export(form="%Y-%m-%d %H:%M"), ReadOptions(zone="UTC")),
     "month names": (export(form="%d-%b-%y %H:%M:%S"), ReadOptions(zone="UTC")),
     "offsets": (export(form="%Y-%m-%dT%H:%M:%S+02:00"), ReadOptions()),
     "unix": (export(form="%s"), ReadOptions()),
