@@ -7,8 +7,9 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
@@ -308,8 +309,10 @@ def _told(case: _Case) -> Mismatch:
     evaluator = named.evaluator
     off, fitted = findings(evaluator, named.fitted, terms)
     layout, best = _whole(evaluator, fitted)
-    drawn = draws(evaluator, layout, best)
-    candidates = _effects(case.recording, named, off, layout, best, drawn)
+    # Half of the draws are never asked for, and each costs as much as a search.
+    drawn = cache(lambda: draws(evaluator, layout, best))
+    wanted = drawn() if named.needed or off else np.empty((0, layout.size))
+    candidates = _effects(case.recording, named, off, layout, best, wanted)
     large = tuple(candidate for candidate in candidates if _matters(candidate))
     everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
     plain = naive_evaluator(evaluator)
@@ -329,7 +332,7 @@ def _told(case: _Case) -> Mismatch:
     record_effects = case.settled.effects
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = finding is Finding.NONE and archive is None
-    alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
+    alone = _stiction(plain, lambda: draws(plain, simple, naive), naive, by_breakaways=told)
     restated = _stiction(evaluator, drawn, best, by_breakaways=told)
     if case.balance is not None and DRIVE in layout.places:
         restated = _of_balance(case.balance, restated)
@@ -407,7 +410,7 @@ def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floa
 
 
 def _stiction(
-    evaluator: Evaluator, drawn: Floats, best: Floats, *, by_breakaways: bool
+    evaluator: Evaluator, drawn: Callable[[], Floats], best: Floats, *, by_breakaways: bool
 ) -> Stiction:
     S = float(best[base_coordinate.S_PERCENT])
     J = S * float(best[base_coordinate.RATIO])
@@ -417,11 +420,12 @@ def _stiction(
         S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
         return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
     error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
-    S_drawn = drawn[:, base_coordinate.S_PERCENT]
+    all_drawn = drawn()
+    S_drawn = all_drawn[:, base_coordinate.S_PERCENT]
     return Stiction(
         S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
         J=_positive(
-            estimate(S_drawn * drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
+            estimate(S_drawn * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
         ),
     )
 
