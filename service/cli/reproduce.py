@@ -67,7 +67,7 @@ def as_json(results: Sequence[CaseResult], seeds: int) -> dict[str, Any]:
 
     from stemwatch.models.studies.reproduction.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD
     from stemwatch.models.studies.reproduction.layers import SIZES
-    from stemwatch.models.studies.reproduction.step import LIMIT
+    from stemwatch.models.studies.reproduction.network_step import LIMIT
     from stemwatch.models.studies.reproduction.study import targets
 
     return {
