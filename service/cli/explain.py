@@ -106,22 +106,22 @@ def _report(
     from stemwatch.service.cli import views
     from stemwatch.service.cli.explanation import explanation, tally
 
-    for explained in valves:
-        views.out.print(explanation(explained), highlight=False)
-    if len(valves) > 1:
-        views.out.print(tally(valves), highlight=False)
     if json_file is not None:
         from stemwatch.service.explain.explain_json import to_json
 
         json_file.write_text(to_json(valves), encoding="utf-8")
+    if not any(explained.recording is not None for explained in valves):
+        reasons = dict.fromkeys(explained.mismatch.sentence.rstrip(".") for explained in valves)
+        said = "; ".join([*reasons][:MOST_REASONS]) or "no source holds a recording"
+        views.say_error(f"nothing could be explained: {said}.")
+        raise typer.Exit(2)
+    for explained in valves:
+        views.out.print(explanation(explained), highlight=False)
+    if len(valves) > 1:
+        views.out.print(tally(valves), highlight=False)
     if out is not None:
         where = str(_write(valves, request, out).resolve())
         views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
-    if not any(explained.recording is not None for explained in valves):
-        for explained in valves[:MOST_REASONS]:
-            views.say_error(explained.mismatch.sentence)
-        views.say_error("nothing could be explained: no source could be read as it was asked for")
-        raise typer.Exit(2)
 
 
 def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:
