@@ -1,4 +1,4 @@
-"""The block bootstrap: what a fit could have been, had other blocks of time been recorded.
+"""The block bootstrap: how much an estimate would vary had other blocks of time been recorded.
 
 Neighbouring residuals depend on one another, so blocks of time are drawn with replacement and not
 samples (Kuensch 1989, doi:10.1214/aos/1176347265). No replicate is fitted anew: a cloud of
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from stemwatch.models.recording import Floats
 
 COVERAGE = (2.5, 97.5)  # percentiles of a 95 % interval
-_TIE = 1e-9  # of the mean loss: between equal candidates chance decides
+_TIE = 1e-9  # of the mean loss: ties between equal candidates are broken at random
 
 
 def block_weights(counts: NDArray[Any], replicates: int, rng: np.random.Generator) -> Floats:

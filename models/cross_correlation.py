@@ -1,4 +1,4 @@
-"""Products of a signal with another one shifted against it: what correlations over delay need."""
+"""Sums of products of two signals over delay, from which correlations are made."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stemwatch.models.recording import Floats
 def lagged_products(first: Floats, second: Floats, lags: int) -> Floats:
     """(lags,) ``sum_k first[k] second[k + lag]`` for each ``lag`` from 0, of two (n,) without NaN.
 
-    By a spectrum that is padded just far enough for the wanted lags not to wrap round.
+    By fast Fourier transform, padded far enough that no lag below ``lags`` wraps round.
     """
     size = next_fast_len(first.size + lags - 1, real=True)
     spectrum = np.fft.rfft(first, size)

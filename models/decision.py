@@ -1,4 +1,4 @@
-"""From the evidence to a verdict, in words for someone who holds a spanner."""
+"""The verdict on a valve from the evidence of its fits, with the reason and the next step."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
+from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 from stemwatch.models.verdict import Shape, Verdict
 
 # J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).
@@ -23,12 +23,12 @@ DEADBAND_BELOW = 0.1
 NO_OFFSET = (0.85, 1.15)
 # Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
 FRICTION_MEAN, FRICTION_T = 0.05, 2.0
-MOST_CONFIDENCE = 0.99  # bootstrap draws know nothing of what no model here describes
+MOST_CONFIDENCE = 0.99  # bootstrap draws do not cover what no model here describes
 # From these on, friction is beyond doubt, however much its slips scatter in time.
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
 NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
-# A delay below this is how good valves are, and not worth a word.
+# A delay below this is usual for good valves and is not mentioned.
 WORTH_SAYING_S = 0.5
 SLOW_PERCENT_PER_S = 10.0
 MISREAD = 1.5  # how far S and J alone must be off
@@ -64,15 +64,15 @@ FASTER = (
 
 @dataclass(frozen=True, kw_only=True)
 class DecisionEvidence:
-    """What the judge is shown of one valve. S and J in percent of OP span."""
+    """What ``decide`` weighs of one valve. S and J in percent of OP span."""
 
     S: Estimate
     J: Estimate
     S_draws: Floats  # bootstrap draws of S
     friction_mean: float  # held-out advantage of a model with friction over one without
     friction_t: float
-    jumps_evident: bool  # the stem rests and jumps towards its command, seen without a model
-    following: Residual | None  # stick-slip model, put right every block of time
+    jumps_evident: bool  # the stem rests and jumps towards its command, as the recording shows
+    following: Residual | None  # stick-slip model, resynchronised at each block of time
     typical_percent: float  # 100 (1 - median |residual| / median |MV - median MV|), the same run
     narx: Residual | None
     sigma: float  # measurement noise of the position, percent
@@ -108,7 +108,7 @@ def shape_of(S: float, J: float) -> Shape:
 
 
 def undetermined(obstacles: tuple[Obstacle, ...]) -> Decision:
-    """No verdict, because of the first obstacle; all of them count, the first is said."""
+    """No verdict; the reason names the first obstacle and how many more there are."""
     first = obstacles[0]
     more = f" (and {len(obstacles) - 1} more, see data quality)" if obstacles[1:] else ""
     return Decision(
@@ -120,7 +120,7 @@ def undetermined(obstacles: tuple[Obstacle, ...]) -> Decision:
 
 
 def _share(draws: Bools) -> float:
-    """The share of bootstrap draws that agree; never more than the method can vouch for."""
+    """The share of ``draws`` that are True, at most ``MOST_CONFIDENCE``."""
     return min(float(np.mean(draws)), MOST_CONFIDENCE)
 
 
@@ -180,7 +180,7 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
 
 
 def _not_described(unexplained: str, sampling: str) -> Decision:
-    """Why S and J describe nothing: ``sampling`` where that is slow, else something else."""
+    """No verdict where S and J do not describe the valve; ``sampling`` names slow sampling."""
     if sampling:
         return _cannot_tell(f"{unexplained}: {sampling}", FASTER, numbers_hold=False)
     return _cannot_tell(
@@ -194,7 +194,7 @@ def _not_described(unexplained: str, sampling: str) -> Decision:
 def _by_bound(
     evidence: DecisionEvidence, bound: float, limits: Limits, *, friction: bool
 ) -> Decision:
-    """Where only a lower bound of S is known: it may be enough, and else nothing is."""
+    """The decision where only a lower bound of S is known: sticky if the bound is, else none."""
     if bound < limits.sticky_S_percent or not friction:
         why = f"S is at least {_percent(bound)}, and may be much more: {evidence.S.reason}"
         return _cannot_tell(why, FASTER)
@@ -328,20 +328,20 @@ def slowness(fit: StickSlipFit) -> str:
     return f" Beside friction, {' and '.join(parts)}{_misread(fit)}."
 
 
-def beside_friction(left_out: Mismatch) -> str:
-    """What the mismatch named, a sentence with a blank before it, or nothing."""
-    if not left_out.effects:
+def beside_friction(mismatch: Mismatch) -> str:
+    """What was found beside friction, a sentence with a blank before it, or nothing."""
+    if not mismatch.effects:
         return ""
-    told = f" Beside friction: {left_out.effects[0].sentence}"
-    more = len(left_out.effects) - 1
+    sentence = f" Beside friction: {mismatch.effects[0].sentence}"
+    more = len(mismatch.effects) - 1
     if more:
-        told += f" And {more} more, see what S and J leave out."
-    naive, restated = left_out.naive.S.value, left_out.restated.S.value
+        sentence += f" And {more} more, see what S and J leave out."
+    naive, restated = mismatch.naive.S.value, mismatch.restated.S.value
     if naive is None or restated is None:
-        return told
+        return sentence
     if naive > MISREAD * restated and naive - restated > MISREAD_PERCENT:
-        told += f" S and J alone would have read S as {naive:.1f} %."
-    return told
+        sentence += f" S and J alone would have read S as {naive:.1f} %."
+    return sentence
 
 
 def _late(fit: StickSlipFit) -> list[str]:

@@ -1,4 +1,4 @@
-"""How much a recording could have shown: reversals, travel, swing, slips."""
+"""How much a signal moves: reversals, travel, swing, slips, time at its limits."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def travel(values: Floats, threshold: float) -> float:
 
 
 @dataclass(frozen=True)
-class Slips:
+class Jumps:
     """Jumps of the stem from rest: where each begins, and how far it goes, percent, with its sign.
 
     A jump is a run of steps beyond ``5 sqrt(2) sigma`` whose first step is three times OP's own,
@@ -75,7 +75,7 @@ class Slips:
         return int(self.begins.size)
 
 
-def slips(mv: Floats, op: Floats, sigma: float) -> Slips:
+def jumps_from_rest(mv: Floats, op: Floats, sigma: float) -> Jumps:
     """The slips of a position (n,), finite, under a command (n,); ``sigma`` is MV's noise."""
     steps = np.abs(np.diff(mv))
     moved = steps > 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
@@ -86,7 +86,7 @@ def slips(mv: Floats, op: Floats, sigma: float) -> Slips:
     # The command may have moved a sample earlier than the stem shows it.
     own[1:] = np.maximum(own[1:], own[:-1])
     jump = (rest >= REST_SAMPLES) & (steps[begins] > 3.0 * own[begins])
-    return Slips(begins=begins[jump], sizes=np.asarray((mv[ends] - mv[begins])[jump]))
+    return Jumps(begins=begins[jump], sizes=np.asarray((mv[ends] - mv[begins])[jump]))
 
 
 def swing(values: Floats) -> float:

@@ -1,10 +1,10 @@
-"""Across a plant: which of the named effects stand, and which may chance alone have named."""
+"""Control of false discoveries across a plant: which named effects stand after many valves."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-LEVEL = 0.05  # of the effects that stand, the share that chance may have named
+LEVEL = 0.05  # the share of the effects that stand which may be false discoveries
 
 
 def significant(p_values: Sequence[float | None], level: float = LEVEL) -> list[bool]:

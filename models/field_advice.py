@@ -1,7 +1,7 @@
 """What to do about one kind of finding: steps from the cheapest to the dearest, parts, codes.
 
-A term of physics brings its own; kinds that are no term stand in a data file of the service. All of
-it is advice by kind of finding. It knows neither the plant nor its rules.
+A term of physics brings its own; the other kinds stand in a data file of the service. It is general
+advice by kind of finding: the plant's own rules come first.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class CheckStep:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldAdvice:
-    """What maintenance reads of one kind of finding.
+    """Advice to maintenance on one kind of finding.
 
     ``title`` has at most 30 letters; ``damage`` and ``cause`` are codes of ISO 14224 (failure mode,
     failure mechanism); ``part`` is the object part that is suspected first, ``parts`` what to have

@@ -1,4 +1,4 @@
-"""Evidence of what recorder and historian did to a signal, from the numbers alone.
+"""What recorder and historian did to a signal, from its values alone: noise, resolution, repeats.
 
 Every function takes a one-dimensional array that may hold NaN (a gap) and looks only at pairs or
 triples of neighbouring finite samples, so that a gap is never taken for a step.
@@ -47,11 +47,11 @@ LEAST_WINDOWS = 5
 
 
 def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
-    """``noise_sigma`` of the quieter windows: of a signal that hardly ever rests.
+    """``noise_sigma`` over the quieter windows, for a stem that moves nearly all the time.
 
-    A stem that moves all the time bends the signal more than the noise does. The estimate is the
-    20th percentile over windows of 30 samples, put right for being a low one of many scattering
-    ones (15 % for white noise), and never above ``noise_sigma``.
+    Such a stem has larger second differences than the noise. The estimate is the 20th percentile
+    over windows of 30 samples, times 1.15 (the bias of that percentile for white noise), and never
+    above ``noise_sigma``.
     """
     whole = noise_sigma(values)
     count = values.size // window
@@ -60,7 +60,9 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
     bent = np.isfinite(np.convolve(values, (1.0, 1.0, 1.0), "valid"))
     windows = zip(np.array_split(values[1:-1], count), np.array_split(bent, count), strict=True)
     # A window in which little was measured tells nothing of the noise.
-    parts = [noise_sigma(part) for part, ok in windows if np.count_nonzero(ok) >= window // 2]
+    parts = [
+        noise_sigma(part) for part, finite in windows if np.count_nonzero(finite) >= window // 2
+    ]
     if len(parts) < LEAST_WINDOWS:
         return whole
     return min(whole, 1.15 * float(np.percentile(parts, 100.0 * share)))
@@ -95,7 +97,7 @@ def repeat_share(values: Floats) -> float:
 
 def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> bool:
     """True where the signal, outside ``runs``, turns round at more than ``NOISE_TURNS`` of its
-    samples; ``runs`` (m, 2) are first and last + 1, ``least`` the samples that can tell."""
+    samples; ``runs`` (m, 2) are first and last + 1, ``least`` the samples needed to say so."""
     outside = values.copy()
     for first, last in runs:
         outside[first:last] = np.nan

@@ -1,14 +1,14 @@
 """Where the position reading was frozen: exact repeats that neither noise nor friction can make.
 
-Two questions are asked, at different times and with different knowledge.
+There are two tests, at different times.
 
-``frozen_runs`` comes before anything is fitted: can this recording be judged at all, and which
-samples must no fit see? How far friction could hold the stem is not known yet, so a run of a coarse
-reading is compared with the valve's other rests, and only a gross one is masked.
+``frozen_runs`` comes before any fit: can this recording be judged, and which samples must be
+masked? How far friction can hold the stem is not known yet, so a run of a coarse reading is
+compared with the valve's other rests, and only a clear case is masked.
 
-``frozen_samples`` comes when the mismatch is explained: is a transmitter that freezes one of the
-record's effects? By then it is known whether the archive drew or held values, and how far OP goes
-without the stem on the rest of the record, so that a shorter freeze can be told from a rest.
+``frozen_samples`` comes when the mismatch is explained: is a freezing transmitter one of the
+record's effects? By then it is known whether the archive drew or held values, and how far OP moves
+without the stem elsewhere in the record, so that a shorter freeze can be told from a rest.
 """
 
 from __future__ import annotations
@@ -113,9 +113,9 @@ def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: boo
     for first, last in runs[long]:
         by_noise = noisy and last - first >= LONGER * usual
         moved = op[first:last][np.isfinite(op[first:last])]
-        # A kick of a second or two is over before the stem can answer.
-        far = float(np.ptp(np.percentile(moved, LASTING))) if moved.size else 0.0
-        if by_noise or far > BAND_MARGIN * band + BAND_EXTRA:
+        # A move of OP that lasts a second or two is over before the stem can answer.
+        op_range = float(np.ptp(np.percentile(moved, LASTING))) if moved.size else 0.0
+        if by_noise or op_range > BAND_MARGIN * band + BAND_EXTRA:
             frozen[first + 1 : last] = True
     return frozen
 

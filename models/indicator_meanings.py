@@ -1,7 +1,7 @@
-"""What each health indicator is, in words, and which direction is worse.
+"""The table of health indicators: what each one means and which direction is worse.
 
-The one table of it: for screenings that are made (``models.indicators``), and for numbers that come
-back from a database, which keeps no words.
+For new screenings (``models.indicators``) and for numbers read back from the database, which stores
+no meanings.
 """
 
 from __future__ import annotations
@@ -50,6 +50,6 @@ for _key, _model in _MODELS.items():
 
 
 def meaning_of(name: str) -> tuple[str, str]:
-    """What an indicator is, and "up", "down" or "none": the direction that is worse. Of a name that
-    is not known, from an older version perhaps, the name itself."""
+    """The meaning of an indicator, and the direction that is worse: "up", "down" or "none". A name
+    that is not in the table (of an older version) is its own meaning."""
     return MEANINGS.get(name, (name.replace("_", " "), "none"))

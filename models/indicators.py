@@ -1,4 +1,4 @@
-"""The health indicators of one screening: numbers a planner can trend, each saying what it is."""
+"""The health indicators of one screening: numbers to trend, each with unit and meaning."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing, travel
 from stemwatch.models.indicator_meanings import MEANINGS
-from stemwatch.models.loop import signal_oscillation
+from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import seconds_of
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Indicator, Residual
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.actuator import shown_speed_limits
 from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 
 
 def _one(name: str, value: float | None, unit: str) -> list[Indicator]:
@@ -62,13 +62,13 @@ def _estimated(name: str, estimate: Estimate) -> list[Indicator]:
 
 
 def of_recording(recording: Recording) -> list[Indicator]:
-    """What every recording has: movement, oscillation, share of usable samples."""
+    """Indicators that need no fit: movement of OP, oscillation, share of usable samples."""
     op = recording.op.values[np.isfinite(recording.op.values)]
-    far = swing(op)
-    threshold = max(0.1 * far, 0.2)
+    op_swing = swing(op)
+    threshold = max(0.1 * op_swing, 0.2)
     usable = 100.0 * float(recording.usable.mean()) if len(recording) else 0.0
     indicators = [
-        *_one("op_swing_percent", far, "%"),
+        *_one("op_swing_percent", op_swing, "%"),
         *_one("op_reversals", float(reversals(op, threshold).size), ""),
         *_one("usable_percent", usable, "%"),
     ]
@@ -80,10 +80,10 @@ def of_recording(recording: Recording) -> list[Indicator]:
 
 
 def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
-    """How the stem moved: jumps, reversals, way, and the noise of its reading."""
+    """Indicators of the stem's movement: jumps, reversals, travel, and noise of the reading."""
     hours = problem.op.size * problem.interval_s / 3600.0
     threshold = max(5.0 * problem.sigma, 0.1)
-    far = travel(problem.mv, threshold)
+    stem_travel = travel(problem.mv, threshold)
     count = float(events.count)
     turns = float(reversals(problem.mv, threshold).size)
     return [
@@ -91,8 +91,8 @@ def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
         *_one("slips_per_hour", count / hours, "1/h"),
         *_one("jumped_percent", 100.0 * events.share, "%"),
         *_one("mv_reversals", turns, ""),
-        *_one("travel_percent", far, "%"),
-        *_one("travel_per_hour_percent", far / hours, "%/h"),
+        *_one("travel_percent", stem_travel, "%"),
+        *_one("travel_per_hour_percent", stem_travel / hours, "%/h"),
         *_one("position_noise_percent", problem.sigma, "%"),
     ]
 
@@ -100,9 +100,9 @@ def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
 def of_friction(
     fit: StickSlipFit, S: Estimate, J: Estimate, op_per_travel: float = 1.0
 ) -> list[Indicator]:
-    """S, J, what they mean for this loop, and what stood before the stem; nothing without them.
+    """S, J, their size against the loop's movement, and the actuator; empty where S is not known.
 
-    ``op_per_travel``: percent of OP for a percent of travel, in which ``fit`` is.
+    ``op_per_travel``: percent of OP for a percent of travel (``fit`` is in percent of travel).
     """
     if S.value is None:
         return []
@@ -128,7 +128,7 @@ def of_friction(
 
 
 def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
-    """Only where the recording asks for more than friction."""
+    """Dead time, lags and speed limits; only for a fit that needs more than friction."""
     c = fit.candidate
     indicators = [
         *_one("dead_time_s", float(c[coordinate.DEAD_TIME_S]), "s"),
@@ -141,7 +141,7 @@ def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
 
 
 def of_residuals(residuals: Mapping[str, Residual | None], ratio: float | None) -> list[Indicator]:
-    """What the models leave unexplained on data they were not fitted to."""
+    """Residual and fit of each model on held-out data, and the baseline ratio."""
     indicators: list[Indicator] = []
     for name, residual in residuals.items():
         if residual is None:

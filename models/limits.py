@@ -19,14 +19,14 @@ class Limits:
     sticky_S_percent: float = 1.5
     min_reversals: float = 4.0  # reversals of OP that are larger than its noise
     min_samples_per_cycle: float = 6.0  # samples per cycle of the OP's own movement
-    # Seconds that a recording must last. 0: as many as ``validity_checks.LEAST_SAMPLES`` samples
-    # do, for what can be told depends on how many samples there are, not on how long a second is.
+    # Seconds that a recording must last. 0: as long as ``validity_checks.LEAST_SAMPLES`` samples,
+    # since what a fit can tell depends on the number of samples.
     min_duration_s: float = 0.0
     min_samples: float = 200.0
     max_bad_share: float = 0.3  # share of OP, MV pairs that may be unusable
     max_interpolated_share: float = 0.35  # share of samples that a historian drew, not measured
-    # Of a record of more than twice as many samples only the most telling so many are fitted: what
-    # a fit costs grows with the samples, what it learns does not (see ``models.fit_window``).
+    # Of a record of more than twice as many samples only so many are fitted, those with the most
+    # movement: the cost grows with the samples, the precision hardly (see ``models.fit_window``).
     fitted_samples: float = 3600.0
     min_fit_percent: float = 40.0  # held-out fit below which S and J describe nothing
     # How much worse than in its baseline window a valve may follow its baseline network before it

@@ -1,4 +1,4 @@
-"""What can be a percentage of span or travel, and what cannot."""
+"""Is a signal in percent of span or travel? And which of its values cannot be."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 
-# No stem and no command is outside this, percent; one such value would outweigh all the others.
+# No position or command lies outside this range, percent; one such value would dominate a fit.
 POSSIBLE_PERCENT = (-100.0, 200.0)
 
 
 def not_percent(signal: Signal) -> str | None:
-    """What the signal is in instead of percent, by its unit or by its values."""
+    """Why the signal is not in percent, by its unit or its values, as the end of a sentence; or
+    ``None``."""
     if signal.unit != PERCENT:
         return f"is in {signal.unit or 'an unknown unit'}"
     values = signal.values[np.isfinite(signal.values)]
@@ -22,8 +23,8 @@ def not_percent(signal: Signal) -> str | None:
     return None
 
 
-def possible(recording: Recording) -> Recording:
-    """OP and MV without the samples that no percent can be."""
+def without_impossible_values(recording: Recording) -> Recording:
+    """``recording`` with samples of OP and MV outside ``POSSIBLE_PERCENT`` marked ``RANGE``."""
     signals = dict(recording.signals)
     for role in (Role.OP, Role.MV):
         signal = signals.get(role)

@@ -1,7 +1,7 @@
-"""Can this recording carry a verdict? Obstacles, each with what would help, and a grade.
+"""Can this recording be judged? Obstacles, each with a remedy, and a grade of the data.
 
-Record effects come first: a frozen transmitter is not stiction, and what a historian drew between
-its stored points is not a measurement.
+Record effects come first: a frozen transmitter is not stiction, and a line that a historian drew
+between its stored points is not a measurement.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from stemwatch.models.forensics import interpolated, quantum
 from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration
-from stemwatch.models.percent import possible
+from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality
 from stemwatch.models.validity_checks import Obstacle as Obstacle
 from stemwatch.models.validity_checks import (
+    between_pieces,
     foreign_obstacles,
     length_obstacles,
     movement_obstacles,
@@ -31,12 +32,13 @@ from stemwatch.models.validity_checks import (
 from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
-MOSTLY = 0.5  # frozen longer than this is an obstacle, and said there
+PUT_TOGETHER = 0.1  # of a recording that is holes, above which it is said to consist of pieces
+MOSTLY = 0.5  # a larger frozen share is an obstacle, reported there and not as a remark
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """What is left of a recording after record effects are masked, and what stands in the way."""
+    """A recording with its frozen samples masked, the grade of its data, and the obstacles."""
 
     recording: Recording  # frozen runs masked
     quality: DataQuality
@@ -81,12 +83,17 @@ def _clock_remarks(recording: Recording) -> list[tuple[str, str]]:
 
 
 def _remarks(recording: Recording, frozen: float, drawn: float) -> list[tuple[str, str]]:
-    """(grade it costs, sentence) for what a verdict can live with."""
+    """(grade, sentence) for each defect of the data that does not prevent a verdict."""
     remarks: list[tuple[str, str]] = []
     bad = 1.0 - float(recording.usable.mean()) - frozen
     if bad > NEGLIGIBLE_SHARE:
         remarks.append(("C" if bad > 0.1 else "B", f"{share(bad, 1)} of the samples are unusable"))
     remarks += _clock_remarks(recording)
+    holes = between_pieces(recording)
+    if bad > NEGLIGIBLE_SHARE and holes.mean() > PUT_TOGETHER:
+        pieces = int(np.sum(np.diff(np.concatenate(([1], holes.astype(np.int8)))) == -1))
+        text = f"the recording is put together from {pieces} pieces, each fitted from its own start"
+        remarks.append(("C", text))
     if 0.0 < frozen <= MOSTLY:
         text = f"the position was frozen for {share(frozen, 1)} of the time, which is left out"
         remarks.append(("C", text))
@@ -105,24 +112,24 @@ def _remarks(recording: Recording, frozen: float, drawn: float) -> list[tuple[st
 
 
 def assess(recording: Recording, limits: Limits) -> Assessment:
-    """Mask what record effects spoilt, list the obstacles to a verdict, and grade the data.
+    """Mask frozen samples, list the obstacles to a verdict, and grade the data.
 
-    Grade A: nothing to remark; B, C: a verdict with care; D: none possible.
+    Grade A: no defects; B, C: a verdict is possible but less certain; D: no verdict.
     """
     obstacles = unit_obstacles(recording)
-    recording = possible(recording)
+    recording = without_impossible_values(recording)
     runs = frozen_runs(recording)
     frozen = sum(b - a - 1 for a, b in runs) / max(len(recording), 1)
     drawn = _drawn_share(recording)
     if recording.mv is None or not obstacles:
         obstacles = position_obstacles(recording) + obstacles
-    whole = recording
+    unmasked = recording
     if not obstacles:
         if runs:
             recording = _mask(recording, Role.MV, runs)
         obstacles += record_obstacles(frozen, drawn, limits) or foreign_obstacles(recording)
-    # What was frozen is said as such, and not once more as missing.
-    obstacles += length_obstacles(whole if frozen > MOSTLY else recording, limits)
+    # Frozen samples are reported as frozen, and not a second time as missing.
+    obstacles += length_obstacles(unmasked if frozen > MOSTLY else recording, limits)
     obstacles += movement_obstacles(recording, limits)
     remarks = _remarks(recording, frozen, drawn) if len(recording) else []
     reasons = tuple(o.reason for o in obstacles) + tuple(text for _, text in remarks)

@@ -1,7 +1,7 @@
 """Medians and percentiles of long signals: numpy's values to the last bit, in less time.
 
-numpy looks for NaN and for several places of the order at once, which leaves its vectorised search
-for a single place unused. Here every place is looked for by itself, each above the one before.
+NumPy checks for NaN and partitions at several places at once, which is slower than its vectorised
+partition at one place. Here each place is found by itself, above the one before.
 """
 
 from __future__ import annotations

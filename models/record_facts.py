@@ -6,7 +6,7 @@ import numpy as np
 
 from stemwatch.models.excitation import at_limits, swing
 from stemwatch.models.forensics import longest_repeat, quantum, repeat_share
-from stemwatch.models.loop import Oscillation, loop_oscillation
+from stemwatch.models.oscillation import Oscillation, loop_oscillation
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
 from stemwatch.models.words import share
 

@@ -1,7 +1,7 @@
 """``Recording``: one valve's signals on one clock. The rest of the code never sees files.
 
-Every signal is a pair of arrays of the same length: ``values`` (NaN wherever no honest number is
-known) and ``quality`` (why). Nothing is interpolated; a hole in the source is a hole here.
+Every signal is a pair of arrays of the same length: ``values`` (NaN wherever there is no good
+value) and ``quality`` (why). Nothing is interpolated; a gap in the source is a gap here.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PERCENT = "%"
 
 
 class Role(StrEnum):
-    """What a signal is to its valve."""
+    """The role of a signal in its loop."""
 
     OP = "op"  # controller output, the command to the valve
     MV = "mv"  # measured valve position (stem or flow standing for it); never guessed from a tag
@@ -34,7 +34,7 @@ class Role(StrEnum):
 
 
 class Quality(IntEnum):
-    """Why a sample is or is not to be believed."""
+    """Whether a sample is good, and if not, why."""
 
     GOOD = 0
     HELD = 1  # the archive repeated the last value and says so
@@ -81,7 +81,7 @@ class Signal:
         return cls(values=values, quality=quality.astype(np.uint8), tag=tag, unit=unit)
 
     def __getstate__(self) -> dict[str, object]:
-        # What is worked out from the samples does not travel with them.
+        # Cached properties are not pickled.
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
@@ -92,7 +92,7 @@ class Signal:
 
 @dataclass(frozen=True, kw_only=True)
 class ClockFacts:
-    """What the source's clock was like before the samples were laid on the even one."""
+    """Irregularities of the source's time stamps, before samples were put on the even clock."""
 
     jitter_s: float = 0.0  # median absolute deviation of the steps from the interval
     gaps: int = 0  # steps longer than 1.5 intervals
@@ -119,7 +119,7 @@ class Recording:
     ``start`` is the UTC time of sample 0, or ``None`` where the source's zone is not known (then
     durations are right and the date is not). OP is always there; MV, PV, SP and mode may not be.
     ``recording.op.values`` (n,) is percent of span, ``recording.mv.values`` (n,) percent of travel,
-    NaN wherever ``quality`` (n,) says why there is no honest number; all arrays are read-only.
+    NaN wherever ``quality`` (n,) says why there is no good value; all arrays are read-only.
     ``len(recording)`` is n, ``recording.part(first, last)`` a stretch of it.
     Raises ``ValueError`` on unequal lengths, a naive start or an interval that is not positive.
 
@@ -201,7 +201,7 @@ class Recording:
 
     @property
     def unit_s(self) -> float:
-        """How many seconds the unit of its times has: 1, but on its own clock."""
+        """Seconds in the unit of its times: 1, except on its own clock (``own_clock``)."""
         return 1.0 if self.own_unit_s is None else self.own_unit_s
 
     @property
@@ -236,7 +236,7 @@ class Recording:
 
 
 def _rounded(seconds: float) -> str:
-    """A duration in the unit in which people say it."""
+    """A duration in days, hours, minutes or seconds, whichever suits it."""
     for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2.0 * length:
             return f"{seconds / length:.3g} {unit}"
@@ -244,7 +244,7 @@ def _rounded(seconds: float) -> str:
 
 
 def _kept(flags: Bools) -> Bools:
-    """``flags`` (n,), which from now on several readers share."""
+    """``flags`` (n,) made read-only, since it is cached and shared."""
     flags.flags.writeable = False
     return flags
 

@@ -1,4 +1,4 @@
-"""What each model leaves unexplained on samples that it was not fitted to."""
+"""The residual of each model on held-out samples, to which it was not fitted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip.fit import StickSlipFit
 
-FEWEST = 10  # samples that make a residual
+FEWEST = 10  # samples needed for a residual
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +33,9 @@ def _heldout(fit: StickSlipFit, *, resynced: bool) -> tuple[Floats, Floats]:
 
 
 def of_stiction(fit: StickSlipFit, *, resynced: bool) -> Residual | None:
-    """The model fitted to the first part, judged on the rest; ``None`` where MV rests there.
+    """The model fitted to the first part, scored on the rest; ``None`` where MV rests there.
 
-    ``resynced``: the resting stem is put right at the start of each block of time, as in the fit.
+    ``resynced``: a resting stem is set to its reading at the start of each block, as in the fit.
     """
     error, mv = _heldout(fit, resynced=resynced)
     if error.size < FEWEST or float(np.std(mv)) == 0.0:
@@ -44,11 +44,11 @@ def of_stiction(fit: StickSlipFit, *, resynced: bool) -> Residual | None:
     return Residual(rmse=rmse, normalised=rmse / float(np.std(mv)))
 
 
-def better_of(stiction: Residual | None, left_out: Mismatch | None) -> Residual | None:
-    """The residual with the hidden physics where some was named and it leaves less."""
-    if left_out is None or not left_out.effects or stiction is None:
+def better_of(stiction: Residual | None, mismatch: Mismatch | None) -> Residual | None:
+    """The residual of the fit with the named effects where that is smaller, else ``stiction``."""
+    if mismatch is None or not mismatch.effects or stiction is None:
         return stiction
-    rmse, fit = left_out.heldout.rmse_extended, left_out.heldout.fit_extended
+    rmse, fit = mismatch.heldout.rmse_extended, mismatch.heldout.fit_extended
     if rmse is None or fit is None or rmse >= stiction.rmse:
         return stiction
     return Residual(rmse=rmse, normalised=1.0 - fit / 100.0)

@@ -1,4 +1,4 @@
-"""``screen``: the whole science on one page, from recordings to verdicts.
+"""``screen``: the whole method on one page, from recordings to verdicts.
 
     recording -> quality -> stick-slip fit -> NARX fit -> mismatch -> baseline -> verdict
 
@@ -32,14 +32,14 @@ from stemwatch.models.fit_window import (
     window_sentence,
 )
 from stemwatch.models.limits import Limits
-from stemwatch.models.loop import signal_oscillation
-from stemwatch.models.mismatch.between_samples import Archive, as_sampled, find_archive
+from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.mismatch.record_effects import late_effect
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
@@ -75,7 +75,7 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How to screen. ``narx`` and ``mismatch`` may be switched off for a quick look."""
+    """How to screen. ``narx`` and ``mismatch`` may be switched off to save time."""
 
     limits: Limits = field(default_factory=Limits)
     narx: bool = True
@@ -88,7 +88,7 @@ DEFAULTS = Options()
 
 @dataclass(frozen=True, kw_only=True)
 class _Fitted:
-    """A case on its way: assessed, and fitted where nothing stood in the way.
+    """A case that has been assessed and, where there is no obstacle, fitted.
 
     ``recording`` is what was fitted, on its own clock: all of the case's, or its ``stretch``;
     ``masked`` the same without what record effects spoilt. ``fit`` and ``sample`` are in percent of
@@ -175,7 +175,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     if not assessment.obstacles:
         commanded = in_travel(masked, curve)
         fit = fit_stickslip(commanded)
-        fit, archive = as_sampled(fit, find_archive(commanded))
+        fit, archive = as_sampled(fit, commanded)
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
         case=case,
@@ -196,8 +196,8 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
 def _to_fit(
     recording: Recording, assessment: Assessment, limits: Limits
 ) -> tuple[Recording, Recording, FitWindow | None]:
-    """What to fit, as it is and masked: the shortest telling stretch that carries a verdict as the
-    whole does, each twice as long as the one before; else all."""
+    """What to fit, as recorded and masked: the shortest stretch without an obstacle, each tried
+    being twice as long as the one before; else the whole recording."""
     samples = round(limits.fitted_samples)
     while (stretch := choose_fit_window(recording, samples)) is not None:
         part = recording.part(stretch.first, stretch.last)
@@ -219,16 +219,18 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
     if not ready or not options.narx:
         return trained
     examples = [
-        NarxExample.of(valve.masked, fit.first_heldout, start_of(fit, valve.curve))
+        NarxExample.of(valve.masked, fit.first_heldout, network_start(fit, valve.curve))
         for _, fit, valve in ready
     ]
-    for (at, _, valve), fit in zip(ready, _trained(examples, options.narx_settings), strict=True):
-        trained[at] = fit.in_seconds(valve.recording.unit_s)
+    for (place, _, valve), fit in zip(
+        ready, _trained(examples, options.narx_settings), strict=True
+    ):
+        trained[place] = fit.in_seconds(valve.recording.unit_s)
     return trained
 
 
 def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[NarxFit]:
-    """All together; where that breaks down, each alone, so that one record costs itself only."""
+    """All together; where that fails, each alone, so that a bad record costs only its own."""
     from stemwatch.models.narx.training import train  # torch takes two seconds to import
 
     try:
@@ -240,17 +242,17 @@ def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[Na
         return [NarxFit(valve=examples[0].valve, reason=reason)]
 
 
-def start_of(fit: StickSlipFit, curve: StrokeCurve | None) -> StickSlipStart | None:
+def network_start(fit: StickSlipFit, curve: StrokeCurve | None) -> StickSlipStart | None:
     """The element as it was fitted to the training part, for the network to start from.
 
-    The network sees OP as it was recorded, so that it can be compared with one of another window;
-    of a ``curve`` it is given the chord, and learns the bend.
+    The network gets OP as it was recorded, so that it can be compared with one of another window;
+    it starts from the chord of ``curve`` and learns the bend.
     """
     q = to_kernel(fit.trained, fit.evaluator.restick)[0]
     if q[kernel.GAIN] == 0.0:
         return None
     names = ("dead_time_s", "lag_up_s", "lag_down_s")
-    actuator = {name: float(q[at]) for at, name in enumerate(names, start=kernel.DEAD_TIME_S)}
+    actuator = {name: float(q[row]) for row, name in enumerate(names, start=kernel.DEAD_TIME_S)}
     actuator["slow_up_s_per_percent"] = float(1.0 / q[kernel.RATE_UP])
     actuator["slow_down_s_per_percent"] = float(1.0 / q[kernel.RATE_DOWN])
     slope, shift = (1.0, 0.0) if curve is None else (curve.slope, curve.zero)
@@ -279,18 +281,19 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
         screening = _without_verdict(fitted)
     else:
         ceiling = network.simulated if network is not None else None
-        left_out = None
+        mismatch = None
         if options.mismatch:
-            left_out = explain(
+            mismatch = explain(
                 fitted.recording,
                 ceiling=ceiling,
                 curve=fitted.curve,
                 look_for_curve=fitted.case.known_curve is None,
                 late_s=fitted.late_s,
                 restore=fitted.archive is not None,
+                archive=fitted.archive,
             )
         screening = _with_verdict(
-            fitted, fitted.fit, fitted.sample, network, left_out, options.limits
+            fitted, fitted.fit, fitted.sample, network, mismatch, options.limits
         )
     seconds = fitted.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
@@ -327,16 +330,16 @@ def _screening(
 
 
 def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
-    """The recording with the sentences that say what of it was fitted, and through which curve."""
-    said = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
+    """The recording with sentences in its provenance: what was fitted, and through which curve."""
+    sentences = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
     if fitted.late_s:
-        said += [late_effect(fitted.late_s, fitted.recording.unit_s).sentence]
-    said += [fitted.curve.sentence()] if fitted.curve is not None else []
+        sentences += [late_effect(fitted.late_s, fitted.recording.unit_s).sentence]
+    sentences += [fitted.curve.sentence()] if fitted.curve is not None else []
     if fitted.archive is not None and fitted.fit is not None:
-        said.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))
-    if not said:
+        sentences.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))
+    if not sentences:
         return recording
-    decisions = (*recording.provenance.decisions, *said)
+    decisions = (*recording.provenance.decisions, *sentences)
     return replace(recording, provenance=replace(recording.provenance, decisions=decisions))
 
 
@@ -354,10 +357,10 @@ def _estimate(draws: Floats, value: float) -> Estimate:
 
 
 def _stiction(
-    fitted: _Fitted, fit: StickSlipFit, sample: StickSlipSample, left_out: Mismatch | None
+    fitted: _Fitted, fit: StickSlipFit, sample: StickSlipSample, mismatch: Mismatch | None
 ) -> tuple[Estimate, Estimate, Floats]:
-    """S, J and draws of S, percent of OP: restated with the hidden physics where some was named."""
-    if left_out is None or not left_out.effects or left_out.restated.S.value is None:
+    """S, J and draws of S, percent of OP: those of the fit with the named effects, if any."""
+    if mismatch is None or not mismatch.effects or mismatch.restated.S.value is None:
         S, J, curve = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), fitted.curve
         S_draws = sample.S
         if fitted.archive is not None:
@@ -366,12 +369,12 @@ def _stiction(
         if curve is None:
             return S, J, S_draws
         return curve.in_op(S), curve.in_op(J, is_jump=True), S_draws / abs(curve.slope)
-    S, J = left_out.restated.S, left_out.restated.J
+    S, J = mismatch.restated.S, mismatch.restated.J
     return S, J, spread_of(S)
 
 
 def _missed(fitted: _Fitted, fit: StickSlipFit) -> float:
-    """What S and J lack of what the archive did not keep, percent of travel."""
+    """By how much S and J are too small because the archive lost peaks of OP, percent of travel."""
     if fitted.archive is None:
         return 0.0
     return fitted.archive.missed_by(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate))
@@ -382,10 +385,10 @@ def _with_verdict(
     fit: StickSlipFit,
     sample: StickSlipSample,
     network: NarxFit | None,
-    left_out: Mismatch | None,
+    mismatch: Mismatch | None,
     limits: Limits,
 ) -> Screening:
-    S, J, S_draws = _stiction(fitted, fit, sample, left_out)
+    S, J, S_draws = _stiction(fitted, fit, sample, mismatch)
     # A network is stored in seconds.
     compared = residual.of_baseline(fitted.case.baseline, off_own_clock(fitted.masked))
     residuals = {
@@ -402,11 +405,11 @@ def _with_verdict(
         friction_mean=fit.of_sticking.mean,
         friction_t=fit.of_sticking.t,
         jumps_evident=events.evident,
-        following=residual.better_of(residual.of_stiction(fit, resynced=True), left_out),
+        following=residual.better_of(residual.of_stiction(fit, resynced=True), mismatch),
         narx=residuals["narx"],
         typical_percent=residual.typical_percent(fit),
         sigma=fit.evaluator.problem.sigma,
-        slow=slowness(fit) if left_out is None else beside_friction(left_out),
+        slow=slowness(fit) if mismatch is None else beside_friction(mismatch),
         baseline=compared.residual,
         baseline_ratio=compared.ratio,
         cycling_s=cycle.period_s if cycle is not None and cycle.regular else None,
@@ -427,7 +430,7 @@ def _with_verdict(
     screening = _screening(fitted, judgement, S, J, residuals, numbers)
     return replace(
         screening,
-        mismatch=_on_whole_clock(left_out, fitted),
+        mismatch=_on_whole_clock(mismatch, fitted),
         stroke_curve=fitted.curve,
         baseline_note=" ".join(filter(None, (fitted.case.baseline_note, compared.reason))),
         network=network.network if network is not None else None,
@@ -457,14 +460,14 @@ def _traces(fitted: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Trac
     )
 
 
-def _on_whole_clock(left_out: Mismatch | None, fitted: _Fitted) -> Mismatch | None:
+def _on_whole_clock(mismatch: Mismatch | None, fitted: _Fitted) -> Mismatch | None:
     """The mismatch with its free runs on the clock of the whole recording."""
-    if left_out is None or left_out.runs is None or fitted.stretch is None:
-        return left_out
-    first, samples, runs = fitted.stretch.first, len(fitted.case.recording), left_out.runs
+    if mismatch is None or mismatch.runs is None or fitted.stretch is None:
+        return mismatch
+    first, samples, runs = fitted.stretch.first, len(fitted.case.recording), mismatch.runs
     on_clock = FreeRuns(
         naive=on_whole_clock(runs.naive, first, samples),
         extended=on_whole_clock(runs.extended, first, samples),
         heldout_from=first + runs.heldout_from,
     )
-    return replace(left_out, runs=on_clock)
+    return replace(mismatch, runs=on_clock)

@@ -1,4 +1,4 @@
-"""``Screening``: everything one look at one valve's recording found. Report and store read this."""
+"""``Screening``: the result for one valve and one window. Report and store read this."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stemwatch.models.verdict import Shape, Verdict
 
 @dataclass(frozen=True, kw_only=True)
 class DataQuality:
-    """How far the recording itself can be trusted: grade A (clean) to D (no verdict possible)."""
+    """Grade of the recording's data, A (clean) to D (no verdict possible), with reasons."""
 
     grade: str
     reasons: tuple[str, ...] = ()
@@ -66,7 +66,7 @@ class Traces:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingFacts:
-    """What stays known of a recording when samples are let go.
+    """What stays known of a recording after its samples were dropped.
 
     ``tags`` has (tag, unit) of each role; ``zone`` is how times became UTC.
     """
@@ -122,8 +122,8 @@ class Screening:
     network: NarxNetwork | None = None
     baseline_note: str = ""  # which baseline the comparison refers to, or that there is none
     traces: Traces = field(default_factory=_empty_traces)
-    recording: Recording | None = None  # None where nothing could be read, or it was let go
-    kept: RecordingFacts | None = None  # what the whole was, where samples were let go
+    recording: Recording | None = None  # None where nothing could be read, or it was dropped
+    kept: RecordingFacts | None = None  # facts of the whole, where samples were dropped
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
@@ -196,11 +196,11 @@ class Screening:
 
 @dataclass(frozen=True, kw_only=True)
 class PreviousFinding:
-    """What was said of a valve before, by the screening of an earlier window.
+    """The result of an earlier screening of the valve.
 
-    ``at`` is the instant that screening speaks for, ``run`` the number of its run. ``S`` and ``J``
-    in percent of OP span, ``None`` where they were not known. ``finding`` is the word for what was
-    found beside S and J (of ``mismatch.findings.Finding``), ``effects`` the slugs that were named.
+    ``at`` is the instant it stands for (the end of its window, or when it was saved), ``run`` the
+    number of its run. ``S`` and ``J`` in percent of OP span, ``None`` where they were not known.
+    ``finding`` is a value of ``mismatch.findings.Finding``, ``effects`` the slugs that were named.
     """
 
     at: datetime
@@ -215,5 +215,5 @@ class PreviousFinding:
 
 
 def _copy(trace: Floats, first: int, last: int) -> Floats:
-    """A part that does not hold on to the whole."""
+    """A copy of a part, so that the whole array can be freed."""
     return trace[first:last].copy()

@@ -11,7 +11,7 @@ from stemwatch.models.forensics import noise_sigma, quantum
 from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration, is_of_seconds
 from stemwatch.models.percent import POSSIBLE_PERCENT, not_percent
-from stemwatch.models.recording import PERCENT, Recording, Role
+from stemwatch.models.recording import PERCENT, Bools, Quality, Recording, Role
 from stemwatch.models.signal_pairing import (
     LONGEST_DELAY_S,
     command_is,
@@ -25,7 +25,7 @@ from stemwatch.models.signal_pairing import (
 )
 from stemwatch.models.stickslip.best_pairing import BEFORE, NEAR, Explained, Pairing, paired
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
-from stemwatch.models.stickslip.problem import WARM_UP_S, scored_samples
+from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.words import share, times
 
 # Where the plant does not say how long a recording must last.
@@ -348,7 +348,7 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     least_s = limits.min_duration_s or LEAST_SAMPLES * recording.interval_s * recording.unit_s
     if recording.duration_s * recording.unit_s < least_s or usable < limits.min_samples:
         obstacles.append(_too_short(recording, usable, least_s, limits))
-    bad = 1.0 - usable / len(recording)
+    bad = 1.0 - usable / max(len(recording) - int(np.sum(between_pieces(recording))), 1)
     if bad > limits.max_bad_share:
         obstacles.append(
             Obstacle(
@@ -369,6 +369,20 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
             )
         )
     return obstacles
+
+
+def between_pieces(recording: Recording) -> Bools:
+    """(n,) the samples in the holes of a recording that was put together from pieces: where nothing
+    at all was recorded for longer than a fit bridges. Each piece is fitted from its own start, so
+    that such samples are no fault of archive or transmitter."""
+    missing = np.asarray(recording.op.quality == Quality.MISSING)
+    if recording.mv is not None:
+        missing = missing & (recording.mv.quality == Quality.MISSING)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
+    between = np.zeros(missing.size, dtype=bool)
+    for begin, end in edges.reshape(-1, 2):
+        between[begin:end] = end - begin > LONGEST_BRIDGE_SAMPLES
+    return between
 
 
 def _too_short(recording: Recording, usable: int, least_s: float, limits: Limits) -> Obstacle:

@@ -1,4 +1,4 @@
-"""The words a screening ends in."""
+"""The verdicts on a valve, and the four shapes of its OP-MV loop."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Verdict(StrEnum):
     UNDETERMINED = "undetermined"
 
 
-# In the order in which valves are looked at: one that cannot be judged before one that is healthy.
+# Order of the work list: a valve that could not be judged stands before a healthy one.
 WORST_FIRST = (
     Verdict.STICKY,
     Verdict.DEFECTIVE,

@@ -1,4 +1,4 @@
-"""Numbers as sentences have them."""
+"""Shares and counts as text for sentences."""
 
 from __future__ import annotations
 

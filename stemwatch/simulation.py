@@ -6,13 +6,17 @@ import numpy as np
 
 from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.draw_parts import (
+    coloured_load,
+    draw_actuator,
+    draw_controller,
+)
 from stemwatch.models.studies.simulator.loop import (
     Process,
     ProcessKind,
     SimulatedArchive,
     Transmitters,
 )
-from stemwatch.models.studies.simulator.parts import coloured_load, some_actuator, some_controller
 
 _LOAD = (0.8, 1.6)  # standard deviation, percent of travel: enough to move any valve
 _AIR_LAG_S, _VISCOUS = (0.3, 0.8), 0.3
@@ -35,12 +39,12 @@ def sticking_flow_loop(
             raise ValueError(f"{name} must not be negative, received {value}")
     rng = np.random.default_rng([seed, 0])
     process = Process(kind=ProcessKind.FLOW)
-    valve = SimulatedValve.showing(S, J, actuator=some_actuator(rng, _AIR_LAG_S, _VISCOUS))
+    valve = SimulatedValve.showing(S, J, actuator=draw_actuator(rng, _AIR_LAG_S, _VISCOUS))
     loop = PlantLoop(
         tag=tag,
         valve=valve,
         process=process,
-        controller=some_controller(process, valve, rng),
+        controller=draw_controller(process, valve, rng),
         transmitters=Transmitters(position_noise=noise),
         archive=SimulatedArchive(interval_s=interval_s),
         loads=coloured_load(process, rng, _LOAD),

@@ -129,6 +129,24 @@ def test_every_page_is_reached_from_the_readme() -> None:
     assert {f"docs/{page.name}" for page in DOCS.glob("*.md")} - linked == set()
 
 
+def test_every_place_that_the_architecture_names_is_there() -> None:
+    """Files and functions of "Where does it come from?": a reader looks them up."""
+    section = _page("architecture.md").split("## Where does it come from?")[1].split("\n## ")[0]
+    rows = [row.split("|")[2] for row in section.splitlines() if row.startswith("| ")][1:]
+    assert len(rows) > 12
+    for row in rows:
+        folder, text = REPOSITORY, ""
+        for name in re.findall(r"`([^`]+)`", row):
+            if "." in name or "/" in name:
+                inside = folder / name
+                path = REPOSITORY / name if "/" in name else inside
+                assert path.exists(), f"architecture.md names {name}"
+                folder = path.parent
+                text = path.read_text("utf-8") if path.is_file() else ""
+            elif not name.startswith("["):
+                assert re.search(rf"(def|class) {name}\b", text), f"{name} is not in {row}"
+
+
 @pytest.mark.parametrize(
     "model", [TopTable, LimitsTable, TextExportSettings, Valve, Tag], ids=lambda m: m.__name__
 )

@@ -35,6 +35,7 @@ from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.stickslip.slip_levels import SlipLevels, Slips, seen_slips, slip_levels
 
 BAND = (2.0, 98.0)  # percentiles of MV - OP
 # A turn of OP counts from this share of the band on: noise and hunting within it lose no peak.
@@ -42,8 +43,9 @@ TURN = 0.2
 FEWEST_TURNS = 5
 # A stem that is seen nearer to its command than this cannot stick as much as anybody would mind.
 LEAST_BAND = 1.5  # percent
-# Samples from one turn of OP to the next: 56 simulated loops with S of 2 to 8 % that were sampled
-# every second had 9 and more (nulls of seeds 5151, 6161, 7171, 8181); peaks are kept well enough.
+# Samples from one turn of OP to the next, from which its peaks are kept well enough. This and the
+# other limits of what is a slow archive are beyond what recordings show that keep every second:
+# `stemwatch calibrate-archives` prints both.
 FEW = 8.0
 # Below this OP may have turned twice between two samples, and nothing tells how often it did.
 TOO_FEW = 2.0
@@ -52,9 +54,18 @@ LATE_BY_SAMPLING = 1.2  # samples
 # Share of the S of friction alone below which a lag, and not the sampling, stands for the rest.
 LEFT_BY_A_LAG = 0.5
 # Advantage of friction over an actuator without it (``stickslip.fit.Advantage``) from which it is
-# evident that there is any. 13 of 14 sticking valves stored every 5 and 10 s or averaged have a
-# mean of 0.7 and more; noisy healthy ones, whose OP turns by its noise, at most 0.25.
+# evident that there is any.
 EVIDENT_MEAN, EVIDENT_T = 0.5, 2.0
+# Slips for each turn of OP from which they stand for all: a stem that is back at its next slip
+# before it was seen at rest shows its unusual slips only.
+OF_TURNS = 0.15
+# Where OP turns less often, its peaks are lost all the same if it answers a slip before the sample
+# after the next: its speed there, as a share of that before the slip. The fit is then believed
+# where the slips agree with it, in S by this share of it and in J by that share of the breakaway
+# level, or cannot say: their jumps are not so many standard deviations of the noise, or their
+# bounds are as wide as the level.
+ANSWERED, S_APART, J_APART, CLEAR, WIDEST = 0.8, 0.1, 0.15, 7.0, 1.0
+SURE = 4.0  # standard errors of the breakaway level, and two of J: slips that show friction
 SLUG = "between_samples"
 # One sigma of what is missed, as a share of it, and of the level (S + J)/2: 24 simulated sticking
 # valves (seeds 5151, 6161, 7171) kept every 5, 10 and 20 s against the same kept every second.
@@ -88,6 +99,9 @@ class Archive:
     ``per_turn`` is how many samples lie between one turn of OP and the next (median);
     ``deviation`` what reports by exception or drawn lines leave open, percent; ``interval_s``
     seconds from one sample to the next, ``apart`` samples from one that was stored to the next.
+    ``levels`` are what the slips tell, the command taken as known in bounds only, where they do;
+    ``unseen`` where neither they nor a free run show the friction that keeps the stem from its
+    command.
     """
 
     kind: ArchiveKind
@@ -95,11 +109,15 @@ class Archive:
     deviation: float
     interval_s: float
     apart: float = 1.0
+    levels: SlipLevels | None = None
+    unseen: bool = False
 
     @property
     def too_slow(self) -> bool:
         """Whether so few samples lie between two turns of OP that only a bound can be known."""
-        return self.deviation == 0.0 and self.per_turn < TOO_FEW
+        if self.deviation > 0.0 or self.levels is not None:
+            return False
+        return self.unseen or self.per_turn < TOO_FEW
 
     @property
     def would_do_s(self) -> float:
@@ -112,6 +130,8 @@ class Archive:
         """What S and J lack each in a fit whose free run is ``simulated`` (n,), percent of MV."""
         if self.deviation > 0.0:
             return 0.0
+        if self.levels is not None:
+            return 0.5 * self.levels.bounds
         scored = problem.scored
         op, mv, run = problem.op[scored], problem.mv[scored], simulated[scored]
         seen = _band(mv - op)
@@ -126,6 +146,9 @@ class Archive:
         """
         if S.value is None or J.value is None:
             return S, J
+        if self.levels is not None:
+            levels = self.levels
+            return _of_slips(S, levels.S, levels.S_error), _of_slips(J, levels.J, levels.J_error)
         if self.deviation > 0.0:
             lacks = self._lacks(S.value)
             error = REPORT_ERROR * self.deviation
@@ -136,6 +159,20 @@ class Archive:
             return S, J
         bound = Estimate(low=max(lowest, 0.0), reason=self.reason, unit=PERCENT)
         return bound, Estimate.unknown(self.reason, unit=PERCENT)
+
+    def with_slips(self, problem: FitProblem, gain: float, zero: float) -> Archive:
+        """With what the slips of even samples tell, where enough of them are seen; ``gain`` and
+        ``zero`` are those of the reading."""
+        slips = self.slips(problem, gain, zero)
+        return self if slips is None else replace(self, levels=slip_levels(slips))
+
+    def slips(self, problem: FitProblem, gain: float, zero: float) -> Slips | None:
+        """The slips between even samples, where enough of them are seen."""
+        if self.deviation > 0.0:
+            return None
+        slips = seen_slips(problem, gain, zero, averaged=self.kind is ArchiveKind.AVERAGES)
+        few = slips is None or slips.side.size < OF_TURNS * problem.op.size / self.per_turn
+        return None if few else slips
 
     def _lacks(self, S: float) -> float:
         """What S and J lack between two reports, percent; nothing that is known of a small S."""
@@ -180,24 +217,31 @@ class Archive:
         if self.too_slow:
             enough = _seconds(self.would_do_s)
             return f"{kept}: too slow for this loop, a sample every {enough} would do."
+        if self.levels is not None:
+            return (
+                f"{kept}: S and J are read from {self.levels.count} slips, at which the samples "
+                f"leave OP open by {self.levels.bounds:.2g} %."
+            )
         return (
             f"{kept}: S and J are restored by {missed:.1f} % each for the peaks of OP between "
             "samples, by how far the stem was seen from its command."
         )
 
 
-def as_sampled(fit: StickSlipFit, archive: Archive | None) -> tuple[StickSlipFit, Archive | None]:
-    """The fit that an ``archive`` calls for, and the archive where S and J can be restored.
+def as_sampled(fit: StickSlipFit, recording: Recording) -> tuple[StickSlipFit, Archive | None]:
+    """The fit that the archive of a ``recording`` in percent of travel calls for, and the archive
+    where S and J can be restored.
 
     A slip is seen up to a sample after the peak that it came from, which reads as a dead time and a
     lag of about a sample each, with a smaller S: then S and J are those of friction alone. What a
     slower actuator keeps between command and stem was not lost between samples. The breakaways lie
-    between samples too, and are not read one by one.
+    between samples too, and are not read one by one, but in bounds.
     """
+    archive, friction = find_archive(recording), fit.of_sticking
+    if archive is None or archive.deviation == 0.0:
+        evident = friction.mean >= EVIDENT_MEAN and friction.t >= EVIDENT_T
+        archive = _even(fit, recording, archive, evident=evident)
     if archive is None:
-        return fit, None
-    friction = fit.of_sticking
-    if archive.deviation == 0.0 and (friction.mean < EVIDENT_MEAN or friction.t < EVIDENT_T):
         return fit, None
     single, fit = fit, replace(fit, breakaways=None)
     if fit.hypothesis != "both":
@@ -213,6 +257,65 @@ def as_sampled(fit: StickSlipFit, archive: Archive | None) -> tuple[StickSlipFit
     return replace(fit, hypothesis="sticking", candidate=fit.naive), archive
 
 
+def _even(
+    fit: StickSlipFit, recording: Recording, archive: Archive | None, *, evident: bool
+) -> Archive | None:
+    """The ``archive`` of even samples with what the slips tell; one that keeps more samples is only
+    believed to be slow where they contradict the fit. ``evident``: whether there is friction."""
+    seen = archive or (even_archive(recording) if evident else None)
+    if seen is None:
+        return None
+    c, problem = fit.candidate, fit.evaluator.problem
+    gain, zero = 1.0 + float(c[coordinate.GAIN]), float(c[coordinate.ZERO])
+    if archive is None:
+        slips = seen.slips(problem, gain, zero)
+        told = slips is not None and against_fit(fit, slips).contradicts
+        return seen.with_slips(problem, gain, zero) if told else None
+    seen = seen.with_slips(problem, gain, zero)
+    if evident or (seen.levels is not None and _show_friction(seen.levels)):
+        return seen
+    return replace(seen, levels=None, unseen=True) if fit.S >= LEAST_BAND else None
+
+
+@dataclass(frozen=True)
+class SlipsAgainstFit:
+    """How the slips' S and J differ from a fit's, shares of S and of the breakaway level; OP's
+    speed after a slip, ``answered``; the jump in standard deviations of the noise; how far apart
+    the ``bounds`` of a slip are, a share of the level."""
+
+    S: float
+    J: float
+    answered: float
+    jump: float
+    bounds: float
+
+    @property
+    def could(self) -> bool:
+        """Whether these slips may say anything against a fit."""
+        return self.answered < ANSWERED and self.jump >= CLEAR and self.bounds <= WIDEST
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the slips of a loop that answers them between samples have another S or J."""
+        return self.could and (self.S > S_APART or self.J > J_APART)
+
+
+def against_fit(fit: StickSlipFit, slips: Slips) -> SlipsAgainstFit:
+    """The slips' S and J, by the middle of their bounds, beside those of a fit."""
+    level, kinetic = (max(one, 1e-9) for one in slips.middle)
+    return SlipsAgainstFit(
+        S=abs(level + kinetic - fit.S) / (level + kinetic),
+        J=abs(level - kinetic - fit.J) / level,
+        answered=slips.answered,
+        jump=(level - kinetic) / slips.sigma,
+        bounds=float(np.median(slips.high - slips.low)) / level,
+    )
+
+
+def _show_friction(levels: SlipLevels) -> bool:
+    return levels.level > SURE * levels.level_error and levels.J > 0.5 * SURE * levels.S_error
+
+
 def stands_for_friction(S: Estimate, alone: Estimate) -> bool:
     """Whether something slow explains most of the S that friction alone would have."""
     known = S.value is not None and alone.value is not None
@@ -224,13 +327,20 @@ def find_archive(recording: Recording) -> Archive | None:
     enough, nothing can be told, or the stem is never seen far from its command."""
     if recording.mv is None or recording.mv.unit != recording.op.unit:
         return None
-    both = recording.usable
-    op, mv = recording.op.values[both], recording.mv.values[both]
-    if op.size < FEWEST_TURNS:
-        return None
     kept = _thinned(recording)
     if kept is not None:
         return kept
+    sampled = even_archive(recording)
+    return sampled if sampled is not None and sampled.per_turn <= FEW else None
+
+
+def even_archive(recording: Recording) -> Archive | None:
+    """An archive that keeps even samples, however many; ``None`` where nothing can be told."""
+    assert recording.mv is not None
+    if np.count_nonzero(recording.usable) < FEWEST_TURNS:
+        return None
+    both = recording.usable
+    op, mv = recording.op.values[both], recording.mv.values[both]
     seen = _band(mv - op)
     if seen < LEAST_BAND:
         return None
@@ -238,8 +348,6 @@ def find_archive(recording: Recording) -> Archive | None:
     if turns.size < FEWEST_TURNS:
         return None
     per_turn = float(np.median(np.diff(turns)))
-    if per_turn > FEW:
-        return None
     kind = ArchiveKind.AVERAGES if _averaged(mv) else ArchiveKind.SNAPSHOTS
     return Archive(kind, per_turn, 0.0, _every_s(recording))
 
@@ -285,6 +393,12 @@ def _averaged(mv: Floats) -> bool:
     slipped = still & (np.abs(way) > far)
     share = (mv[2:-2] - mv[1:-3])[slipped] / way[slipped]
     return bool(share.size and np.mean((share > BETWEEN[0]) & (share < BETWEEN[1])) > MOSTLY)
+
+
+def _of_slips(estimate: Estimate, value: float, error: float) -> Estimate:
+    """``estimate`` with the ``value`` that the slips tell, and its standard ``error``."""
+    low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
+    return replace(estimate, value=value, low=low, high=high)
 
 
 def _moved(estimate: Estimate, by: float, error: float) -> Estimate:

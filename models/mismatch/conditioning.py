@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.excitation import REST_SAMPLES, reversals, slips, swing
+from stemwatch.models.excitation import REST_SAMPLES, jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.residual_map import Facet
 from stemwatch.models.own_clock import between, duration, parts_of_time, rate
 from stemwatch.models.recording import Bools, Floats
@@ -61,8 +61,8 @@ def phase(
     n = op.size
     begins = np.concatenate(
         (
-            slips(simulated, op, _SIMULATED_NOISE).begins,
-            slips(mv, op, sigma).begins,
+            jumps_from_rest(simulated, op, _SIMULATED_NOISE).begins,
+            jumps_from_rest(mv, op, sigma).begins,
         )
     )
     since = _after(np.sort(begins) + 1, n) * interval_s

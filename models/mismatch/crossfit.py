@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.fit import Advantage, advantage
-from stemwatch.models.stickslip.search import CrossEntropy, SearchResult, ordered
+from stemwatch.models.stickslip.search import CrossEntropy, SearchResult, by_loss
 
 SEED = 1977
 
@@ -99,7 +99,7 @@ def _cheapest(
     """Candidates (m, size), the best on ``blocks`` first."""
     ask = RunRequest(layout, candidates)
     yield [ask]
-    return ordered(candidates, evaluator.mean_loss(ask.losses, blocks))
+    return by_loss(candidates, evaluator.mean_loss(ask.losses, blocks))
 
 
 def _refined(
@@ -203,7 +203,7 @@ def ranked(
     ask = RunRequest(layout, starts)
     yield [ask]
     even, odd = (
-        ordered(starts, evaluator.mean_loss(ask.losses, fold)) for fold in folds(evaluator)
+        by_loss(starts, evaluator.mean_loss(ask.losses, fold)) for fold in folds(evaluator)
     )
     return even, odd
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.excitation import Slips, reversals, slips, swing
+from stemwatch.models.excitation import Jumps, jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.conditioning import moving_stem, rests
 from stemwatch.models.own_clock import duration, is_of_seconds, long_time, rate
 from stemwatch.models.recording import Bools, Floats
@@ -78,10 +78,10 @@ def exercised(
     """
     moving = moving_stem(simulated, interval_s)
     ends, lengths = rests(moving)
-    jumps = slips(mv, op, sigma)
+    jumps = jumps_from_rest(mv, op, sigma)
     pairs = [
         (int(np.sum(sizes > 0.0)), int(np.sum(sizes < 0.0)))
-        for sizes in (jumps.sizes, slips(simulated, op, SLIP_NOISE).sizes)
+        for sizes in (jumps.sizes, jumps_from_rest(simulated, op, SLIP_NOISE).sizes)
     ]
     seen = np.diff(jumps.begins) * interval_s
     return Exercised(
@@ -118,7 +118,7 @@ def _restarts(simulated: Floats, ends: NDArray[np.int64], lengths: NDArray[np.in
     return int(np.sum(way[np.maximum(ends - lengths - 1, 0)] * way[ends] > 0.0))
 
 
-def _further_jumps(mv: Floats, jumps: Slips, sigma: float) -> int:
+def _further_jumps(mv: Floats, jumps: Jumps, sigma: float) -> int:
     """Jumps of the recorded stem from where the jump before left it, in the same direction."""
     begins, sizes = jumps.begins, jumps.sizes
     between = np.abs(mv[begins[1:]] - (mv[begins[:-1]] + sizes[:-1]))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.forensics import noise_sigma, quantum, repeat_share
 from stemwatch.models.frozen import frozen_samples
+from stemwatch.models.mismatch.between_samples import Archive
 from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, held_reports
 from stemwatch.models.mismatch.findings import RecordEffect
 from stemwatch.models.own_clock import duration, seconds_of
@@ -63,7 +64,7 @@ class RecordSettled:
     ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
     averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
     drew may lie from the one it dropped, percent, and 0 at all others. ``restore``: S and J may be
-    raised by what a slow archive lost of OP's peaks.
+    raised by what a slow archive lost of OP's peaks; ``archive`` that one, where it is known.
     """
 
     effects: tuple[RecordEffect, ...]
@@ -72,6 +73,7 @@ class RecordSettled:
     spacing_s: float
     slack: Floats
     restore: bool = True
+    archive: Archive | None = None
 
 
 def settle(recording: Recording) -> RecordSettled:

@@ -8,8 +8,8 @@ is looked for on top of it, three at most.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -318,6 +318,28 @@ def told_by_events(
     ]
 
 
+def lacking(named: Named, slugs: Collection[str]) -> Named:
+    """What was named without some terms, refitted, and what is still needed of the others."""
+    stages = [needed.stage for needed in named.needed if needed.term.slug not in slugs]
+    if len(stages) == len(named.needed):
+        return named
+    if not stages:
+        return replace(named, fitted=named.base, needed=())
+    left = TermSet(
+        tuple(term for term in named.fitted.layout.hypothesis.terms if term.slug not in slugs)
+    )
+    evaluator = named.evaluator
+    begun = conclude(
+        evaluator, scored(evaluator.layout(left), reduced(evaluator, named.fitted, left))
+    )
+    fitted = conclude(evaluator, again(evaluator, begun, CAREFUL))
+    if len(stages) == 1:
+        # Its own stage may have had a term before it that is gone now.
+        stages = [replace(stages[0], before=named.base)]
+    fitted, needed = pruned(evaluator, fitted, stages)
+    return replace(named, fitted=fitted, needed=tuple(needed))
+
+
 def pruned(
     evaluator: Evaluator, fitted: Fitted, stages: list[SelectionStage]
 ) -> tuple[Fitted, list[Needed]]:
@@ -327,7 +349,11 @@ def pruned(
     """
     if len(stages) == 1:
         only = stages[0]
-        return fitted, [Needed(only, only.before, gain(evaluator, only.before, fitted))]
+        advantage = gain(evaluator, only.before, fitted)
+        if not convincing(advantage, evaluator.told, only.accepted[0].slug):
+            # What was polished on both folds predicts less than it did at its first look.
+            return only.before, []
+        return fitted, [Needed(only, only.before, advantage)]
     needed: list[Needed] = []
     for stage in stages:
         lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)

@@ -1,8 +1,7 @@
-"""What stands between the command and the stem: dead time, lag, speed limit. A filter of OP alone.
+"""The actuator in front of a network: dead time, lag and speed limit, applied to OP alone.
 
-The network sees the command as it comes out of here, so that its two lags of it are enough also
-for a valve that answers late. The filter knows nothing of MV, so the network stays a static
-function of its lags.
+The network gets the filtered command, so that its two lags are enough also for a valve that answers
+late. The filter does not use MV, so the network stays a static function of its lags.
 """
 
 from __future__ import annotations
@@ -19,12 +18,11 @@ _LEAST_LAG = 1e-3  # of the interval
 _LEAST_SLOWNESS = 1e-3  # of the interval for a percent: a thousand percent a sample is no limit
 
 
-def driven(op: Floats, interval_s: float, actuator: Mapping[str, float]) -> Floats:
+def actuator_output(op: Floats, interval_s: float, actuator: Mapping[str, float]) -> Floats:
     """(n,) percent: ``op`` (n,) delayed, lagged and limited in speed; NaN stays NaN.
 
     ``actuator``: dead time and time constants in seconds, slowness (1 / the top speed) in seconds
-    per percent, upwards and downwards; 0 is none of it. A hole is crossed with the last command
-    before it.
+    per percent, upwards and downwards; 0 switches each off. Across a gap the last command is held.
     """
     if not any(actuator[name] > 0 for name in ACTUATOR):
         return op
@@ -41,7 +39,7 @@ def driven(op: Floats, interval_s: float, actuator: Mapping[str, float]) -> Floa
 
 
 def _bridged(op: Floats) -> Floats:
-    """The last number held over what is none; before the first number, that one."""
+    """``op`` (n,) with the last number held across each gap, and the first one before it."""
     known = np.isfinite(op)
     if known.all() or not known.any():
         return np.ascontiguousarray(np.where(known, op, 0.0))
@@ -55,11 +53,11 @@ def _drive(
 ) -> None:
     """``delay`` in samples, ``up`` and ``down`` the lag's share per sample, ``most`` percent."""
     whole = int(delay)
-    late = delay - whole
-    at = op[0] if op.size else 0.0
+    fraction = delay - whole
+    output = op[0] if op.size else 0.0
     for k in range(op.size):
         i = max(k - whole, 0)
-        command = op[i] + late * (op[max(i - 1, 0)] - op[i])
-        error = command - at
-        at += min(max(error * (up if error > 0.0 else down), -most_down), most_up)
-        out[k] = at
+        command = op[i] + fraction * (op[max(i - 1, 0)] - op[i])
+        error = command - output
+        output += min(max(error * (up if error > 0.0 else down), -most_down), most_up)
+        out[k] = output

@@ -1,7 +1,7 @@
-"""What every network is made of, and the stick-slip element that one may start from.
+"""Constants of the network's form, and the stick-slip element that one may start from.
 
-``network`` states the equation. Everything here is plain numbers and names, so that what runs,
-trains and stores networks need not import one another.
+The equation stands in ``network``. The constants are apart, so that the modules that run, train and
+store networks need not import one another.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 FORMAT_VERSION = 2  # of stored networks; 1 had neither c nor an actuator
 LAGS = MappingProxyType({"op": 2, "mv": 2})  # u(t), u(t-1); y(t-1), y(t-2)
 INPUTS = 4
-EDGE = 0.01  # of sd: what moves less than that does not move
+EDGE = 0.01  # of sd: a smaller change counts as rest
 SCALING = ("op_centre", "mv_centre", "gain", "error_scale", "change_scale")
 RANGES = ("op", "mv", "error", "change", "drift")
-# What OP passes before the network sees it (``actuator.driven``), and a valve that has none of it.
+# What OP passes before the network (``actuator.actuator_output``), and a valve without any of it.
 ACTUATOR = (
     "dead_time_s",
     "lag_up_s",

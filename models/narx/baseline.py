@@ -27,9 +27,9 @@ class BaselineScore:
     """The free run's error on a new record, or ``None`` and the reason why there is none.
 
     ``rmse`` in MV's unit; ``ratio`` = rmse / the network's ``reference_rmse``: about 1.2 for a
-    valve that has not changed, an alarm from ``ALARM_RATIO`` on. It says *changed*, not *stuck
-    more*. ``samples`` were scored; ``outside_share`` of the usable ones had an OP outside what the
-    network was trained on, and were left out.
+    valve that has not changed, an alarm from ``ALARM_RATIO`` on. It tells that the valve changed,
+    not that it sticks. ``samples`` were scored; ``outside_share`` of the usable ones had an OP
+    outside the training range and were left out.
     """
 
     rmse: float | None = None

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.actuator import actuator_output
 from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.kernel import free_run
 from stemwatch.models.narx.run_plan import CODES, Plan, plan_run
@@ -17,7 +17,7 @@ from stemwatch.models.recording import Bools, Floats
 
 
 class Ensemble(Protocol):
-    """What a run needs of a ``NarxNetwork``, which says what each of these is."""
+    """The part of ``NarxNetwork`` that a run needs; formulas and units stand there."""
 
     @property
     def members(self) -> int:
@@ -62,7 +62,7 @@ def run(
     usable: Bools | None,
     horizon: int | None,
 ) -> Floats:
-    """See ``NarxNetwork.free_run``."""
+    """(n,) simulated MV, in its unit: checks and restarts as ``NarxNetwork.free_run`` says."""
     op, mv = np.asarray(op, dtype=np.float64), np.asarray(y0, dtype=np.float64)
     single = mv.ndim == 0
     mv = np.full(op.shape, mv) if single else mv
@@ -80,7 +80,7 @@ def run(
 
 
 def usable_samples(op: Floats, mv: Floats, usable: Bools | None) -> Bools:
-    """(n,) where both signals are numbers of a believable size and the caller does not object."""
+    """(n,) True where ``usable`` says so (``None``: everywhere) and both values can be readings."""
     usable = np.ones(op.shape, dtype=np.bool_) if usable is None else np.asarray(usable, np.bool_)
     if usable.shape != op.shape:
         raise ValueError(f"usable of shape {op.shape} expected, received {usable.shape}")
@@ -89,9 +89,9 @@ def usable_samples(op: Floats, mv: Floats, usable: Bools | None) -> Bools:
 
 def run_plan(network: Ensemble, op: Floats, mv: Floats, plan: Plan) -> Floats:
     """(n,) mean over the members of the run that ``plan`` describes, in MV's unit."""
-    command = driven(op, network.interval_s, network.actuator)
+    command = actuator_output(op, network.interval_s, network.actuator)
     signals = scale(command, mv, network.scaling, network.ranges)
-    weights = flat(network)
+    weights = flat_weights(network)
     out = np.full((network.members, op.size), np.nan)
     free_run(
         weights,
@@ -110,7 +110,7 @@ def run_plan(network: Ensemble, op: Floats, mv: Floats, plan: Plan) -> Floats:
     return np.asarray(network.scaling["mv_centre"] + network.scaling["error_scale"] * scaled)
 
 
-def flat(network: Ensemble) -> Floats:
+def flat_weights(network: Ensemble) -> Floats:
     """(m, p) weights in the order of the kernel: value, gate, hidden."""
     hidden = network.weights["hidden"].reshape(network.members, -1)
     return np.concatenate([network.weights["value"], network.weights["gate"], hidden], axis=1)

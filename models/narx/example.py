@@ -1,4 +1,4 @@
-"""What goes into training and what comes out: one record in, one fit out, for each valve."""
+"""Input and result of training: one record and one fit for each valve, and the settings."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from stemwatch.models.recording import Bools, Floats, Recording
 class NarxExample:
     """One valve's record: ``op`` (n,) percent, ``mv`` (n,) in any unit, ``usable`` (n,).
 
-    Samples before ``train_until`` are trained on; from there on they only judge. ``start`` is
-    what a stick-slip fit to the same samples found, for a grey-box start of some seeds; without
-    one all seeds start from random weights. Raises
-    ``ValueError`` on unequal lengths, a ``train_until`` outside the record, or an interval that is
-    not positive.
+    Samples before ``train_until`` are trained on, the rest are held out. ``start`` is the
+    stick-slip element fitted to the same samples, for a grey-box start of some seeds; without one
+    all seeds start from random weights. Raises ``ValueError`` on unequal lengths, a ``train_until``
+    outside the record, or an interval that is not positive.
     """
 
     valve: str

@@ -1,17 +1,17 @@
-"""Networks sample by sample, in numba: their free runs, and what weights do to those runs.
+"""Free runs of networks in numba, and the derivatives of those runs by the weights.
 
 Signals are scaled: ``level`` is OP and ``position`` is MV, both in units of ``se``; ``move`` is
 ``(v(t) - v(t-1)) / sd``. ``limits`` = lowest and highest error, increment and position, and
 ``ratio`` = se / sd. ``edge`` is the network's, in units of sd. Weights (P,) are value, gate,
 hidden, flattened.
 
-Each sample of a run waits for the one before, so that one run alone leaves most of a processor
-idle. Runs therefore go side by side, one in each *lane*: the members of an ensemble over one
-signal, or one network over many pieces of it. What is known of the lanes stands in one array ``s``,
-row by row (``s[_LAST + i]`` is the last position in lane ``i``), the weights of each lane in its
-last rows, and loops over the lanes choose values and do not branch, so that the compiler makes
-vectors of them. It does so only for unsigned indices, for one array, where all is read before
-anything is written, and where a division need not raise (``error_model``).
+Each sample of a run needs the one before, so that one run alone leaves most of a processor idle.
+Runs therefore go side by side, one in each *lane*: the members of an ensemble over one signal, or
+one network over many pieces of it. The state of all lanes is one array ``s``, row by row
+(``s[_LAST + i]`` is the last position in lane ``i``), with the weights of each lane in its last
+rows. Loops over the lanes choose values instead of branching, so that the compiler vectorises them.
+It does so only for unsigned indices, for a single array, where everything is read before anything
+is written, and where a division cannot raise (``error_model``).
 """
 
 from __future__ import annotations

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-# Beyond this damping a step is too small to change anything: the network is where it can get.
-_MOST_DAMPING = 1e8
+_MOST_DAMPING = 1e8  # a step at this damping changes nothing any more
 _LEAST_DAMPING = 1e-10
 
-# Weights (B, P) and the largest r'r (B,) that is still of use, to (B, P + 1, P + 1): J'J, with J'r
-# in its last column and r'r in its corner. Where r'r is larger it may be inf, and the rest any.
+# Weights (B, P) and the largest r'r (B,) that would still be accepted, to (B, P + 1, P + 1): J'J,
+# with J'r in its last column and r'r in its corner. Where r'r is larger, it may be inf, and the
+# other numbers are not used.
 Normal = Callable[[Tensor, Tensor], Tensor]
 
 
@@ -59,8 +59,8 @@ def descend(
     every step and answers (B,) True for the networks that may go on.
     """
     active = torch.ones_like(samples, dtype=torch.bool)
-    anything = torch.full_like(samples, torch.inf)
-    matrix, gradient, loss = _objective(normal(weights, anything), weights, samples, decay)
+    no_bound = torch.full_like(samples, torch.inf)
+    matrix, gradient, loss = _objective(normal(weights, no_bound), weights, samples, decay)
     lam, accepted = torch.full_like(loss, damping), torch.zeros_like(loss)
     for _ in range(steps):
         trial = weights + _step(matrix, gradient, lam)

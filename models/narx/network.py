@@ -50,7 +50,7 @@ class NarxNetwork:
     ``mv``, ``error`` = v(t) - y(t-1), ``change`` = v(t) - v(t-1) and ``drift`` = y(t) - y(t-1);
     a run is clamped to them with a margin. Those of ``error`` and ``drift`` are wider where
     members started from a stick-slip element. ``actuator``: what OP passes before the network sees
-    it, see ``actuator.driven``; all 0 is nothing. ``reference_rmse`` (MV's unit) is the free run's
+    it, see ``actuator.actuator_output``; all 0 is none. ``reference_rmse`` (MV's unit) is the run's
     error on the whole record the network comes from, restarted every ``reference_horizon``
     samples.
 
@@ -157,7 +157,7 @@ class NarxNetwork:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> NarxNetwork:
-        """Raises ``ValueError`` on damaged bytes and on a format version it does not know."""
+        """The network that ``to_bytes`` packed; ``ValueError`` on damage or an unknown version."""
         from stemwatch.models.narx.storage import unpack
 
         facts, weights = unpack(data)

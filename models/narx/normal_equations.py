@@ -1,8 +1,8 @@
-"""What Levenberg-Marquardt asks of a batch: every network's normal matrix, on a CPU or elsewhere.
+"""The normal matrix of every network in a batch, for Levenberg-Marquardt, on a CPU or a GPU.
 
-On a CPU the kernel works through one network after the other, its runs side by side: no padding,
-and a trial that is worse is given up at the step that shows it. On a GPU torch works on all of them
-at once.
+On a CPU the compiled kernel takes one network after the other, its runs side by side: no padding,
+and a trial that is worse is given up as soon as that shows. On a GPU torch works on all networks at
+once.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from stemwatch.models.narx.training_record import TrainingRecord
 _Runs = tuple[Indices, Indices]
 
 
-def normal_of(
+def normal_matrices(
     valves: Sequence[TrainingRecord], hidden: int, horizon: int, members: int, device: str
 ) -> tuple[Normal, Tensor]:
     """What ``descend`` needs of the training segments of ``horizon`` samples: the normal matrices
@@ -69,26 +69,26 @@ def _one_by_one(
     flat: Tensor,
     most: Tensor,
 ) -> Tensor:
-    weights, bars = flat.numpy(), most.numpy()
+    weights, largest = flat.numpy(), most.numpy()
     size = weights.shape[1] + 1
     matrices = np.zeros((weights.shape[0], size, size))
-    for at, matrix in enumerate(matrices):
-        valve = valves[at // members]
+    for number, matrix in enumerate(matrices):
+        valve = valves[number // members]
         signals = valve.signals
-        whole = bars[at] > 0.0 and kernel.normal_matrix(
-            weights[at],
+        finished = largest[number] > 0.0 and kernel.normal_matrix(
+            weights[number],
             hidden,
             signals.level,
             signals.move,
             signals.position,
-            runs[at // members],
+            runs[number // members],
             valve.limits,
             valve.ratio,
             EDGE,
             torch_batch.LIMIT,
-            float(bars[at]),
+            float(largest[number]),
             matrix,
         )
-        if not whole:
+        if not finished:
             matrix[:], matrix[-1, -1] = 0.0, np.inf
     return torch.from_numpy(matrices)

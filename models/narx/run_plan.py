@@ -1,4 +1,4 @@
-"""Where a run starts, runs on, and starts again: decided once, for the kernel and for training."""
+"""At which samples a free run starts, goes on and restarts: one plan for running and training."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def segments(usable: Bools, horizon: int) -> tuple[Indices, Indices]:
 
 def _age(usable: Bools, cuts: tuple[int, ...]) -> Indices:
     """(n,) samples since the run a sample belongs to began."""
-    here = np.arange(usable.size)
+    index = np.arange(usable.size)
     begins = usable & ~np.concatenate([[False], usable[:-1]])
     begins[[cut for cut in cuts if 0 <= cut < usable.size]] = True
-    return np.asarray(here - np.maximum.accumulate(np.where(begins, here, 0)), dtype=np.int64)
+    return np.asarray(index - np.maximum.accumulate(np.where(begins, index, 0)), dtype=np.int64)

@@ -10,14 +10,14 @@ import numpy as np
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.recording import Bools, Floats
 
-# A run is clamped this share of the range outside it: what training never saw is not extrapolated
-# into, yet a slightly larger swing is not flattened. The error has hardly any: its extremes are
-# where slips begin, and a run that is held there slips, where one beyond may stay for ever.
+# A run is clamped this share of the range outside it: no extrapolation far beyond the training
+# data, yet a slightly larger swing is not flattened. The error has hardly any margin: slips begin
+# at its extremes, and a run beyond them may stay stuck for ever.
 _MARGIN = {"mv": 0.5, "error": 0.05, "change": 0.25, "drift": 0.25}
 _STRETCH = {"error": 0.5, "drift": 0.25}
-# The change scale has this share of the error scale as its least, or quantised OP blows it up.
+# The change scale is at least this share of the error scale; a quantised OP would make it tiny.
 _LEAST_CHANGE = 0.1
-# Not a measurement of anything; and its square would leave the range of floating point.
+# No reading is as large, and the square of a larger number leaves the range of floating point.
 _LARGEST = 1e15
 
 
@@ -31,7 +31,7 @@ class ScaledSignals:
 
 
 def believable(op: Floats, mv: Floats, usable: Bools) -> Bools:
-    """(n,) usable samples whose values could be measurements at all; NaN never is."""
+    """(n,) the ``usable`` samples at which OP and MV are numbers below 1e15 in size."""
     with np.errstate(invalid="ignore"):
         return np.asarray(usable & (np.abs(op) < _LARGEST) & (np.abs(mv) < _LARGEST))
 
@@ -76,8 +76,9 @@ def fit_ranges(
     return {name: (float(x.min()), float(x.max())) for name, x in signals.items()}
 
 
-def stretched(ranges: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """The ranges for a network started from a stick-slip element: this goes on beyond them."""
+def element_ranges(ranges: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Wider ranges of error and drift, for a network that starts from a stick-slip element: the
+    element holds beyond what the training part shows."""
     wide = dict(ranges)
     for name, share in _STRETCH.items():
         low, high = ranges[name]

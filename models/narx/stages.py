@@ -1,6 +1,7 @@
-"""Training a batch: where it starts from, then stage by stage, every network watched on its own.
+"""Training a batch of networks stage by stage, each stopped by its own error on watched samples.
 
-A start knows nothing, or is a fitted stick-slip element; a stage trains over one horizon.
+Networks start from random weights or from a fitted stick-slip element; each stage trains on free
+runs of one length.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from stemwatch.models.narx.architecture import EDGE, ELEMENT_UNITS, INPUTS, Stic
 from stemwatch.models.narx.example import NarxSettings, StageLog
 from stemwatch.models.narx.kernel import free_run
 from stemwatch.models.narx.levenberg_marquardt import descend
-from stemwatch.models.narx.normal_equations import normal_of
+from stemwatch.models.narx.normal_equations import normal_matrices
 from stemwatch.models.narx.run_plan import CODES, Plan, PlanStep, plan_run
 from stemwatch.models.narx.training_record import TrainingRecord
 from stemwatch.models.recording import Bools, Floats
@@ -29,6 +30,12 @@ _WIDTHS = (0.01, 0.05)
 _LEAST_LEVEL = 0.02  # of se: an element without friction has no edge to start from
 _GATE = 30.0  # a closed gate leaks exp(-30) per sample
 _CONSENSUS = 12.0  # slope of the units that see command and stem go the same way
+_LEAST_WATCHED = 30
+# The steep edges of a gate that is set from S and J are large weights, which the usual decay would
+# flatten.
+_FITTED_DECAY = 1e-4
+
+_Trained = tuple[Floats, list[tuple[StageLog, ...]]]
 
 
 def random_starts(settings: NarxSettings, members: int) -> Floats:
@@ -68,30 +75,26 @@ def _element(fs: float, fd: float, width: float, goes_on: bool, hidden: int) -> 
 
     One unit opens the gate where ``e > fs``, one where ``e < -fs``, two where command and stem
     both go on in one direction; the fifth is the direction d, and the value is ``e - d fd``.
-    Between two directions ``e`` decides: whoever goes on upwards has ``e >= fd > -fs``, also where
-    fd is negative (overshoot); whoever has less did not move, but was measured with noise.
+    Between two directions ``e`` decides: a stem that goes on upwards has ``e >= fd > -fs``, also
+    where fd is negative (overshoot); one with a smaller ``e`` rests, and its reading is noisy.
     """
     rows = np.zeros((hidden, INPUTS + 1))
     rows[_UP, [0, -1]] = 1.0 / width, -fs / width
     rows[_DOWN, [0, -1]] = -1.0 / width, -fs / width
     slope = _CONSENSUS if goes_on else 0.0
-    near = 0.125 * slope / max(fs - fd, 0.1 * fs)
-    rows[_GOES_ON_UP, [0, 3, -1]] = near, slope, -0.75 * _CONSENSUS - near * fd
-    rows[_GOES_ON_DOWN, [0, 3, -1]] = -near, -slope, -0.75 * _CONSENSUS - near * fd
+    by_error = 0.125 * slope / max(fs - fd, 0.1 * fs)
+    rows[_GOES_ON_UP, [0, 3, -1]] = by_error, slope, -0.75 * _CONSENSUS - by_error * fd
+    rows[_GOES_ON_DOWN, [0, 3, -1]] = (
+        -by_error,
+        -slope,
+        -0.75 * _CONSENSUS - by_error * fd,
+    )
     rows[_DIRECTION, [0, 3]] = 6.0 / fs, 6.0
     gate = np.zeros(hidden + 1)
     gate[: _GOES_ON_DOWN + 1], gate[-1] = _GATE, 3.0 * _GATE
     value = np.zeros(hidden + INPUTS + 1)
     value[_DIRECTION], value[hidden] = -fd, 1.0
     return np.concatenate([value, gate, rows.ravel()])
-
-
-_LEAST_WATCHED = 30
-# The steep edges of a gate that is set from S and J are large weights, which the usual decay would
-# flatten.
-_FITTED_DECAY = 1e-4
-
-_Trained = tuple[Floats, list[tuple[StageLog, ...]]]
 
 
 def train_members(
@@ -111,8 +114,8 @@ def train_members(
         members.append(_train_stages(valves, starts, stages, settings, device))
     if fitted:
         starts = np.stack([_fitted(valve, settings, fitted) for valve in valves])
-        gently = replace(settings, decay=settings.decay * _FITTED_DECAY)
-        members.append(_train_stages(valves, starts, stages[-1:], gently, device))
+        weak_decay = replace(settings, decay=settings.decay * _FITTED_DECAY)
+        members.append(_train_stages(valves, starts, stages[-1:], weak_decay, device))
     weights, logs = zip(*members, strict=True)
     joined = [tuple(chain.from_iterable(log)) for log in zip(*logs, strict=True)]
     return np.concatenate(weights, axis=1), joined
@@ -137,7 +140,7 @@ def _train_stages(
     weights = torch.from_numpy(starts.reshape(-1, starts.shape[2])).to(device)
     logs = []
     for horizon, steps in stages:
-        normal, samples = normal_of(valves, settings.hidden, horizon, members, device)
+        normal, samples = normal_matrices(valves, settings.hidden, horizon, members, device)
         watch = _Watch(valves, settings, horizon, members)
         watch(weights, torch.ones_like(samples, dtype=torch.bool))
         descent = descend(
@@ -182,16 +185,16 @@ class _Watch:
         going = (self._waited < self._settings.patience) | ~self.watched
         return torch.from_numpy(going).to(weights.device)
 
-    def _errors(self, weights: Tensor, asked: Bools) -> Floats:
-        """Of the networks ``asked`` for; inf for the others."""
+    def _errors(self, weights: Tensor, improved: Bools) -> Floats:
+        """(B,) errors on the watched samples where ``improved``; inf for the other networks."""
         members = _by_valve(weights, len(self._valves))
-        wanted = asked.reshape(members.shape[:2])
+        wanted = improved.reshape(members.shape[:2])
         errors = np.full(wanted.shape, np.inf)
-        for at, valve in enumerate(self._valves):
-            chosen = wanted[at]
+        for number, valve in enumerate(self._valves):
+            chosen = wanted[number]
             if chosen.any():
-                flat, plan = members[at, chosen], self._plans[at]
-                errors[at, chosen] = member_errors(valve, flat, plan, self._settings.hidden)
+                flat, plan = members[number, chosen], self._plans[number]
+                errors[number, chosen] = member_errors(valve, flat, plan, self._settings.hidden)
         return errors.ravel()
 
 
@@ -233,20 +236,20 @@ def _stage_logs(
     settings: NarxSettings,
 ) -> list[StageLog]:
     logs = []
-    taken = steps.cpu().numpy().reshape(len(valves), -1)
+    accepted = steps.cpu().numpy().reshape(len(valves), -1)
     watched = watch.error.reshape(len(valves), -1)
     weights = _by_valve(watch.best, len(valves))
-    for at, valve in enumerate(valves):
+    for number, valve in enumerate(valves):
         se = valve.scaling["error_scale"]
         plan = plan_run(valve.trained, horizon)
-        trained = member_errors(valve, weights[at], plan, settings.hidden)
-        seen = bool(watch.watched[at * len(weights[at])])
+        trained = member_errors(valve, weights[number], plan, settings.hidden)
+        has_watched = bool(watch.watched[number * len(weights[number])])
         logs.append(
             StageLog(
                 horizon=horizon,
                 trained_rmse=tuple(float(se * error) for error in trained),
-                watched_rmse=tuple(float(se * e) for e in watched[at]) if seen else None,
-                steps=tuple(int(step) for step in taken[at]),
+                watched_rmse=tuple(float(se * e) for e in watched[number]) if has_watched else None,
+                steps=tuple(int(step) for step in accepted[number]),
             )
         )
     return logs

@@ -1,4 +1,4 @@
-"""A network as safetensors bytes: arrays, and everything else as JSON in the header. No pickle."""
+"""A network as safetensors bytes: the arrays, and the other fields as JSON in the header."""
 
 from __future__ import annotations
 

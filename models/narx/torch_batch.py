@@ -1,4 +1,4 @@
-"""Free runs of many networks at once, with forward sensitivities, in torch: what a GPU trains by.
+"""Free runs of many networks at once, with forward sensitivities, in torch: training on a GPU.
 
 The sensitivities are carried forward with the run, as Williams and Zipser (1989,
 doi:10.1162/neco.1989.1.2.270) do for recurrent networks. Records of different lengths and gaps
@@ -252,7 +252,7 @@ def clamps(valves: Sequence[TrainingRecord], seeds: int, device: str) -> Clamps:
     table = torch.tensor([(*valve.limits, valve.ratio) for valve in valves], dtype=torch.float64)
     columns = table.repeat_interleave(seeds, dim=0).to(device)
     names = ("error_low", "error_high", "slowest", "fastest", "low", "high", "ratio")
-    return Clamps(**{name: columns[:, [at]] for at, name in enumerate(names)})
+    return Clamps(**{name: columns[:, [column]] for column, name in enumerate(names)})
 
 
 def _columns(

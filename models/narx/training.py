@@ -31,7 +31,7 @@ LEAST_ON_GPU = 8  # valves in a batch; a smaller one leaves a GPU idle
 # Random members follow what they were trained on more closely than what comes after it, by about
 # this factor more than members started from a fitted element (128 simulated records).
 _DOUBT = 1.3
-# A member whose error is so many times the best one's spoils the mean.
+# A member whose error is more than so many times the best one's is left out of the mean.
 _NEAR = 1.3
 _Ready = tuple[int, TrainingRecord]
 
@@ -49,16 +49,16 @@ def train(batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS) -> li
     """
     fits: dict[int, NarxFit] = {}
     ready: list[_Ready] = []
-    for at, example in enumerate(batch):
+    for place, example in enumerate(batch):
         prepared = prepare(example, settings)
         if isinstance(prepared, str):
-            fits[at] = NarxFit(valve=example.valve, reason=prepared)
+            fits[place] = NarxFit(valve=example.valve, reason=prepared)
         else:
-            ready.append((at, prepared))
+            ready.append((place, prepared))
     for part in _parts(ready, settings.valves_per_batch):
         trained = _train_part([valve for _, valve in part], settings)
-        fits |= {at: fit for (at, _), fit in zip(part, trained, strict=True)}
-    return [fits[at] for at in range(len(batch))]
+        fits |= {place: fit for (place, _), fit in zip(part, trained, strict=True)}
+    return [fits[place] for place in range(len(batch))]
 
 
 def _parts(ready: list[_Ready], most: int) -> Iterator[list[_Ready]]:
@@ -160,8 +160,8 @@ def _best(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> Flo
     if valve.example.start is not None:
         errors[: settings.seeds - settings.fitted] *= _DOUBT
     best = np.argsort(errors, kind="stable")[: settings.kept]
-    near = best[~(errors[best] > _NEAR * errors[best[0]])]
-    return np.asarray(weights[near])
+    close = best[~(errors[best] > _NEAR * errors[best[0]])]
+    return np.asarray(weights[close])
 
 
 def _network(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> NarxNetwork:

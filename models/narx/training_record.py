@@ -1,4 +1,4 @@
-"""Whether a record can be trained on, and its signals made ready if it can."""
+"""Can a network be trained on this record? Its scaled signals, or the reason why not."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.actuator import actuator_output
 from stemwatch.models.narx.architecture import NO_ACTUATOR
 from stemwatch.models.narx.example import NarxExample, NarxSettings
 from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.scaling import (
     ScaledSignals,
     believable,
+    element_ranges,
     fit_ranges,
     fit_scaling,
     limits,
     scale,
-    stretched,
 )
 from stemwatch.models.recording import Bools, Floats
 
@@ -65,12 +65,12 @@ def prepare(example: NarxExample, settings: NarxSettings) -> TrainingRecord | st
     training = usable & early
     op, mv = (np.where(usable, signal, np.nan) for signal in (example.op, example.mv))
     actuator = example.start.actuator if example.start else NO_ACTUATOR
-    command = driven(op, example.interval_s, actuator)
+    command = actuator_output(op, example.interval_s, actuator)
     scaling = fit_scaling(command, mv, training, example.start)
     ranges = fit_ranges(command, mv, training, scaling)
     ranges["op"] = (float(op[training].min()), float(op[training].max()))
     if example.start is not None:
-        ranges = stretched(ranges)
+        ranges = element_ranges(ranges)
     trained, watched = _split(training, settings.watched_share)
     return TrainingRecord(
         example=example,
@@ -87,14 +87,14 @@ def prepare(example: NarxExample, settings: NarxSettings) -> TrainingRecord | st
 
 def _objection(example: NarxExample, usable: Bools, early: Bools) -> str | None:
     training, judging = usable & early, usable & ~early
-    for part, least, what in (
+    for part, least, purpose in (
         (training, _LEAST_TRAINED, "to train on"),
         (judging, _LEAST_JUDGED, "held out to judge the network on"),
     ):
         enough = int(np.sum(plan_run(part) == PlanStep.RUN))
         if enough < least:
             return (
-                f"too few usable samples {what}: {enough} with two usable ones before them, "
+                f"too few usable samples {purpose}: {enough} with two usable ones before them, "
                 f"at least {least} needed; take a longer window"
             )
     if _still(example.op[training]):

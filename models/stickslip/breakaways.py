@@ -144,7 +144,7 @@ def breakaways(
     tried = []
     for delay in delays:
         command_then = np.interp(clock - delay, clock, command)
-        near, far, after, rate, jump = _distances(
+        near, far, after, rate, jump = distances(
             stem, command_then, seen.at, side, seen.rested, place
         )
         slip = (jump >= LEAST_JUMP * J) & (far > 0.0)
@@ -161,7 +161,7 @@ def breakaways(
 
 
 @njit(cache=True)
-def _distances(
+def distances(
     stem: Floats, command: Floats, at: Samples, side: Floats, rested: Samples, place: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """(m,) each, of the onsets: the distance of command and stem that the stem has borne and the
@@ -228,6 +228,10 @@ def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, B
         off[group] = values[group] - np.median(values[group])
     reach = TRIM * max(1.4826 * float(np.median(np.abs(off))), 1e-3)
     kept = np.abs(off) <= reach
+    for group in groups:
+        # Two bunches of one direction about a median between them: no one of them is a stray.
+        if not (group & kept).any():
+            kept |= group
     parts = [values[group & kept] for group in groups]
     # Those left out count with the reach, or leaving out would look like agreement.
     squares = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)

@@ -1,7 +1,7 @@
-"""Stick-slip seen without a model: the stem rests, and jumps towards its command.
+"""Stick-slip in the recording without a model: the stem rests, and jumps towards its command.
 
-Breakaways scatter, so the samples at which a fitted model slips may all be off by a few while the
-friction is beyond doubt. The jumps themselves do not need a model.
+Breakaways scatter, so a fitted model may slip a few samples off everywhere although the friction is
+beyond doubt. Jumps from rest are seen without a model.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.excitation import slips, travel
+from stemwatch.models.excitation import jumps_from_rest, travel
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipFit
 
@@ -41,12 +41,12 @@ class SlipEvents:
 def slip_events(fit: StickSlipFit) -> SlipEvents:
     """The slips of the recording, measured against its way and its command."""
     problem = fit.evaluator.problem
-    seen = slips(problem.mv, problem.op, problem.sigma)
+    jumps = jumps_from_rest(problem.mv, problem.op, problem.sigma)
     way = travel(problem.mv, max(5.0 * problem.sigma, 0.1))
-    share = float(np.abs(seen.sizes).sum()) / max(way, 1e-9)
-    if not seen.count:
+    share = float(np.abs(jumps.sizes).sum()) / max(way, 1e-9)
+    if not jumps.count:
         return SlipEvents(0, 0.0, 0.0)
     gain, zero = 1.0 + fit.candidate[coordinate.GAIN], fit.candidate[coordinate.ZERO]
-    force = problem.op[seen.begins] - (problem.mv[seen.begins] - zero) / gain
-    towards = float(np.mean(np.sign(force) == np.sign(seen.sizes)))
-    return SlipEvents(seen.count, min(share, 1.0), towards)
+    force = problem.op[jumps.begins] - (problem.mv[jumps.begins] - zero) / gain
+    towards = float(np.mean(np.sign(force) == np.sign(jumps.sizes)))
+    return SlipEvents(jumps.count, min(share, 1.0), towards)

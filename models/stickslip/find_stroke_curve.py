@@ -1,12 +1,11 @@
 """Find the curve from OP to stroke: which part of OP strokes the valve, which way, and how bent.
 
-The curve is estimated from the recording alone and together with the sticking, for each hides the
-other: the hysteresis lies as wide above the curve as below it, so that whatever the fitted element
-leaves *while it moves*, up and down alike, belongs to the curve, and what differs with direction
-does not. A curve is only looked for where command and position lie apart as no zero and span of a
-transmitter explains, and only taken where the plain reading, OP percent for percent of travel, does
-not explain the record better on a part that neither was fitted to; it is only as bent as that part
-asks for.
+The curve is estimated from the recording alone and together with the sticking, since each hides the
+other: the hysteresis is as wide above the curve as below it, so the residual of the fitted element
+*while it moves* belongs to the curve where it is the same up and down, and not where it differs
+with direction. A curve is only looked for where command and position differ by more than zero and
+span of a transmitter can explain. It is only used where it explains held-out samples better than
+the plain reading (OP percent for percent of travel), and only as bent as those samples need.
 
 In a limit cycle between two positions the slope of the curve cannot be told from J; S in percent of
 OP can (it is what OP covers between two breakaways), and the plain reading is kept if it explains
@@ -48,8 +47,8 @@ OFF_THE_COMMAND_PERCENT = 8.0
 # over OP's, and a tight shut-off 0.79; an OP half of which strokes the valve gives 1.6 and more.
 PLAIN_SLOPE = (0.75, 1.25)
 MEANS, LEAST_SPREAD_PERCENT, LEAST_TOGETHER = 24, 2.0, 0.97
-# Wide sticking and a bent curve keep the means off a line: 0.93 and more on valves that moved over
-# a quarter of their stroke. Between two places of a limit cycle the means do not move at all.
+# Wide sticking and a bent curve lower the correlation: 0.93 and more on valves that moved over a
+# quarter of their stroke. In a limit cycle between two positions the means do not move at all.
 TOGETHER_ENOUGH = 0.92
 # A position that falls while OP rises: 256 simulated valves that stick gave 0.1 and above.
 AGAINST = -0.3
@@ -60,10 +59,10 @@ BENT_OVER = (-25.0, 125.0)  # percent of OP
 KEPT_BENDS = 3
 DEGREES = (3, 5)  # of the polynomial that puts the curve right, the simpler first
 ROUNDS = 3
-# A bent curve must beat a straight one on what was not fitted. That part is few blocks, in which a
-# slip that is missed weighs much; what counts then is that all blocks of the record agree.
+# A bent curve must beat a straight one on held-out blocks. These are few, and one missed slip
+# weighs much in them; otherwise all blocks of the record must agree.
 LEAST_BEND_GAIN, LEAST_BEND_T, LEAST_T_EVERYWHERE = 0.05, 1.0, 2.5
-MOVING_SAMPLES = 40  # fewer moving samples say nothing of a curve
+MOVING_SAMPLES = 40  # fewer moving samples do not determine a curve
 CHANGED_PERCENT = 3.0  # of travel; two windows of one valve agree within 1
 EARLIER_USED = (
     "OP moved too little in this window to tell the curve; the one that was found before is used."
@@ -90,14 +89,14 @@ USED = (0.5, 99.5)  # percentiles between which OP counts as used
 STOP_SHARE, STOP_NOISES, GOES_ON = 0.02, 4.0, 12.0
 
 
-def suspected(recording: Recording) -> bool:
-    """Whether the position lies off the command as no zero and span of a transmitter explains."""
+def curve_suspected(recording: Recording) -> bool:
+    """Whether position and command differ by more than a transmitter's zero and span explain."""
     if recording.mv is None or recording.mv.unit != recording.op.unit:
         return False
-    both = _off_the_stops(recording)
-    if both.sum() < MOVING_SAMPLES:
+    usable = _off_the_stops(recording)
+    if usable.sum() < MOVING_SAMPLES:
         return False
-    off = (recording.mv.values - recording.op.values)[both]
+    off = (recording.mv.values - recording.op.values)[usable]
     low, high = np.percentile(off, (2.0, 98.0))
     if abs(low + high) / 2.0 > OFF_THE_COMMAND_PERCENT or correlation(recording) < AGAINST:
         return True
@@ -114,12 +113,12 @@ def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> fl
     mv = recording.mv
     if mv is None:
         return None
-    both = _off_the_stops(recording)
-    length = int(both.sum()) // MEANS
+    usable = _off_the_stops(recording)
+    length = int(usable.sum()) // MEANS
     if length == 0:
         return None
     op, position = (
-        signal.values[both][: MEANS * length].reshape(MEANS, length).mean(axis=1)
+        signal.values[usable][: MEANS * length].reshape(MEANS, length).mean(axis=1)
         for signal in (recording.op, mv)
     )
     if op.std() < LEAST_SPREAD_PERCENT or position.std() == 0.0:
@@ -130,8 +129,7 @@ def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> fl
 
 
 def _off_the_stops(recording: Recording) -> Bools:
-    """(n,) True where both may be used and the stem does not stand on a stop: there OP goes on
-    without it, which tells nothing of a curve."""
+    """(n,) True where both are usable and the stem is not at a stop, where OP moves without it."""
     assert recording.mv is not None
     usable = recording.usable
     stopped = np.zeros(usable.size, dtype=bool)
@@ -151,25 +149,27 @@ def stroke_curve_of(
         return find_stroke_curve(recording), ""
     if known.given:
         return _given(recording, known.curve)
-    found = find_stroke_curve(recording, known.curve)
+    curve = find_stroke_curve(recording, known.curve)
     if known.curve is None:
-        if found is None or not found.slope_known:
-            return found, ""
-        return _changed(found, CHANGED_FROM_PLAIN)
-    return _since(recording, known.curve, found)
+        if curve is None or not curve.slope_known:
+            return curve, ""
+        return _changed(curve, CHANGED_FROM_PLAIN)
+    return _since(recording, known.curve, curve)
 
 
 def _given(recording: Recording, curve: StrokeCurve | None) -> tuple[StrokeCurve | None, str]:
     if curve is None:
         return None, ""
-    here = replace(_over(recording, curve), given=True)
-    return _changed(here, NOT_AS_GIVEN if suspected(in_travel(recording, here)) else "")
+    curve_here = replace(_over(recording, curve), given=True)
+    return _changed(
+        curve_here, NOT_AS_GIVEN if curve_suspected(in_travel(recording, curve_here)) else ""
+    )
 
 
 def _since(
     recording: Recording, earlier: StrokeCurve, found: StrokeCurve | None
 ) -> tuple[StrokeCurve | None, str]:
-    """What the recording makes of the curve ``earlier``, where by itself it says ``found``."""
+    """The curve to use, given the ``earlier`` one and the one ``found`` in this recording alone."""
     before = _over(recording, earlier)
     if not _moves(recording):
         return replace(before, remark=EARLIER_USED), ""
@@ -201,10 +201,10 @@ def _over(recording: Recording, curve: StrokeCurve) -> StrokeCurve:
     that was found goes straight on where OP now goes further."""
     op = recording.op.values[recording.op.usable]
     low, high = np.percentile(op, USED).tolist()
-    here = replace(curve, used=(low, high), remark="")
+    curve_here = replace(curve, used=(low, high), remark="")
     if curve.used is None or curve.given:
-        return here
-    return replace(here.reaching(float(op.min()), float(op.max())), slope_known=True)
+        return curve_here
+    return replace(curve_here.reaching(float(op.min()), float(op.max())), slope_known=True)
 
 
 def find_stroke_curve(
@@ -213,10 +213,10 @@ def find_stroke_curve(
     """The curve of a recording whose OP is not percent for percent of its position, else ``None``.
 
     OP and MV in percent; ``earlier`` is the shape to start from. The answer is ``None`` too where
-    no curve explains the held-out part of the record better than the plain reading does: what is
-    wrong is then something else.
+    no curve explains the held-out part of the record better than the plain reading does; the cause
+    is then another one.
     """
-    if not suspected(recording) or not _moves(recording):
+    if not curve_suspected(recording) or not _moves(recording):
         return None
     plain = _Reading.of(recording, recording.op.values, 0)
     slope_known = slope_of_means(recording, TOGETHER_ENOUGH) is not None
@@ -234,8 +234,8 @@ def find_stroke_curve(
 def _straight_or_bent(
     recording: Recording, slope_known: bool, start: Floats | None
 ) -> _Reading | None:
-    """The reading that is only as bent as the held-out part asks for, or as it was at the
-    ``start`` (n,), percent of travel."""
+    """The reading that is only as bent as the held-out part needs, or as bent as the ``start``
+    (n,), percent of travel."""
     if not slope_known:
         # What is left of the fit must not be put into the slope.
         return _best(_refined(recording, bends=np.zeros(1), degree=0))
@@ -267,7 +267,7 @@ def _moves(recording: Recording) -> bool:
 
 @dataclass(frozen=True)
 class _Reading:
-    """A command that OP may stand for, with the S and J that go best with it."""
+    """OP read as one command in percent of travel, with the S and J that fit best."""
 
     command: Floats
     evaluator: StickSlipEvaluator
@@ -297,7 +297,7 @@ class _Reading:
         return cls(command, evaluator, best, train, degree)
 
     def improved(self, recording: Recording, blocks: Bools) -> _Reading | None:
-        """The reading with its curve put right by what is left while the stem moves."""
+        """The reading with its curve corrected by the residual while the stem moves."""
         problem = self.evaluator.problem
         simulated = self.evaluator.simulate(self.best.candidate, resynced=True)
         step = np.diff(simulated, prepend=simulated[0])
@@ -320,17 +320,19 @@ class _Reading:
 
 
 def _refined(recording: Recording, bends: Floats, degree: int) -> Iterator[_Reading]:
-    """The best few bends, each put right in a few rounds."""
+    """The best few bends, each corrected in a few rounds."""
     values = recording.op.values
-    looks = [_Reading.of(recording, _bent(values, bend), degree, free_gain=True) for bend in bends]
-    for look in _by_loss(looks)[:KEPT_BENDS]:
-        gain = 1.0 + look.best.candidate[coordinate.GAIN]
-        zero = look.best.candidate[coordinate.ZERO]
-        yield from _rounds(recording, np.asarray(zero + gain * look.command), degree)
+    readings = [
+        _Reading.of(recording, _bent(values, bend), degree, free_gain=True) for bend in bends
+    ]
+    for reading in _by_loss(readings)[:KEPT_BENDS]:
+        gain = 1.0 + reading.best.candidate[coordinate.GAIN]
+        zero = reading.best.candidate[coordinate.ZERO]
+        yield from _rounds(recording, np.asarray(zero + gain * reading.command), degree)
 
 
 def _rounds(recording: Recording, command: Floats, degree: int) -> Iterator[_Reading]:
-    """A reading and what becomes of it when its curve is put right, again and again."""
+    """A reading, and its curve corrected once, twice, and so on."""
     reading: _Reading | None = _Reading.of(recording, command, degree)
     for _ in range(ROUNDS):
         if reading is None:
@@ -347,7 +349,7 @@ def _best(readings: Iterator[_Reading]) -> _Reading | None:
 
 
 def _by_loss(readings: list[_Reading]) -> list[_Reading]:
-    """By the loss on the part that is fitted, all measured alike, the lowest first."""
+    """By the loss on the training part, with one scale for all, the lowest first."""
     delta = min((reading.evaluator.delta for reading in readings), default=0.0)
 
     def trained(reading: _Reading) -> float:
@@ -358,7 +360,7 @@ def _by_loss(readings: list[_Reading]) -> list[_Reading]:
 
 
 def _better(rich: _Reading, simple: _Reading) -> bool:
-    """Whether ``rich`` explains what neither was fitted to better, and not by chance."""
+    """Whether ``rich`` has a lower loss on held-out blocks, by more than chance."""
     delta = min(rich.evaluator.delta, simple.evaluator.delta)
     (before, _), (after, counts) = simple.losses(delta), rich.losses(delta)
     judged = ~rich.train
@@ -390,7 +392,7 @@ def _shapes(op: Floats, known: Floats, degree: int) -> Floats:
 
 
 def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
-    """Weights (m,) by iterated least squares; what lies far off counts little (Cauchy)."""
+    """Weights (m,) by iteratively reweighted least squares with Cauchy's weights."""
     weight: Floats = np.ones(values.size)
     coefficients: Floats = np.zeros(columns.shape[1])
     for _ in range(rounds):
@@ -404,27 +406,27 @@ def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
 
 
 def _at_a_stop(op: Floats, mv: Floats) -> Bools:
-    """(n,) True where the position stands at its lowest or highest value while OP goes on, by
-    further than a stem that sticks there would let it."""
+    """(n,) True where the position stays at its lowest or highest value while OP moves on, further
+    than sticking would explain."""
     stopped = np.zeros(mv.size, dtype=bool)
     if not mv.size:
         return stopped
     reach = max(STOP_NOISES * noise_sigma(mv), 1e-6)
     for extreme, percentile in ((mv.min(), 1.0), (mv.max(), 99.0)):
         end = float(np.percentile(mv, percentile))
-        there = np.abs(mv - end) <= max(reach, abs(extreme - end))
-        if there.mean() > STOP_SHARE and np.ptp(np.percentile(op[there], (5.0, 95.0))) > GOES_ON:
-            stopped |= there
+        at_end = np.abs(mv - end) <= max(reach, abs(extreme - end))
+        if at_end.mean() > STOP_SHARE and np.ptp(np.percentile(op[at_end], (5.0, 95.0))) > GOES_ON:
+            stopped |= at_end
     return stopped
 
 
 def _monotone(recording: Recording, command: Floats, slope_known: bool) -> StrokeCurve | None:
-    """The curve as knots over the part of OP that was used; it never turns round."""
+    """The curve as knots over the part of OP that was used, made monotone."""
     usable = recording.usable & np.isfinite(command)
     op, command = recording.op.values[usable], command[usable]
     order = np.argsort(op, kind="stable")
     low, high = np.percentile(op, USED)
-    # The few samples beyond are peaks of OP: what they ask for decides when a stem lets go.
+    # The few samples beyond are peaks of OP, at which the stem lets go: they have knots as well.
     knots = np.unique((op.min(), *np.linspace(low, high, KNOTS), op.max()))
     travel = np.interp(knots, op[order], command[order])
     rising = travel[-1] >= travel[0]

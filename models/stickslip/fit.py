@@ -1,4 +1,4 @@
-"""Fit S and J, and whatever stands between command and stem that would corrupt them.
+"""Fit S and J, and the dead time, lag and speed limit that would otherwise bias them.
 
 Three hypotheses share one kernel and nest in one another:
 
@@ -6,8 +6,8 @@ Three hypotheses share one kernel and nest in one another:
 - ``actuator``: dead time, lag and speed limit without any friction,
 - ``both``.
 
-A dead time or an actuator lag alone drives the fitted J to nothing and feigns an S; so S and J are
-always taken from the simplest hypothesis that the recording cannot reject in favour of ``both``.
+A dead time or an actuator lag alone makes the fitted J vanish and S too wide; so S and J are always
+taken from the simplest hypothesis that the recording cannot reject in favour of ``both``.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.search import Loss, SearchResult, best_of, refine
 
 SEED = 20051
-# A richer hypothesis must lower the held-out loss, block by block. S and J are at stake, not a name
-# for what is hidden, so the limits are looser than those for naming an effect: taking ``both``
-# without need costs a little precision, taking ``sticking`` in spite of a lag costs the truth.
+# A richer hypothesis must lower the held-out loss, block by block. The limits are looser than those
+# for naming an effect: ``both`` without need costs a little precision of S and J, ``sticking`` in
+# spite of a lag makes them wrong.
 MIN_GAIN = 0.03
 MIN_T = 0.5
 
@@ -178,7 +178,7 @@ def _joint_grid(evaluator: StickSlipEvaluator, sticking: Floats) -> Floats:
 def _both_starts(
     sticking: SearchResult, actuator: SearchResult, loss: Loss, evaluator: StickSlipEvaluator
 ) -> list[SearchResult]:
-    """Starts for the joint search: each part alone, and each with the other laid over it."""
+    """Starts for the joint search: each part alone, and each with a grid over the other."""
     over_actuator = sticking_grid(evaluator, actuator.candidate)[1::4]  # its own zero only
     over_sticking = _joint_grid(evaluator, sticking.candidate)
     return [
@@ -199,7 +199,7 @@ def _fit_all(evaluator: StickSlipEvaluator, blocks: Bools, base: Floats) -> dict
     starts = _both_starts(sticking, actuator, loss, evaluator)
     both = search(evaluator, loss, starts, BOTH.free, 0.06, 9)
     both = search(evaluator, loss, [both], BOTH.free, 0.02, 9)
-    # The simpler hypothesis gets every chance: it restarts from the S and J of the richer one.
+    # For a fair comparison the simpler hypothesis restarts from the S and J of the richer one.
     again = sticking.candidate.copy()
     again[[coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]] = both.candidate[
         [coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]
@@ -313,10 +313,10 @@ def first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
 
 
 def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> StickSlipEvaluator:
-    """Let the recording say when a moving stem sticks again: the reading of S and J that fits.
+    """Choose when a moving stem sticks again: the canonical element, unless another reading of the
+    model is clearly better on the training part.
 
-    The canonical element unless another reading is better on the training part. The scale of the
-    loss is then that of the best reading's own residual.
+    The scale of the loss is then that of the chosen reading's residual.
     """
     readings = [evaluator, replace(evaluator, restick=ALWAYS)]
     if repeat_share(evaluator.problem.op) >= COARSE_COMMAND:

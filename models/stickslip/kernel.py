@@ -17,8 +17,8 @@ coarsely recorded commands that seem to hold where the true one does not::
     OP --dead time--> uc --lag, rate limit--> p --stick-slip--> x --gain, zero--> MV
 
 A search runs many candidates over one recording. They go side by side, one lane each, sample by
-sample: a recursion alone waits for its own last result, ``LANES`` of them keep the processor's
-vector units busy. Everything is therefore written without branches.
+sample: one recursion alone waits for its own last result, ``LANES`` of them use the processor's
+vector units. The loops over lanes therefore have no branches.
 
 Compiled kernels and all that they call stay in this file: numba's disk cache does not notice a
 change elsewhere.
@@ -71,7 +71,7 @@ _I = cast("type[int]", np.int64)
 
 @njit(cache=True)
 def _constants(q: Floats, dt: float) -> tuple[float, float, float, float, float, float, int, float]:
-    """What a run needs per sample: levels, smoothing factors, steps, delay whole and fraction."""
+    """Constants of a run: levels, smoothing factors, largest steps, delay whole and fraction."""
     fs = 0.5 * (q[0] + q[1])
     fd = 0.5 * (q[0] - q[1])
     a_up = 1.0 - np.exp(-dt / q[3]) if q[3] > 1e-3 else 1.0
@@ -120,7 +120,7 @@ def _advance(
 
 @njit(cache=True)
 def _rest(op: float, mv: float, fs: float, zero: float, gain: float) -> float:
-    """Stem position by the measurement, but within the stick band around the actuator."""
+    """Stem position by the measurement, moved into the stick band around the actuator."""
     return min(max((mv - zero) / gain, op - abs(fs)), op + abs(fs))
 
 
@@ -253,8 +253,8 @@ def _any_above(values: Floats, limit: float) -> bool:
 
 @njit(cache=True)
 def _settle(state: Floats, losses: Floats, block: int, scale: float) -> None:
-    """Each lane's product to its loss in ``block``, if that is one; one logarithm serves many
-    samples, the logarithm of the product of ``1 + (r/delta)^2``."""
+    """Add the logarithm of each lane's product of ``1 + (r/delta)^2`` to its loss in ``block``, if
+    that is one; one logarithm serves many samples."""
     products = state[-LANES:]
     if block >= 0:
         for lane in range(losses.shape[0]):
@@ -301,7 +301,7 @@ def _delay(
 
 @njit(cache=True)
 def _charge(off: float, weight: float) -> float:
-    """What a residual multiplies a lane's product by."""
+    """The factor ``1 + (r/delta)^2`` of one residual ``off``; ``weight`` = 1/delta^2."""
     share = off * off * weight
     return 1.0 + (share if share < _LARGEST else _LARGEST)
 

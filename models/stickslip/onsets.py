@@ -1,4 +1,4 @@
-"""When the recorded stem lets go: seen in the position alone, without a model."""
+"""Onsets of motion: when the recorded stem lets go, from the position alone, without a model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stemwatch.models.recording import Bools, Floats
 
 REST_S = 3.0  # a stem rests when it has not moved for this long, or for three samples
-DEPARTS = 4.5  # standard deviations of the noise, twice in a row or twice as far once
+DEPARTS = 4.5  # standard deviations of the noise: beyond it twice in a row, or beyond twice it once
 LEAST_PERCENT = 0.15
 MEMORY = 5  # samples over which a resting position is averaged: a stem may creep
 Samples = NDArray[np.int64]
@@ -41,7 +41,7 @@ def _upcoming(at: Samples, n: int) -> Samples:
 def _scan(
     mv: Floats,
     usable: Bools,
-    far: float,
+    threshold: float,
     rest: int,
     at: Samples,
     side: Floats,
@@ -60,8 +60,10 @@ def _scan(
             mean = total / samples
             off = mv[k] - mean
             ahead = mv[k + 1] - mean if k + 1 < mv.size else off
-            gone = abs(off) > 2.0 * far or (abs(off) > far and ahead * off > 0 and abs(ahead) > far)
-            if gone:
+            departed = abs(off) > 2.0 * threshold or (
+                abs(off) > threshold and ahead * off > 0 and abs(ahead) > threshold
+            )
+            if departed:
                 at[count], rested[count], place[count] = k, lasted, mean
                 side[count] = 1.0 if off > 0 else -1.0
                 count += 1
@@ -82,7 +84,7 @@ def _scan(
                 for i in range(k - rest + 1, k + 1):
                     low, high = min(low, mv[i]), max(high, mv[i])
                     total += mv[i]
-                if high - low <= far:
+                if high - low <= threshold:
                     resting, samples, lasted = True, rest, rest
     return count
 
@@ -90,9 +92,9 @@ def _scan(
 def onsets(mv: Floats, usable: Bools, sigma: float, interval_s: float) -> Onsets:
     """The breakaways of a position (n,) with noise ``sigma``, percent; finite where usable."""
     n = mv.size
-    far = max(DEPARTS * sigma, LEAST_PERCENT)
+    threshold = max(DEPARTS * sigma, LEAST_PERCENT)
     rest = max(round(REST_S / interval_s), 3)
     at, rested = np.empty(n, np.int64), np.empty(n, np.int64)
     side, place = np.empty(n), np.empty(n)
-    count = _scan(mv, usable, far, rest, at, side, rested, place)
+    count = _scan(mv, usable, threshold, rest, at, side, rested, place)
     return Onsets(at[:count], side[:count], rested[:count], place[:count])

@@ -31,7 +31,7 @@ class Bounds:
 
 
 def bounds(swing: float, interval_s: float, zero: float, free_gain: bool) -> Bounds:
-    """What a real valve can be, seen through a record with this swing of OP and this interval.
+    """Plausible ranges of a valve's coordinates for this swing of OP and sampling interval.
 
     S up to 1.2 times the swing: a wider one would never have moved. Dead time up to 8 s or four
     samples, lags up to 15 s or six samples, speeds down to 0.2 %/s (catalogue of omitted

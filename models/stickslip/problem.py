@@ -17,7 +17,7 @@ from stemwatch.models.stickslip import kernel
 BLOCK_S = 90.0
 BLOCK_SAMPLES = 40
 MIN_BLOCKS = 8
-TRAIN_SHARE = 0.6  # of the record: the first part is fitted, the rest only judged
+TRAIN_SHARE = 0.6  # of the record: the first part is fitted, the rest is held out
 TRAIN_WAY = (0.3, 0.9)  # of OP's way must lie in the first part
 TRAIN_LEAST = 0.2  # of the record on either side of the split
 # After a restart the stem's history is unknown until it has slipped once; nothing is scored there.
@@ -27,13 +27,13 @@ LONGEST_BRIDGE_SAMPLES = 3  # a longer hole restarts the free run
 
 @dataclass(frozen=True)
 class FitProblem:
-    """OP and MV of one valve with everything a free run needs to know.
+    """OP and MV of one valve with all that a free run needs.
 
     ``op`` and ``mv`` (n,) have short holes bridged by the last value; ``start`` (n,) marks
     restarts after gaps; ``block`` (n,) is the block of time of each sample or -1 where it is not
-    scored. For fitting, the resting stem is put where it was measured at the start of each block:
-    no two breakaways are equal, and one that a free run misses would cost it minutes in which it
-    learns nothing about S and J.
+    scored. For fitting, a resting stem is set to its reading at the start of each block: no two
+    breakaways are equal, and after one that a free run misses, minutes would tell nothing about S
+    and J.
     """
 
     op: Floats
@@ -92,16 +92,16 @@ class FitProblem:
         return out
 
     def training_blocks(self) -> Bools:
-        """(n_blocks,) True for the first 60 % of the record, which is fitted; the rest judges.
+        """(n_blocks,) True for the first 60 % of the record, which is fitted; the rest is held out.
 
         Where OP makes less than 30 or more than 90 % of its way there, the split is where it has
-        made 60 %: a stretch in which nothing moves neither teaches nor judges.
+        made 60 %: a stretch without movement is of no use on either side.
         """
-        way = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.op)))))
-        made = way[round(TRAIN_SHARE * (self.op.size - 1))] / max(way[-1], 1e-12)
+        path = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.op)))))
+        made = path[round(TRAIN_SHARE * (self.op.size - 1))] / max(path[-1], 1e-12)
         share = TRAIN_SHARE
         if not TRAIN_WAY[0] <= made <= TRAIN_WAY[1]:
-            share = float(np.searchsorted(way, TRAIN_SHARE * way[-1])) / self.op.size
+            share = float(np.searchsorted(path, TRAIN_SHARE * path[-1])) / self.op.size
         least = round(TRAIN_LEAST * self.n_blocks)
         blocks = min(max(round(share * self.n_blocks), least), self.n_blocks - least)
         return np.arange(self.n_blocks) < blocks

@@ -1,8 +1,8 @@
-"""Minimising a rough, cheap loss: a cross-entropy search whose candidates share one kernel call.
+"""Cross-entropy search for the minimum of a loss with steps, all candidates in one kernel call.
 
 The loss of a stick-slip model is piecewise smooth with steps (a slip happens one sample earlier or
-later), so gradients are useless and a population is not. The cross-entropy method is Rubinstein's
-(1999, doi:10.1023/A:1010091220143). Seeded: the same result twice.
+later), so gradients are of no use. The cross-entropy method is Rubinstein's (1999,
+doi:10.1023/A:1010091220143). Seeded: one recording gives one result.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class SearchResult:
 
 def best_of(loss: Loss, candidates: Floats, keep: int = 1) -> list[SearchResult]:
     """The ``keep`` best of given candidates."""
-    return ordered(candidates, loss(candidates))[:keep]
+    return by_loss(candidates, loss(candidates))[:keep]
 
 
-def ordered(candidates: Floats, losses: Floats) -> list[SearchResult]:
+def by_loss(candidates: Floats, losses: Floats) -> list[SearchResult]:
     """Candidates (m, size) of given losses (m,), the best first."""
     order = np.argsort(losses, kind="stable")
     return [SearchResult(candidates[i].copy(), float(losses[i])) for i in order]
@@ -59,7 +59,7 @@ def refine(
 
 
 class CrossEntropy:
-    """Cross-entropy descent from a candidate that is ``begun`` with, one round at a time.
+    """Cross-entropy descent from the candidate ``begun``, one round at a time.
 
     Each round draws a population around the mean of the elite, keeps the best quarter, and
     narrows. ``best`` is the best candidate ever seen, so that it is never worse than the first.
@@ -80,7 +80,7 @@ class CrossEntropy:
         return drawn
 
     def learn(self, drawn: Floats, losses: Floats) -> None:
-        """What the losses (m,) of the candidates ``drawn`` (m, size) say of where to look next."""
+        """Update mean and width by the losses (m,) of the candidates ``drawn`` (m, size)."""
         order = np.argsort(losses, kind="stable")
         if losses[order[0]] < self.best.loss:
             self.best = SearchResult(drawn[order[0]].copy(), float(losses[order[0]]))

@@ -23,12 +23,12 @@ from stemwatch.models.recording import Floats, Recording, Role, Signal
 
 # By how much J may be wrong either way where the slope is not known.
 SLOPE_UNKNOWN = 2.0
-# S is told by OP alone, but what the slope mistakes for lag or friction is not: a tenth of it.
+# S does not depend on the slope, but lag and friction that the slope hides change it by a tenth.
 S_BY_SLOPE = 1.1
 NEARLY_LINEAR_PERCENT = 1.5  # of travel, off the chord
 LEAST_TRAVEL_PERCENT = 0.5  # less is no curve
 POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
-# Ranges are set to round numbers; where one begins is known no better than this, percent of OP.
+# Ranges are set to round numbers, in percent of OP, and begin within so much of what is estimated.
 ROUND_PERCENT, NOT_TOLD_PERCENT = 5.0, 1.0
 
 
@@ -39,9 +39,8 @@ class StrokeCurve:
     Between the knots straight lines, beyond them their ends. ``used`` are the ends of the part of
     OP that a recording used, over which the slope is meant; all of the curve where it is ``None``.
     ``slope_known`` is False where the valve went to and fro between two places only: S in percent
-    of OP is then known, how it is shared between the jump and the slope is not. ``given``: a person
-    said so, in the plant file. ``remark`` is what else people should know of it: that it changed,
-    or that it is an earlier one.
+    of OP is then known, but not how it is shared between the jump and the slope. ``given``: the
+    plant file gives the curve. ``remark`` says that it changed, or that it is an earlier one.
     """
 
     op: tuple[float, ...]
@@ -117,9 +116,9 @@ class StrokeCurve:
         return float(np.max(np.abs(self.command(knots) - self.zero - self.slope * knots)))
 
     def sentence(self) -> str:
-        """What an engineer should know of it."""
-        given = "The plant file gives this curve." if self.given else ""
-        return " ".join(filter(None, (self._shape(), given, self.remark)))
+        """The curve in words: ends, bend, who gave it, and the remark."""
+        source = "The plant file gives this curve." if self.given else ""
+        return " ".join(filter(None, (self._shape(), source, self.remark)))
 
     def proposal(self) -> str:
         """The line of the plant file that gives this curve, or nothing where it is given already
@@ -130,14 +129,14 @@ class StrokeCurve:
 
     def _shape(self) -> str:
         begin, low, end, high = self.ends
-        seen = f"OP {begin:.0f} to {end:.0f} % brings the position from {low:.0f} to {high:.0f} %"
+        over = f"OP {begin:.0f} to {end:.0f} % brings the position from {low:.0f} to {high:.0f} %"
         if self.bend_percent > NEARLY_LINEAR_PERCENT:
-            return f"{seen}, bent by up to {self.bend_percent:.1f} % of travel."
+            return f"{over}, bent by up to {self.bend_percent:.1f} % of travel."
         if not self.slope_known:
-            return f"{seen}; it moved between so few places that the curve's slope is not known."
+            return f"{over}; it moved between so few places that the curve's slope is not known."
         first = begin - low / self.slope
         first, last = _round(first), _round(first + 100.0 / self.slope)
-        return f"{seen}, nearly linear: as if OP {first:.0f} to {last:.0f} % stroked 0 to 100 %."
+        return f"{over}, nearly linear: as if OP {first:.0f} to {last:.0f} % stroked 0 to 100 %."
 
 
 @dataclass(frozen=True)
@@ -168,10 +167,10 @@ def curve_of_points(text: str) -> StrokeCurve | None:
     """
     points: list[tuple[float, float]] = []
     for word in text.split():
-        found = _POINT.fullmatch(word)
-        if found is None:
+        match = _POINT.fullmatch(word)
+        if match is None:
             raise ValueError(f"{word!r} is no point")
-        points.append((float(found[1].replace(",", ".")), float(found[2].replace(",", "."))))
+        points.append((float(match[1].replace(",", ".")), float(match[2].replace(",", "."))))
     if len(points) < 2:
         raise ValueError(f"{len(points)} points; a curve has two at least")
     for (before, reached), (after, further) in pairwise(points):
@@ -196,14 +195,14 @@ def points_of(curve: StrokeCurve) -> str:
     if curve.used is not None:
         curve = curve.reaching(_reached(curve, 0), _reached(curve, -1))
     op, travel = np.array(curve.op), np.array(curve.travel)
-    kept = {0, op.size - 1}
-    while len(kept) < op.size:
-        places = sorted(kept)
+    chosen = {0, op.size - 1}
+    while len(chosen) < op.size:
+        places = sorted(chosen)
         off = np.abs(travel - np.interp(op, op[places], travel[places]))
         if off.max() <= POINTS_OFF_PERCENT:
             break
-        kept.add(int(np.argmax(off)))
-    return " ".join(f"{_tenth(op[at])}:{_tenth(travel[at])}" for at in sorted(kept))
+        chosen.add(int(np.argmax(off)))
+    return " ".join(f"{_tenth(op[place])}:{_tenth(travel[place])}" for place in sorted(chosen))
 
 
 def _tenth(percent: float) -> str:
@@ -211,7 +210,7 @@ def _tenth(percent: float) -> str:
 
 
 def _reached(curve: StrokeCurve, edge: int) -> float:
-    """OP, 0 to 100 %, at which the line beyond an edge (0 or -1) of the curve meets an end of the
+    """OP, 0 to 100 %, at which the line beyond an edge (0 or -1) of the curve meets 0 or 100 % of
     travel."""
     op, travel, inner = curve.op[edge], curve.travel[edge], 1 if edge == 0 else -2
     slope = (travel - curve.travel[inner]) / (op - curve.op[inner])
@@ -222,7 +221,7 @@ def _reached(curve: StrokeCurve, edge: int) -> float:
 
 
 def _round(op: float) -> float:
-    """To the round number that it cannot be told from."""
+    """``op``, or the nearest multiple of 5 % where that is within 1 %."""
     near = ROUND_PERCENT * round(op / ROUND_PERCENT)
     return near if abs(op - near) <= NOT_TOLD_PERCENT else op
 

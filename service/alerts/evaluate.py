@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
-from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules
+from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, one_per_cause
 from stemwatch.service.config import Plant
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import StoredValve
@@ -18,6 +18,7 @@ AT_ONCE = 250  # valves of one round of queries; times the depth, what one state
 _NAMED = 12  # valves of a common alert that are listed
 _AT_ONCE = 500  # causes closed by one statement
 CLEARED = "not found in the last runs any more"
+JOINED = "part of another alert of this valve now, which has the same cause"
 
 
 def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[ValveRecord]:
@@ -81,9 +82,12 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     open_before = store.alerts.open_causes()
     raised: list[RaisedAlert] = []
     over: list[str] = []
+    joined_now: list[str] = []
     for seen in gathered(store, plant, done):
-        of_valve, closed = apply_rules(seen, plant.alerts)
+        found, closed = apply_rules(seen, plant.alerts)
+        of_valve, spoken_for = one_per_cause(found, open_before - set(closed))
         raised += of_valve
+        joined_now += [cause for cause in spoken_for if cause in open_before]
         over += [cause for cause in closed if cause in open_before]
     for valve in awaiting_aftermath(store, done):
         note_result_of_work(store, valve)
@@ -94,6 +98,8 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     over += sorted(_over(was - still, set(done), plant))
     for first in range(0, len(over), _AT_ONCE):
         store.alerts.clear(over[first : first + _AT_ONCE], CLEARED)
+    for first in range(0, len(joined_now), _AT_ONCE):
+        store.alerts.clear(joined_now[first : first + _AT_ONCE], JOINED)
     joined = {alert.cause for group in groups.values() for alert in group}
     # What was raised alone before and is part of a common cause now is told once, by that.
     new = [alert for alert in raised if alert.cause not in joined]

@@ -7,8 +7,8 @@ in K in a row, and otherwise left as it is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import Enum
 
@@ -79,6 +79,56 @@ def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert]
         elif verdict is AlertDecision.CLEAR:
             closed.append(cause(kind, seen.valve.id))
     return raised, closed
+
+
+# What may stand behind one cause, the finding that says most first. Growth of S and a position that
+# leaves its baseline are what a sticking stem or an effect beside friction looks like from afar.
+LEADS = (AlertKind.STICKY, AlertKind.MISMATCH, AlertKind.GROWN, AlertKind.BASELINE)
+FOLLOWS = {
+    AlertKind.GROWN: (AlertKind.STICKY,),
+    AlertKind.BASELINE: (AlertKind.STICKY, AlertKind.MISMATCH, AlertKind.GROWN),
+}
+
+
+def one_per_cause(
+    raised: Sequence[RaisedAlert], still_open: Collection[str]
+) -> tuple[list[RaisedAlert], list[str]]:
+    """The alerts of one valve, ``raised`` by ``apply_rules``, with one for each cause that lists
+    its evidence; and the causes that another alert speaks for now.
+
+    ``still_open`` are the causes that were open before and are not over.
+    """
+    by_kind = {alert.kind: alert for alert in raised}
+    spoken_for: dict[AlertKind, list[RaisedAlert]] = {}
+    joined: list[str] = []
+    for kind in by_kind:
+        valve = by_kind[kind].valve or ""
+        leads = FOLLOWS.get(kind, ())
+        lead = next(
+            (one for one in leads if one in by_kind or cause(one, valve) in still_open), None
+        )
+        if lead is not None:
+            spoken_for.setdefault(lead, []).append(by_kind[kind])
+            joined.append(cause(kind, valve))
+    gone = {alert.kind for alerts in spoken_for.values() for alert in alerts}
+    left = [by_kind[kind] for kind in LEADS if kind in by_kind and kind not in gone]
+    return [_with_evidence(alert, spoken_for.get(alert.kind, ())) for alert in left], joined
+
+
+def _with_evidence(alert: RaisedAlert, beside: Sequence[RaisedAlert]) -> RaisedAlert:
+    """The alert with what else points to its cause."""
+    if not beside:
+        return alert
+    name, _, _ = alert.text.partition(": ")
+    said = [one.text.removeprefix(f"{name}: ") for one in beside]
+    evidence = {
+        **alert.evidence,
+        "findings": [
+            {"kind": one.kind.value, "text": text} for one, text in zip(beside, said, strict=True)
+        ],
+    }
+    text = f"{alert.text} Also seen: {' '.join(said)}"
+    return replace(alert, text=text, evidence=evidence)
 
 
 def _worked_on(seen: ValveRecord, judged: JudgedScreening) -> bool:

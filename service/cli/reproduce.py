@@ -62,12 +62,12 @@ def reproduce(
 
 
 def as_json(results: Sequence[CaseResult], seeds: int) -> dict[str, Any]:
-    """Everything that was found, as JSON has it."""
+    """The complete result as JSON."""
     from dataclasses import asdict
 
     from stemwatch.models.studies.reproduction.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD
     from stemwatch.models.studies.reproduction.layers import SIZES
-    from stemwatch.models.studies.reproduction.step import LIMIT
+    from stemwatch.models.studies.reproduction.network_step import LIMIT
     from stemwatch.models.studies.reproduction.study import targets
 
     return {

@@ -128,9 +128,9 @@ def _ceiling(recording: Recording, fit: StickSlipFit, curve: StrokeCurve | None)
     """(n,) free run of the valve's network, ``None`` where it could not be trained."""
     from stemwatch.models.narx.example import NarxExample
     from stemwatch.models.narx.training import train  # torch takes two seconds to import
-    from stemwatch.models.screening import start_of
+    from stemwatch.models.screening import network_start
 
-    example = NarxExample.of(recording, fit.first_heldout, start_of(fit, curve))
+    example = NarxExample.of(recording, fit.first_heldout, network_start(fit, curve))
     try:
         (network,) = train([example])
     except Exception:  # without its ceiling the explanation is as good

@@ -111,15 +111,19 @@ def present(
         found=_found(screening, decision),
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
-        beside_friction=" ".join(
-            sentence
-            for sentence in (beside_friction(screening), without_them(screening))
-            if sentence
-        ),
+        beside_friction=_measured_beside(screening),
         effects=() if mismatch is None else present_effects(mismatch),
         otherwise=_otherwise(mismatch, decision.kinds, stands),
         held_back=run.remark if run is not None and stands is False else "",
     )
+
+
+def _measured_beside(screening: Screening) -> str:
+    """What delays or slows the stem by the quick fit; empty where effects were named, which say it
+    better: a lag here and a rate limit there would be one thing under two names."""
+    if screening.mismatch is not None and screening.mismatch.effects:
+        return ""
+    return " ".join(filter(None, (beside_friction(screening), without_them(screening))))
 
 
 def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
@@ -174,11 +178,13 @@ def field_test(screening: Screening) -> str:
     step = next(step for least, step in TEST_STEPS if least <= S)
     low, high = finite(screening.S.low) or S, finite(screening.S.high) or S
     fewest, most = max(1, round(low / step)), max(1, round(high / step))
-    span = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+    about = f"{max(1, round(S / step))}"
+    if fewest != most:
+        about += f" ({fewest} to {most})"
     jump = f"a jump of about {span_percent(J)} %" if J >= step / 2 else "no jump"
     return (
         f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
-        f"back by the same steps, and count them. Expect about {max(1, round(S / step))} ({span}) "
+        f"back by the same steps, and count them. Expect about {about} "
         f"before it moves back, with {jump}. A stem that answers the first or second step back "
         "passes."
     )
@@ -304,6 +310,7 @@ def stiction_grown(before: Estimate | None, now: Estimate) -> str:
 def baseline_left(ratio: float) -> str:
     """That the position follows its baseline network worse than it did, ``ratio`` times."""
     return (
-        f"The position follows its baseline network {ratio:.1f} times worse than when the baseline "
-        "was set: the valve moves differently. Look at its page for where it does."
+        "The valve moves otherwise than it did when its baseline was set: a model of how it moved "
+        f"then is {ratio:.1f} times worse at telling its position now. That alone does not say "
+        "what is wrong. Look at its page for where it differs, and ask what was changed."
     )

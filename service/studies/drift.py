@@ -24,7 +24,7 @@ from stemwatch.models.studies.simulator import (
     draw_healthy,
     simulate_loop,
 )
-from stemwatch.models.studies.simulator.parts import some_setpoints
+from stemwatch.models.studies.simulator.draw_parts import draw_setpoints
 from stemwatch.service.executors import Executor, map_items
 
 WINDOWS, WINDOW_S = 6, 600.0
@@ -231,13 +231,13 @@ def _window(loop: PlantLoop, valve: SimulatedValve, rng: np.random.Generator) ->
 def _steps(
     loop: PlantLoop, travel: tuple[float, float], rng: np.random.Generator
 ) -> tuple[tuple[float, float], ...]:
-    return some_setpoints(
+    return draw_setpoints(
         loop.process, loop.controller, rng, duration_s=loop.duration_s, travel=travel
     )
 
 
 def _per_travel(loop: PlantLoop) -> float:
-    """Percent of set point that moves the valve by one percent, as ``some_setpoints`` counts."""
+    """Percent of set point that moves the valve by one percent, as ``draw_setpoints`` counts."""
     return 1.0 / loop.controller.gain if loop.process.integrating else loop.process.gain
 
 

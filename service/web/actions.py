@@ -53,6 +53,27 @@ class Actions:
         self._alert(alert)
         self.store.alerts.acknowledge(alert, who, comment)
 
+    def acknowledge_all(self, alerts: Sequence[int], who: str, comment: str) -> None:
+        """The same for several alerts; none where one of them is not there."""
+        for alert in alerts:
+            self._alert(alert)
+        for alert in alerts:
+            self.store.alerts.acknowledge(alert, who, comment)
+
+    def snooze_all(self, alerts: Sequence[int], until: datetime, who: str) -> None:
+        """Let several alerts rest; none where one of them is not there."""
+        for alert in alerts:
+            self._alert(alert)
+        for alert in alerts:
+            self.store.alerts.snooze(alert, until, who)
+
+    def false_alarms(self, alerts: Sequence[int], who: str, comment: str) -> None:
+        """Note that several alerts were wrong; none where one of them is not there."""
+        for alert in alerts:
+            self._alert(alert)
+        for alert in alerts:
+            self.store.alerts.mark_false(alert, who, comment)
+
     def snooze(self, alert: int, until: datetime, who: str) -> None:
         """Let an alert rest until ``until``."""
         self._alert(alert)

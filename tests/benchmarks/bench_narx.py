@@ -35,7 +35,7 @@ from stemwatch.models.narx.training import train
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Floats
 from stemwatch.models.residual import of_stiction
-from stemwatch.models.screening import start_of
+from stemwatch.models.screening import network_start
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.loop import ManualSpan, PlantLoop
@@ -78,7 +78,7 @@ def made(loop: PlantLoop, seed: int) -> Valve:
     fit = fit_stickslip(recording)
     seconds = time.process_time() - began
     residual = of_stiction(fit, resynced=False)
-    example = NarxExample.of(recording, fit.first_heldout, start_of(fit))
+    example = NarxExample.of(recording, fit.first_heldout, network_start(fit))
     return Valve(
         example=example,
         stick_percent=max(residual.fit_percent, FLOOR) if residual is not None else FLOOR,

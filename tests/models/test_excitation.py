@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.excitation import at_limits, ranges, reversals, slips, swing, travel
+from stemwatch.models.excitation import at_limits, jumps_from_rest, ranges, reversals, swing, travel
 
 walks = st.lists(st.integers(-20, 20), min_size=1, max_size=120).map(
     lambda steps: np.cumsum(np.array(steps, dtype=float)) * 0.25
@@ -82,21 +82,21 @@ def test_slips_are_jumps_after_a_pause():
     stem = np.repeat([50.0, 52.0, 54.0, 51.0], 50)
     stem = np.concatenate((stem, np.linspace(51.0, 56.0, 3), np.full(50, 56.0)))
     op = np.full(stem.size, 50.0)
-    assert 4 == slips(stem + 0.03 * rng.standard_normal(stem.size), op, 0.03).count
+    assert 4 == jumps_from_rest(stem + 0.03 * rng.standard_normal(stem.size), op, 0.03).count
     slow = np.arange(200.0) * 0.03
-    assert 0 == slips(slow + 0.03 * rng.standard_normal(200), slow, 0.03).count
+    assert 0 == jumps_from_rest(slow + 0.03 * rng.standard_normal(200), slow, 0.03).count
 
 
 def test_a_quick_command_that_is_followed_makes_no_slip():
     """A stem that takes each step of its command with it has not slipped, however far it went."""
     op = np.repeat(np.random.default_rng(3).uniform(40.0, 60.0, 40), 20)
-    assert 0 == slips(np.append(op[:1], op[:-1]), op, 0.02).count
+    assert 0 == jumps_from_rest(np.append(op[:1], op[:-1]), op, 0.02).count
 
 
 def test_slips_of_short_signals():
     """Fewer than two steps hold no slip that follows a pause."""
-    assert 0 == slips(np.array([1.0]), np.array([1.0]), 0.1).count
-    assert 0 == slips(np.array([1.0, 9.0]), np.array([1.0, 1.0]), 0.1).count
+    assert 0 == jumps_from_rest(np.array([1.0]), np.array([1.0]), 0.1).count
+    assert 0 == jumps_from_rest(np.array([1.0, 9.0]), np.array([1.0, 1.0]), 0.1).count
 
 
 def test_swing_leaves_out_the_extremes_and_nan():

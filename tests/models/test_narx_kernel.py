@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from stemwatch.models.narx import kernel, torch_batch
 from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.example import NarxExample, NarxSettings
-from stemwatch.models.narx.normal_equations import normal_of
+from stemwatch.models.narx.normal_equations import normal_matrices
 from stemwatch.models.narx.run_plan import CODES, Indices, Plan, PlanStep, plan_run, segments
 from stemwatch.models.narx.stages import random_starts
 from stemwatch.models.narx.torch_batch import clamps, segment_blocks
@@ -133,7 +133,7 @@ def simulated(valve: TrainingRecord, weights: Floats, plan: Plan) -> Floats:
 def test_a_network_that_is_done_is_not_worked_on() -> None:
     """Where no error is small enough the matrix is not built, and its error counts as infinite."""
     flat = torch.from_numpy(random_starts(NarxSettings(), 2))
-    normal, samples = normal_of([ready()], 5, 20, 2, "cpu")
+    normal, samples = normal_matrices([ready()], 5, 20, 2, "cpu")
     matrices = normal(flat, torch.tensor([torch.inf, -torch.inf], dtype=torch.float64))
     assert bool(torch.isfinite(matrices[0]).all())
     assert matrices[1, -1, -1] == torch.inf

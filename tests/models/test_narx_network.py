@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.narx import kernel
-from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.actuator import actuator_output
 from stemwatch.models.narx.architecture import NO_ACTUATOR
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.run_plan import PlanStep, plan_run, segments
@@ -304,7 +304,7 @@ def test_a_network_sees_the_command_as_the_actuator_passes_it_on() -> None:
         "slow_down_s_per_percent": 2.0,
     }
     op, mv = signals()
-    passed_on = driven(op, INTERVAL_S, actuator)
+    passed_on = actuator_output(op, INTERVAL_S, actuator)
     found = network(actuator=actuator).free_run(op, mv)
     assert np.array_equal(network().free_run(passed_on, mv), found)
 
@@ -312,12 +312,12 @@ def test_a_network_sees_the_command_as_the_actuator_passes_it_on() -> None:
 def test_the_actuator_delays_lags_and_limits() -> None:
     """A step: nothing for the dead time, then an exponential; downwards at most 1 % in 4 s."""
     step = np.where(np.arange(60) < 10, 40.0, 50.0)
-    lagged = driven(step, 2.0, dict(NO_ACTUATOR) | {"dead_time_s": 5.0, "lag_up_s": 8.0})
+    lagged = actuator_output(step, 2.0, dict(NO_ACTUATOR) | {"dead_time_s": 5.0, "lag_up_s": 8.0})
     k = np.arange(60 - 13)
     share = 1 - np.exp(-2.0 / 8.0)  # the fraction of a sample that the dead time leaves is linear
     assert np.array_equal(np.full(12, 40.0), lagged[:12])
     np.testing.assert_allclose(lagged[13:], 50 - (10 - 5 * share) * (1 - share) ** (k + 1))
-    falling = driven(-step, 2.0, dict(NO_ACTUATOR) | {"slow_down_s_per_percent": 4.0})
+    falling = actuator_output(-step, 2.0, dict(NO_ACTUATOR) | {"slow_down_s_per_percent": 4.0})
     np.testing.assert_allclose(falling[10:30], np.maximum(-40 - 0.5 * np.arange(1, 21), -50))
 
 
@@ -329,9 +329,9 @@ def test_a_hole_in_the_command_stays_one_and_is_crossed() -> None:
     held[20:24] = op[19]
     holed = op.copy()
     holed[20:24] = np.nan
-    expected = driven(held, 2.0, lag)
+    expected = actuator_output(held, 2.0, lag)
     expected[20:24] = np.nan
-    np.testing.assert_array_equal(driven(holed, 2.0, lag), expected)
+    np.testing.assert_array_equal(actuator_output(holed, 2.0, lag), expected)
 
 
 def test_the_header_says_lags_scaling_and_version_to_any_reader() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stemwatch.models.narx.actuator import driven
+from stemwatch.models.narx.actuator import actuator_output
 from stemwatch.models.narx.architecture import NO_ACTUATOR, StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -46,7 +46,7 @@ def example(
     for at in range(80, N, 160):
         op[at:] += 3 * np.sin(at * (seed + 1))
     start = {"S": S, "J": J} | start
-    passed_on = driven(op, 1.0, start.get("actuator", NO_ACTUATOR))
+    passed_on = actuator_output(op, 1.0, start.get("actuator", NO_ACTUATOR))
     return NarxExample(
         valve=f"FV-{seed}",
         op=op,

@@ -316,3 +316,22 @@ def test_coarse_and_saturated_are_remarked():
     reasons = seen(recorded(op=op, mv=np.clip(MV + 45.0, 0.0, 100.0))).quality.reasons
     assert any("OP is recorded in steps of 1 %" in reason for reason in reasons)
     assert any("OP is at its limit for" in reason for reason in reasons)
+
+
+def test_pieces_with_holes_between_them_are_screened_and_said():
+    """Half of the record was never taken: each piece is fitted from its own start, and a hole is no
+    fault of the archive."""
+    piece = np.arange(N) % 900 < 450
+    assessment = seen(recorded(op=np.where(piece, OP, np.nan), mv=np.where(piece, MV, np.nan)))
+    assert assessment.obstacles == ()
+    said = "the recording is put together from 4 pieces, each fitted from its own start"
+    assert said in assessment.quality.reasons
+    assert assessment.quality.grade == "C"
+
+
+def test_a_position_that_is_missing_within_the_pieces_counts_as_missing():
+    """The share is that of what was recorded at all."""
+    piece, lost = np.arange(N) % 900 < 450, np.arange(N) % 900 < 200
+    recording = recorded(op=np.where(piece, OP, np.nan), mv=np.where(piece & ~lost, MV, np.nan))
+    first = the_obstacle(recording, "bad_samples")
+    assert first.reason == "44 % of the samples are missing or marked bad"

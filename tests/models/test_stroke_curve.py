@@ -16,10 +16,10 @@ from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.stickslip.find_stroke_curve import (
+    curve_suspected,
     find_stroke_curve,
     slope_of_means,
     stroke_curve_of,
-    suspected,
 )
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.stickslip.stroke_curve import (
@@ -189,7 +189,7 @@ def test_no_curve_is_looked_for_where_op_is_percent_of_travel():
     suspects = [
         loop.tag
         for place, loop in enumerate(loops)
-        if suspected(simulate_loop(replace(loop, duration_s=1800.0), place).recording)
+        if curve_suspected(simulate_loop(replace(loop, duration_s=1800.0), place).recording)
     ]
     assert suspects == []
 

@@ -1,4 +1,4 @@
-"""The canonical element: the product's own kernel, behind the protocol of the others."""
+"""The canonical element: the product's own kernel as a ``ValveModel``."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.studies.literature.levels import band, jump
 from stemwatch.models.studies.literature.model import KernelModel
+from stemwatch.models.studies.literature.shared_parameters import band, jump
 
 
 def _run(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:

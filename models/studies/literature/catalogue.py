@@ -31,11 +31,3 @@ DATA_DRIVEN: tuple[ValveModel, ...] = (
 )
 PHYSICAL: tuple[ValveModel, ...] = (CLASSICAL, KARNOPP, DAHL, LUGRE, MUELLER)
 EVERY: tuple[ValveModel, ...] = DATA_DRIVEN + PHYSICAL
-
-
-def model_named(name: str) -> ValveModel:
-    """The model of that name; ``ValueError`` names those that there are."""
-    for model in EVERY:
-        if model.name == name:
-            return model
-    raise ValueError(f"no model {name!r}; there are {', '.join(m.name for m in EVERY)}")

@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.literature.levels import UNREAD, band, jump
 from stemwatch.models.studies.literature.model import KernelModel
+from stemwatch.models.studies.literature.shared_parameters import UNREAD, band, jump
 
 
 @njit(cache=True)

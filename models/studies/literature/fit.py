@@ -1,4 +1,4 @@
-"""``fit_model``: the same fit, the same intervals and the same marks for every model."""
+"""``fit_model``: one method of fitting, of intervals and of scoring for every literature model."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ModelFit:
 
     @property
     def concluded(self) -> bool:
-        """Whether there are numbers at all."""
+        """Whether the fit has parameters."""
         return self.values is not None
 
 
@@ -119,13 +119,13 @@ def _warm_up(problem: FitProblem) -> int:
 def fit_model(
     model: ValveModel, recording: Recording, train_until: int, effort: SearchEffort | None = None
 ) -> ModelFit:
-    """Fit ``model`` to the samples before ``train_until``; the rest only judges.
+    """Fit ``model`` to the samples before ``train_until``; the rest is held out.
 
     The mean square error of the free run is minimised over the model's parameters and the zero of
     the position reading, without derivatives: a slip that moves from one sample to the next makes a
-    step in it. Where to look is found on runs of one block of time (about 90 s) first: in a model
-    whose every slip depends on the one before, the error of a long run tells nothing until the
-    parameters are nearly right. Seeded, so that the same recording gives the same numbers. A
+    step in it. The search begins on runs of one block of time (about 90 s): where every slip
+    depends on the one before, the error of a long run is no guide until the parameters are nearly
+    right. Seeded, so that the same recording gives the same numbers. A
     recording that cannot be fitted is a result with an outcome. Raises ``ValueError`` where
     ``train_until`` is not within the recording.
     """
@@ -208,9 +208,9 @@ def _fitted(
 def score_run(
     recording: Recording, simulated: Floats, train_until: int
 ) -> tuple[FitScore | None, FitScore | None]:
-    """(training, held-out) marks of any free run (n,) in percent, as ``fit_model`` gives them.
+    """(training, held-out) scores of any free run (n,) in percent, as ``fit_model`` gives them.
 
-    For what is no ``ValveModel``, such as a network. ``None`` where there is too little to mark.
+    For predictors that are no ``ValveModel``, such as networks. ``None`` with too few samples.
     """
     problem = _problem(recording, train_until)
     if isinstance(problem, str):
@@ -236,7 +236,7 @@ def _command_step(op: Floats) -> float:
 
 
 def _doubts(cube: Cube, best: Floats, training: FitScore | None) -> str:
-    """What to doubt about a fit, as sentences; empty where there is nothing."""
+    """Reasons to doubt a fit, as sentences; empty where there are none."""
     doubts = []
     if training is not None and training.fit_percent <= 0.0:
         doubts.append(
@@ -293,15 +293,15 @@ def intervals(
     values, sums = _sums(cube, points, squares, block)
     counts = np.bincount(np.unique(block, return_inverse=True)[1])
     chosen = cheapest(values, sums, block_weights(counts, REPLICATES, rng), rng)
-    chosen += _unseen(cube, step / np.sqrt(1.0 + counts.size), chosen.shape, rng)
+    chosen += _sampling(cube, step / np.sqrt(1.0 + counts.size), chosen.shape, rng)
     low, high = np.percentile(np.vstack((chosen, values[:1])), COVERAGE, axis=0)
     low = np.maximum(np.minimum(low, values[0]), [p.lower for p in cube.model.parameters])
     high = np.minimum(np.maximum(high, values[0]), [p.upper for p in cube.model.parameters])
     return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
 
 
-def _unseen(cube: Cube, step: float, shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
-    """What no reweighting shows: a slip is seen at the next sample, after a ``step`` of OP."""
+def _sampling(cube: Cube, step: float, shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
+    """The error by sampling, which no reweighting shows: a slip is seen a ``step`` of OP late."""
     worth = np.array([p.per_percent or 0.0 for p in cube.model.parameters])
     return np.asarray(step * worth * rng.uniform(-1.0, 1.0, shape))
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from numba import njit
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.literature.levels import (
+from stemwatch.models.studies.literature.model import KernelModel, Parameter
+from stemwatch.models.studies.literature.shared_parameters import (
     UNREAD,
     breakaway,
     not_above_breakaway,
     sliding,
 )
-from stemwatch.models.studies.literature.model import KernelModel, Parameter
 
 
 @njit(cache=True)

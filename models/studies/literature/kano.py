@@ -5,8 +5,8 @@ from __future__ import annotations
 from numba import njit
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.literature.levels import UNREAD, band, jump
 from stemwatch.models.studies.literature.model import KernelModel
+from stemwatch.models.studies.literature.shared_parameters import UNREAD, band, jump
 
 
 @njit(cache=True)
@@ -28,11 +28,11 @@ def run_kano(
         if not stopped and (step <= 0.0 if rising else step >= 0.0):
             us, stopped = op[k - 1], True
         if stopped:
-            way = u - us
+            travelled = u - us
             if rising:
-                up, down = way > J_up, -way > S_down
+                up, down = travelled > J_up, -travelled > S_down
             else:
-                up, down = way > S_up, -way > J_down
+                up, down = travelled > S_up, -travelled > J_down
             if up or down:
                 rising, stopped = up, False
         if not stopped:

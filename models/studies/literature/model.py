@@ -1,4 +1,4 @@
-"""What every stiction model is: named parameters, a simulation, an equation, known limits."""
+"""``ValveModel``, the protocol of stiction models: parameters, simulation, equation, limits."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class ValveModel(Protocol):
     2. start at ``y0`` and depend on nothing before its first sample,
     3. leave a resting stem where it is for as long as OP stands still,
     4. return finite numbers for every finite OP and every admissible parameter,
-    5. say in ``source`` whose model it is and how well that is known, and in ``limits`` what is
-       wrong with it.
+    5. name in ``source`` the authors and how certain the reconstruction is, and in ``limits`` the
+       known faults of the model.
     """
 
     @property
@@ -60,7 +60,7 @@ class ValveModel(Protocol):
 
     @property
     def source(self) -> str:
-        """Whose model it is, and how well that is known."""
+        """Authors and publication, and how certain the reconstruction is."""
         ...
 
     @property
@@ -70,7 +70,7 @@ class ValveModel(Protocol):
 
     @property
     def limits(self) -> tuple[str, ...]:
-        """What is wrong with it, a sentence each."""
+        """The known faults of the model, a sentence each."""
         ...
 
     @property
@@ -96,7 +96,7 @@ class ValveModel(Protocol):
         ...
 
 
-def _anything_goes(parameters: Floats) -> str | None:
+def _no_objection(parameters: Floats) -> str | None:
     return None
 
 
@@ -114,7 +114,7 @@ class KernelModel:
     text: str
     limits: tuple[str, ...]
     run: Run
-    relation: Callable[[Floats], str | None] = _anything_goes
+    relation: Callable[[Floats], str | None] = _no_objection
     slow: bool = False
 
     def equation(self) -> str:
@@ -136,7 +136,7 @@ class KernelModel:
 
     def simulate(self, op: Floats, parameters: Floats, interval_s: float, y0: float) -> Floats:
         # Copies: a compiled kernel would be compiled again for arrays that are read-only.
-        """(n,) stem position in percent, by the kernel; as ``ValveModel.simulate`` says."""
+        """(n,) stem position in percent, by the kernel; see ``ValveModel.simulate``."""
         command, chosen = np.array(op, np.float64), np.array(parameters, np.float64)
         problem = self.objection(chosen) or _unusable(command, interval_s, y0)
         if problem is not None:
@@ -165,7 +165,7 @@ def values_of(model: ValveModel, **named: float) -> Floats:
     Raises ``ValueError`` on a name that the model does not have.
     """
     known = [parameter.name for parameter in model.parameters]
-    strange = sorted(set(named) - set(known))
-    if strange:
-        raise ValueError(f"{model.name} has no {', '.join(strange)}; it has {', '.join(known)}")
+    unknown = sorted(set(named) - set(known))
+    if unknown:
+        raise ValueError(f"{model.name} has no {', '.join(unknown)}; it has {', '.join(known)}")
     return np.array([named.get(p.name, p.default) for p in model.parameters], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""How well a simulated position follows the measured one: three numbers, the same for any model."""
+"""How well a simulated position follows the measured one: RMSE, fit and direction."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def _directions(simulated: Floats, mv: Floats, counted: Bools, resolution: float
     pairs = counted[1:] & counted[:-1]
     if not pairs.any():
         return float("nan")
-    ways = [_way(np.diff(signal)[pairs], resolution) for signal in (simulated, mv)]
-    return 100.0 * float(np.mean(ways[0] == ways[1]))
+    directions = [_way(np.diff(signal)[pairs], resolution) for signal in (simulated, mv)]
+    return 100.0 * float(np.mean(directions[0] == directions[1]))
 
 
 def _way(steps: Floats, resolution: float) -> Floats:

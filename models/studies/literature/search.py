@@ -108,17 +108,17 @@ def _share(low: float, high: float, value: float, logarithmic: bool) -> float:
 def loss_over(cube: Cube, each: Callable[[Floats, float], float]) -> Loss:
     """Losses (m,) of candidates (m, k + 1); infinite where the model objects."""
 
-    def one(candidate: Floats) -> float:
+    def loss_of(candidate: Floats) -> float:
         parameters, zero = cube.values(candidate)
         if cube.model.objection(parameters) is not None:
             return np.inf
         return each(parameters, zero)
 
-    return lambda candidates: np.array([one(candidate) for candidate in candidates])
+    return lambda candidates: np.array([loss_of(candidate) for candidate in candidates])
 
 
 def search(cube: Cube, coarse: Loss, fine: Loss, effort: SearchEffort) -> SearchResult:
-    """The best point of the cube for ``fine``, looked for where ``coarse`` says."""
+    """The best point of the cube by ``fine``, starting from the best ones by ``coarse``."""
     rng = np.random.default_rng(SEED)
     first = cube.hypercube(effort.first, rng)
 
@@ -128,8 +128,8 @@ def search(cube: Cube, coarse: Loss, fine: Loss, effort: SearchEffort) -> Search
         fits = [refine(loss, s.candidate, width, cube.bounds, rng, **how) for s in starts]
         return sorted(fits, key=lambda fit: fit.loss)
 
-    looked = descend(coarse, best_of(coarse, first, keep=effort.starts), 0.08)
-    # Where a long run tells more than short ones, its own best start is not lost.
-    starts = [*looked[:2], *best_of(fine, first)]
+    by_short_runs = descend(coarse, best_of(coarse, first, keep=effort.starts), 0.08)
+    # The best start by long runs is tried as well.
+    starts = [*by_short_runs[:2], *best_of(fine, first)]
     ranked = descend(fine, starts, 0.03)
     return descend(fine, ranked[:1], 0.008)[0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from numba import njit
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.literature.levels import MOST, UNREAD
 from stemwatch.models.studies.literature.model import KernelModel, Parameter
+from stemwatch.models.studies.literature.shared_parameters import MOST, UNREAD
 
 
 @njit(cache=True)

@@ -16,7 +16,13 @@ from torch.func import grad, vmap
 
 from stemwatch.models.narx.levenberg_marquardt import descend
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.reproduction.step import LIMIT, SEEDS, Compiled, NetworkStep, run_free
+from stemwatch.models.studies.reproduction.network_step import (
+    LIMIT,
+    SEEDS,
+    Compiled,
+    NetworkStep,
+    run_free,
+)
 
 _SENSITIVITY_LIMIT = 1e4  # far beyond any useful gradient: a diverging run must not fill J'J
 _JUDGED = 600  # samples of the free runs by which weights are chosen
@@ -42,7 +48,7 @@ class Segments:
 
     @classmethod
     def cut(cls, u: Floats, y: Floats, horizon: int) -> Segments:
-        """What is left over at the end of the record is not used."""
+        """Runs of ``horizon`` samples from a record (n,); what is left at its end is not used."""
         starts = np.arange(SEEDS, u.size - horizon + 1, horizon)
         index = starts[None, :] + np.arange(-SEEDS, horizon)[:, None]
         return cls(u=torch.from_numpy(u[index]), y=torch.from_numpy(y[index]))
@@ -56,20 +62,26 @@ class Segments:
 def fit_stage(
     step: NetworkStep, weights: Floats, u: Floats, y: Floats, stage: TrainingStage
 ) -> Floats:
+    """(B, P) weights after the stage on a record (n,): ``fit_segments`` with relative changes."""
+    return fit_segments(step, weights, Segments.cut(u, y, stage.horizon), stage, relative=True)
+
+
+def fit_segments(
+    step: NetworkStep, weights: Floats, cut: Segments, stage: TrainingStage, *, relative: bool
+) -> Floats:
     """(B, P) weights after the stage; each network has its own damping and its own end.
 
-    What is searched is each weight's change in units of ``max(|weight|, 1)``, and decay pulls this
-    change to 0, not the weight: a steep edge has large weights and is meant to keep them, and a
-    saturated unit, of which the data say nothing, stays as it is.
+    The search is over each weight's change, and decay pulls this change to 0, not the weight: a
+    steep edge keeps its large weights, and a saturated unit, which the data do not determine, stays
+    as it is. ``relative``: changes are in units of ``max(|weight|, 1)``.
     """
-    cut = Segments.cut(u, y, stage.horizon)
     centre = torch.from_numpy(weights)
-    unit = centre.abs().clamp(min=1.0)
-    both = torch.cat([unit, torch.ones_like(unit[:, :1])], dim=1)
+    unit = centre.abs().clamp(min=1.0) if relative else torch.ones_like(centre)
+    scale = torch.cat([unit, torch.ones_like(unit[:, :1])], dim=1)
 
     def normal(change: Tensor, _: Tensor) -> Tensor:
         plain = normal_matrix(step, centre + unit * change, cut)
-        return both[:, :, None] * plain * both[:, None, :]
+        return scale[:, :, None] * plain * scale[:, None, :]
 
     descent = descend(
         torch.zeros_like(centre),
@@ -154,7 +166,11 @@ def _carry(s: Tensor, d1: Tensor, d2: Tensor) -> None:
 
 def run_errors(step: NetworkStep, weights: Floats, u: Floats, y: Floats) -> Floats:
     """(B,) RMSE of free runs of at most ``_JUDGED`` samples over a record."""
-    cut = Segments.cut(u, y, min(_JUDGED, u.size - SEEDS))
+    return segment_errors(step, weights, Segments.cut(u, y, min(_JUDGED, u.size - SEEDS)))
+
+
+def segment_errors(step: NetworkStep, weights: Floats, cut: Segments) -> Floats:
+    """(B,) RMSE of the free runs over every segment, in the unit of ``cut``."""
     with torch.inference_mode():
         runs = run_free(step, torch.from_numpy(weights), cut.u, cut.y)[:, SEEDS:]
         return np.asarray((runs - cut.y[SEEDS:]).square().mean(dim=(1, 2)).sqrt().numpy())

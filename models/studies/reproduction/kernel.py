@@ -1,6 +1,6 @@
-"""A layered network sample by sample, in numba: its free runs, and what its weights do to them.
+"""Free runs of a layered network in numba, and their derivatives by its weights.
 
-A network is told by ``sizes`` (inputs, units of each layer), ``codes`` (each layer's transfer, see
+A network is given by ``sizes`` (inputs, units of each layer), ``codes`` (each layer's transfer, see
 ``layers``), ``inputs`` (places in ``step.LAGS``) and ``scale`` = (reach, centre, share): inputs are
 divided by reach, the answer is ``reach (s - centre) / share``. Weights (P,) are each layer's rows
 ``[W, b]``, one after the other.
@@ -35,7 +35,7 @@ def free_runs(
 ) -> None:
     """Fill ``out`` (T, R) with free runs over ``u`` (T, R), from the first two samples of ``y``.
 
-    What leaves ``-limit`` to ``limit``, or is no number, is held there.
+    Values are clamped to ``-limit`` to ``limit``; NaN becomes ``limit``.
     """
     reach, centre, share = scale
     units, lags = np.zeros((len(sizes), sizes.max())), np.zeros(5)
@@ -99,7 +99,7 @@ def _look_back(u: Floats, y: Floats, t: int, run: int, lags: Floats) -> None:
 
 @njit(cache=True)
 def _held(answer: float, limit: float) -> float:
-    """Within ``-limit`` to ``limit``; what is no number is at ``limit``."""
+    """``answer`` clamped to ``-limit`` to ``limit``; NaN becomes ``limit``."""
     if math.isnan(answer):
         return limit
     return min(max(answer, -limit), limit)
@@ -117,7 +117,7 @@ def _squash(code: int, total: float) -> float:
 
 @njit(cache=True)
 def _slope(code: int, answer: float) -> float:
-    """Its derivative where it answers ``answer``."""
+    """Derivative of the transfer function where its value is ``answer``."""
     if code == LINEAR:
         return 1.0
     if code == TANGENT_SIGMOID:
@@ -151,8 +151,8 @@ def _backward(
     factor: float,
     row: Floats,
 ) -> None:
-    """What each weight does to ``factor`` times the answer, in ``row``, and what each unit does, in
-    ``slopes``; its first row is of the inputs."""
+    """Derivatives of ``factor`` times the answer: by each weight into ``row``, by each unit into
+    ``slopes``, whose first row is of the inputs."""
     last, place = len(codes), weights.shape[0]
     slopes[last, 0] = factor * _slope(codes[last - 1], units[last, 0])
     for back in range(last):
@@ -173,6 +173,6 @@ def _backward(
 
 @njit(cache=True)
 def _carry(row: Floats, by_lag: float, earlier: Floats) -> None:
-    """Add what an earlier position carries on; not to the residual in the last column."""
+    """Add an earlier position's derivatives times ``by_lag``, except in the residual's column."""
     for at in range(row.shape[0] - 1):
         row[at] += by_lag * earlier[at]

@@ -78,19 +78,19 @@ class ThreeLayers:
 
     def __call__(self, weights: Tensor, lags: Tensor) -> Tensor:
         signal = lags[..., list(self.inputs)] / self.reach
-        at = 0
+        first = 0
         for width, transfer in zip(self.sizes, self.transfers, strict=True):
             wide = signal.shape[-1] + 1
-            matrix = weights[:, at : at + width * wide].reshape(-1, width, wide)
+            matrix = weights[:, first : first + width * wide].reshape(-1, width, wide)
             summed = torch.matmul(signal, matrix[..., :-1].transpose(1, 2))
             signal = _FUNCTION[transfer](summed + matrix[:, None, :, -1])
-            at += width * wide
+            first += width * wide
         reach, centre, share = self._scale
         return reach * (signal[..., 0] - centre) / share
 
     def runs(self, weights: Floats, u: Floats, y: Floats, limit: float) -> Floats:
-        """See ``step.Compiled``."""
-        sizes, codes, inputs = self._told
+        """(T, R) free runs, held within ``-limit`` to ``limit``."""
+        sizes, codes, inputs = self._for_kernel
         out = np.empty(u.shape)
         kernel.free_runs(weights, sizes, codes, inputs, self._scale, u, y, limit, out)
         return out
@@ -98,8 +98,8 @@ class ThreeLayers:
     def jacobian(
         self, weights: Floats, u: Floats, y: Floats, limit: float, steepest: float
     ) -> Floats:
-        """See ``step.Compiled``."""
-        sizes, codes, inputs = self._told
+        """(R (T - 2), P + 1) derivatives of the runs by each weight, and last the residuals."""
+        sizes, codes, inputs = self._for_kernel
         out = np.empty(((u.shape[0] - 2) * u.shape[1], weights.size + 1))
         kernel.jacobian(weights, sizes, codes, inputs, self._scale, u, y, limit, steepest, out)
         return out
@@ -110,8 +110,8 @@ class ThreeLayers:
         return (self.reach, 0.5, 0.4) if self.transfers[-1] is _LOG else (self.reach, 0.0, 0.8)
 
     @property
-    def _told(self) -> tuple[kernel.Indices, kernel.Indices, kernel.Indices]:
-        """What ``kernel`` is told of the network: sizes, codes, inputs."""
+    def _for_kernel(self) -> tuple[kernel.Indices, kernel.Indices, kernel.Indices]:
+        """Sizes, codes and inputs, as ``kernel`` takes them."""
         return (
             np.array([len(self.inputs), *self.sizes]),
             np.array([_CODE[transfer] for transfer in self.transfers]),

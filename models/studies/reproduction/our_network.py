@@ -18,7 +18,6 @@ HIDDEN = 5
 INPUTS = 3
 _ROWS = HIDDEN * (INPUTS + 1)
 _GATE = HIDDEN + 1
-WEIGHTS = _ROWS + _GATE + HIDDEN + INPUTS + 1
 
 _UP, _DOWN, _GOES_ON_UP, _GOES_ON_DOWN, _DIRECTION = range(HIDDEN)
 
@@ -29,9 +28,9 @@ class GatedStep:
 
     ``x = [e/se, tanh(du/(eps se)), tanh(dy1/(eps se))]``; ``e = u(t) - y(t-1)``, ``du = u(t) -
     u(t-1)``, ``dy1 = y(t-1) - y(t-2)``. ``se`` = std(e) of the training record. The two saturated
-    regressors say which way the command and the stem go, however slowly: near a turning point a
-    motion that is taken for rest costs the next slip. Weights: rows [W, b], gate, value [wv, c,
-    bv], flattened.
+    regressors give the direction of command and stem, however slowly they go: near a turning point
+    a motion taken for rest would cost the next slip. Weights: rows [W, b], gate, value [wv, c, bv],
+    flattened.
     """
 
     se: float
@@ -50,8 +49,8 @@ class GatedStep:
         inwards = torch.matmul(x, rows[..., :INPUTS].transpose(1, 2))
         h = torch.tanh(inwards + rows[:, None, :, INPUTS])
         opening = torch.matmul(h, gate[:, :HIDDEN, None])[..., 0] + gate[:, HIDDEN:]
-        seen = torch.cat([h, x], dim=-1)
-        moved = torch.matmul(seen, value[:, :-1, None])[..., 0] + value[:, -1:]
+        units_and_inputs = torch.cat([h, x], dim=-1)
+        moved = torch.matmul(units_and_inputs, value[:, :-1, None])[..., 0] + value[:, -1:]
         return y1 + self.se * torch.sigmoid(opening) * moved
 
 
@@ -65,7 +64,7 @@ def start_from(S: float, J: float, se: float, width: float) -> Floats:
 
     With ``fs = (S + J)/2`` and ``fd = (S - J)/2``: one unit opens the gate where ``e > fs``, one
     where ``e < -fs``, two where command and stem both go on in one direction; the fifth is the
-    direction d, and the value is ``e - d fd``. Between two directions ``e/fs`` decides: whoever
+    direction d, and the value is ``e - d fd``. Between two directions ``e/fs`` decides: a stem that
     goes on upwards has ``e >= fd > -fs``, also where fd is negative (overshoot). ``width`` is in
     the unit of S; the smaller, the sharper the edge, and the less gradient it has.
     """
@@ -84,7 +83,7 @@ def start_from(S: float, J: float, se: float, width: float) -> Floats:
 
 
 def random_start(rng: np.random.Generator) -> Floats:
-    """(35,) weights that know nothing.
+    """(35,) random weights, without knowledge of S and J.
 
     Rows normal / sqrt(3) times 1.5, their biases normal, gate normal / sqrt(5), value small.
     """
@@ -159,7 +158,7 @@ def fit_S_J(u: Floats, y: Floats) -> tuple[float, float]:
 
 
 def train_from_fitted(u: Floats, y: Floats, fitted: tuple[float, float], seeds: int) -> Trained:
-    """Grey-box: every seed starts from S and J near the fitted ones, the first from these."""
+    """Grey-box: the first seed starts from the fitted S and J, the others from some near them."""
     se = error_scale(u, y)
     starts = []
     for seed in range(seeds):
@@ -170,7 +169,7 @@ def train_from_fitted(u: Floats, y: Floats, fitted: tuple[float, float], seeds: 
 
 
 def train_from_random(u: Floats, y: Floats, seeds: int) -> Trained:
-    """Nothing known of S and J."""
+    """Training from random weights, without knowledge of S and J."""
     rngs = (np.random.default_rng([_RANDOM_SEED, seed]) for seed in range(seeds))
     return _trained(u, y, np.stack([random_start(rng) for rng in rngs]), FROM_RANDOM)
 

@@ -25,16 +25,16 @@ Family = Callable[[np.random.Generator], Floats]
 
 
 def paper_sine() -> Floats:
-    """(n,) whole periods of the sine, of which the first is there to forget the start."""
+    """(n,) whole periods of the sine; the first is not scored, because of the start."""
     n = (PERIODS + 1) * SAMPLES_PER_PERIOD
     return AMPLITUDE * np.asarray(np.sin(2.0 * np.pi * np.arange(n) / SAMPLES_PER_PERIOD))
 
 
 def training_input() -> Floats:
-    """(n,) one continuous record: the paper's sine, then all that a stem can be asked to do.
+    """(n,) one continuous record: the paper's sine, then a rich variety of movements.
 
-    A swept sine, a sine that grows from 0 to 1.5 times the amplitude (where it begins to move the
-    stem says most about the breakaway level), sums of sines and random walks.
+    A swept sine, a sine that grows from 0 to 1.5 times the amplitude (the point where the stem
+    begins to move determines the breakaway level), sums of sines and random walks.
     """
     rngs = [np.random.default_rng([_TRAINING, part]) for part in range(8)]
     parts = [

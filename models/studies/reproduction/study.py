@@ -1,7 +1,7 @@
-"""One case through every network: the paper's on its sine, ours, and all of them on new inputs.
+"""Every network on one case: the paper's on its sine, ours, and all of them on new inputs.
 
-With the two figures of the paper (root mean square error, correct directional change), and what our
-network was meant to reach.
+Scored by the two figures of the paper (root mean square error, correct directional change), and
+compared with the targets for our network.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from stemwatch.models.studies.reproduction.layers import (
     NARX_INPUTS,
     ThreeLayers,
 )
+from stemwatch.models.studies.reproduction.network_step import NetworkStep, simulate
 from stemwatch.models.studies.reproduction.signals import (
     FAMILIES,
     paper_sine,
     training_input,
     unseen,
 )
-from stemwatch.models.studies.reproduction.step import NetworkStep, simulate
 from stemwatch.models.verdict import Shape
 
 
@@ -44,7 +44,7 @@ def rmse(simulated: Floats, truth: Floats) -> Floats:
 
 
 def cdc_percent(simulated: Floats, truth: Floats) -> Floats:
-    """``100 mean(D)`` over the last axis: how often both go the same way.
+    """``100 mean(D)`` over the last axis: the share of steps in which both go the same way.
 
     ``D(t) = 1`` where ``(y(t) - y(t-1)) (yhat(t) - yhat(t-1)) > 0``, 0 where not, also where either
     stands still.
@@ -208,14 +208,14 @@ def _unseen(
 ) -> Unseen:
     truths = [case.respond(u) for u in inputs]
     errors = rmse(simulate(network.step, network.weights, inputs, truths), np.stack(truths))
-    own = errors[chosen]
+    of_chosen = errors[chosen]
     return Unseen(
         family=family,
         inputs=len(inputs),
-        median=float(np.median(own)),
-        eightieth=float(np.quantile(own, 0.8)),
-        largest=float(own.max()),
-        close_share=float(np.mean(own <= CLOSE)),
+        median=float(np.median(of_chosen)),
+        eightieth=float(np.quantile(of_chosen, 0.8)),
+        largest=float(of_chosen.max()),
+        close_share=float(np.mean(of_chosen <= CLOSE)),
         seed_medians=_floats(np.median(errors, axis=1)),
     )
 
@@ -232,7 +232,8 @@ MEDIAN_OVERSHOOT = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """``found`` was to be at most ``limit``; both RMSE in amplitudes of the sine."""
+    """The RMSE ``found`` on the inputs ``what``, which was to be at most ``limit``; both in
+    amplitudes of the sine. The names are those of ``stemwatch reproduce paper --json``."""
 
     shape: Shape
     what: str
@@ -247,17 +248,17 @@ class Target:
 
 def targets(case: CaseResult) -> list[Target]:
     """Every target of one case: the sine, and for each family the median and four in five."""
-    own = next(result for result in case.results if result.network == OURS)
+    ours = next(result for result in case.results if result.network == OURS)
     return [
-        Target(shape=case.case.shape, what=what, found=found, limit=limit)
-        for what, found, limit in _limits(case.case.shape, own)
+        Target(shape=case.case.shape, what=inputs, found=error, limit=limit)
+        for inputs, error, limit in _limits(case.case.shape, ours)
     ]
 
 
-def _limits(shape: Shape, own: Result) -> Iterator[tuple[str, float, float]]:
-    yield "the paper's sine", own.rmse[own.chosen], SINE_RMSE
+def _limits(shape: Shape, ours: Result) -> Iterator[tuple[str, float, float]]:
+    yield "the paper's sine", ours.rmse[ours.chosen], SINE_RMSE
     overshoot = shape is Shape.OVERSHOOT
-    for family in own.unseen:
+    for family in ours.unseen:
         limit = MEDIAN_OVERSHOOT if overshoot else MEDIAN
         yield f"{family.family}, median", family.median, limit
         if not overshoot:

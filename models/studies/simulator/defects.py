@@ -1,4 +1,4 @@
-"""What a valve may have beyond one air lag and two friction levels; by default it has none of it.
+"""Defects of a valve beyond one air lag and two friction levels; all are absent by default.
 
 Forces and pressures are in percent of the spring range, like S and J; positions in percent of
 travel.
@@ -77,7 +77,7 @@ class BodyDefects:
 
 @dataclass(frozen=True, kw_only=True)
 class Upsets:
-    """What changes with time: friction as a factor on both levels, and forces on the stem.
+    """Changes over time: a factor on both friction levels, and forces on the stem.
 
     Friction: ``growth`` is what the levels gain evenly over the record, as a share; a slow wave of
     share ``wave`` and period ``wave_s``; episodes of a factor ``binding`` that come every

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.defects import AirLine
+from stemwatch.models.studies.simulator.draw_parts import (
+    LETTER,
+    PV_RANGE,
+    coloured_load,
+    draw_actuator,
+    draw_controller,
+    draw_process,
+    draw_setpoints,
+    draw_transmitters,
+)
 from stemwatch.models.studies.simulator.loop import (
     Compression,
     CompressionKind,
@@ -20,37 +31,31 @@ from stemwatch.models.studies.simulator.loop import (
     SimulatedArchive,
     Span,
 )
-from stemwatch.models.studies.simulator.parts import (
-    LETTER,
-    PV_RANGE,
-    coloured_load,
-    some_actuator,
-    some_controller,
-    some_process,
-    some_setpoints,
-    some_transmitters,
-)
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 
 DEMO_DURATION_S = 7200.0
 Change = Callable[[PlantLoop, np.random.Generator], PlantLoop]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Entry:
-    """One line of the plant list. ``S`` and ``J`` as read, percent."""
+class _Nameplate(NamedTuple):
+    """One line of the plant list."""
 
     kind: ProcessKind
-    description: str
     area: str
     criticality: int
-    story: str
+    description: str
+
+
+class _Story(NamedTuple):
+    """What a loop is there to show; ``S`` and ``J`` as read off the OP-MV loop, percent."""
+
+    text: str
+    change: Change | None = None
     S: float = 0.3
     J: float = 0.0
     positioner_gain: float = 0.0
     load: tuple[float, float] = (0.2, 0.6)
     margin: float | None = None
-    change: Change | None = None
 
 
 def demo_plant(seed: int) -> list[PlantLoop]:
@@ -62,38 +67,38 @@ def demo_plant(seed: int) -> list[PlantLoop]:
     alone take for a sticking stem: it vents slowly and its command comes late.
     """
     return [
-        _loop(entry, 101 + place, np.random.default_rng([seed, place, 2]))
-        for place, entry in enumerate(_PLANT)
+        _loop(nameplate, story, 101 + place, np.random.default_rng([seed, place, 2]))
+        for place, (nameplate, story) in enumerate(zip(_PLANT, _STORIES, strict=True))
     ]
 
 
-def _loop(entry: _Entry, number: int, rng: np.random.Generator) -> PlantLoop:
-    air_lag_s = (1.0, 3.0) if entry.positioner_gain > 3.0 else (0.3, 0.8)
-    actuator = some_actuator(rng, air_lag_s, 0.3)
+def _loop(nameplate: _Nameplate, story: _Story, number: int, rng: np.random.Generator) -> PlantLoop:
+    air_lag_s = (1.0, 3.0) if story.positioner_gain > 3.0 else (0.3, 0.8)
+    actuator = draw_actuator(rng, air_lag_s, 0.3)
     valve = SimulatedValve.showing(
-        entry.S, entry.J, positioner_gain=entry.positioner_gain, actuator=actuator
+        story.S, story.J, positioner_gain=story.positioner_gain, actuator=actuator
     )
-    process = some_process(entry.kind, rng)
-    controller = some_controller(process, valve, rng, entry.margin)
+    process = draw_process(nameplate.kind, rng)
+    controller = draw_controller(process, valve, rng, story.margin)
     loop = PlantLoop(
-        tag=f"{LETTER[entry.kind]}-{number}",
-        description=entry.description,
-        area=entry.area,
-        criticality=entry.criticality,
-        story=entry.story,
+        tag=f"{LETTER[nameplate.kind]}-{number}",
+        description=nameplate.description,
+        area=nameplate.area,
+        criticality=nameplate.criticality,
+        story=story.text,
         valve=valve,
         process=process,
         controller=controller,
-        transmitters=some_transmitters(controller.gain, rng, pv_noise=0.05, position_noise=0.05),
-        pv_range=PV_RANGE[entry.kind],
-        loads=coloured_load(process, rng, entry.load),
+        transmitters=draw_transmitters(controller.gain, rng, pv_noise=0.05, position_noise=0.05),
+        pv_range=PV_RANGE[nameplate.kind],
+        loads=coloured_load(process, rng, story.load),
         duration_s=DEMO_DURATION_S,
     )
-    return entry.change(loop, rng) if entry.change is not None else loop
+    return story.change(loop, rng) if story.change is not None else loop
 
 
 def _set_points(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
-    steps = some_setpoints(
+    steps = draw_setpoints(
         loop.process, loop.controller, rng, duration_s=loop.duration_s, travel=(3.0, 12.0)
     )
     return replace(loop, setpoints=steps)
@@ -135,8 +140,14 @@ def _slow_venting(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 
 def _manual(loop: PlantLoop, _: np.random.Generator) -> PlantLoop:
     """In manual all the time: an operator moves the valve three times in two hours."""
-    at = loop.controller.output
-    knots = ((0.0, at), (1500.0, at), (1502.0, at + 4.0), (3900.0, at + 4.0), (3902.0, at + 1.0))
+    opening = loop.controller.output
+    knots = (
+        (0.0, opening),
+        (1500.0, opening),
+        (1502.0, opening + 4.0),
+        (3900.0, opening + 4.0),
+        (3902.0, opening + 1.0),
+    )
     span = ManualSpan(start_s=-loop.warmup_s, stop_s=loop.duration_s, knots=knots)
     return replace(loop, manual=(span,))
 
@@ -162,143 +173,37 @@ def _bad_data(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 _FLOW, _LEVEL = ProcessKind.FLOW, ProcessKind.LEVEL
 _PRESSURE, _TEMPERATURE = ProcessKind.PRESSURE, ProcessKind.TEMPERATURE
 _PLANT = (
-    _Entry(
-        kind=_FLOW,
-        description="Naphtha feed to the reactor",
-        area="Reforming",
-        criticality=3,
-        story="healthy, smart positioner",
-        positioner_gain=10.0,
-        change=_set_points,
-    ),
-    _Entry(
-        kind=_TEMPERATURE,
-        description="Fuel gas to the charge heater",
-        area="Reforming",
-        criticality=3,
-        story="healthy, no positioner",
-        S=0.5,
-        J=0.1,
-        change=_set_points,
-    ),
-    _Entry(
-        kind=_LEVEL,
-        description="Product separator bottoms to the stabiliser",
-        area="Reforming",
-        criticality=2,
-        story="sticky, deadband",
-        S=6.0,
-        change=_between_rests,
-    ),
-    _Entry(
-        kind=_FLOW,
-        description="Recycle gas to the charge heater",
-        area="Reforming",
-        criticality=3,
-        story="sticky, undershoot",
-        S=5.0,
-        J=2.5,
-        change=_between_rests,
-    ),
-    _Entry(
-        kind=_PRESSURE,
-        description="Stabiliser overhead to fuel gas",
-        area="Reforming",
-        criticality=2,
-        story="sticky, no offset",
-        S=4.0,
-        J=4.0,
-        change=_between_rests,
-    ),
-    _Entry(
-        kind=_FLOW,
-        description="Reflux to the atmospheric column",
-        area="Crude distillation",
-        criticality=3,
-        story="sticky, overshoot",
-        S=3.0,
-        J=3.8,
-        positioner_gain=1.5,
-        change=_between_rests,
-    ),
-    _Entry(
-        kind=_FLOW,
-        description="Stripping steam to the side strippers",
-        area="Crude distillation",
-        criticality=2,
-        story="healthy, badly tuned",
-        margin=1.06,
-        load=(0.8, 1.2),
-    ),
-    _Entry(
-        kind=_PRESSURE,
-        description="Desalter back pressure",
-        area="Crude distillation",
-        criticality=2,
-        story="healthy, oscillating disturbance",
-        change=_wave,
-    ),
-    _Entry(
-        kind=_TEMPERATURE,
-        description="Cooling water to the kerosene cooler",
-        area="Crude distillation",
-        criticality=1,
-        story="healthy, too few movements",
-        load=(0.01, 0.02),
-    ),
-    _Entry(
-        kind=_FLOW,
-        description="Heavy gas oil rundown",
-        area="Crude distillation",
-        criticality=1,
-        story="healthy, position transmitter frozen",
-        change=_frozen,
-    ),
-    _Entry(
-        kind=_FLOW,
-        description="Boiler feed water to the waste heat boiler",
-        area="Utilities",
-        criticality=3,
-        story="healthy, compressed archive",
-        positioner_gain=8.0,
-        change=_compressed,
-    ),
-    _Entry(
-        kind=_PRESSURE,
-        description="Low-pressure steam let-down",
-        area="Utilities",
-        criticality=1,
-        story="healthy, manual mode",
-        change=_manual,
-    ),
-    _Entry(
-        kind=_FLOW,
-        description="Demineralised water to the deaerator",
-        area="Utilities",
-        criticality=2,
-        story="sticky, undershoot, no position transmitter",
-        S=4.5,
-        J=3.0,
-        change=_no_position,
-    ),
-    _Entry(
-        kind=_LEVEL,
-        description="Condensate drum to the deaerator",
-        area="Utilities",
-        criticality=2,
-        story="healthy, bad data",
-        positioner_gain=9.0,
-        change=_bad_data,
-    ),
-    _Entry(
-        kind=_FLOW,
-        description="Reflux to the vacuum column",
-        area="Vacuum distillation",
-        criticality=3,
-        story="healthy, vents slowly",
-        S=0.6,
-        J=0.2,
-        load=(0.3, 0.8),
-        change=_slow_venting,
-    ),
+    _Nameplate(_FLOW, "Reforming", 3, "Naphtha feed to the reactor"),
+    _Nameplate(_TEMPERATURE, "Reforming", 3, "Fuel gas to the charge heater"),
+    _Nameplate(_LEVEL, "Reforming", 2, "Product separator bottoms to the stabiliser"),
+    _Nameplate(_FLOW, "Reforming", 3, "Recycle gas to the charge heater"),
+    _Nameplate(_PRESSURE, "Reforming", 2, "Stabiliser overhead to fuel gas"),
+    _Nameplate(_FLOW, "Crude distillation", 3, "Reflux to the atmospheric column"),
+    _Nameplate(_FLOW, "Crude distillation", 2, "Stripping steam to the side strippers"),
+    _Nameplate(_PRESSURE, "Crude distillation", 2, "Desalter back pressure"),
+    _Nameplate(_TEMPERATURE, "Crude distillation", 1, "Cooling water to the kerosene cooler"),
+    _Nameplate(_FLOW, "Crude distillation", 1, "Heavy gas oil rundown"),
+    _Nameplate(_FLOW, "Utilities", 3, "Boiler feed water to the waste heat boiler"),
+    _Nameplate(_PRESSURE, "Utilities", 1, "Low-pressure steam let-down"),
+    _Nameplate(_FLOW, "Utilities", 2, "Demineralised water to the deaerator"),
+    _Nameplate(_LEVEL, "Utilities", 2, "Condensate drum to the deaerator"),
+    _Nameplate(_FLOW, "Vacuum distillation", 3, "Reflux to the vacuum column"),
+)
+# What each of them is there to show, in the same order.
+_STORIES = (
+    _Story("healthy, smart positioner", _set_points, positioner_gain=10.0),
+    _Story("healthy, no positioner", _set_points, S=0.5, J=0.1),
+    _Story("sticky, deadband", _between_rests, S=6.0),
+    _Story("sticky, undershoot", _between_rests, S=5.0, J=2.5),
+    _Story("sticky, no offset", _between_rests, S=4.0, J=4.0),
+    _Story("sticky, overshoot", _between_rests, S=3.0, J=3.8, positioner_gain=1.5),
+    _Story("healthy, badly tuned", load=(0.8, 1.2), margin=1.06),
+    _Story("healthy, oscillating disturbance", _wave),
+    _Story("healthy, too few movements", load=(0.01, 0.02)),
+    _Story("healthy, position transmitter frozen", _frozen),
+    _Story("healthy, compressed archive", _compressed, positioner_gain=8.0),
+    _Story("healthy, manual mode", _manual),
+    _Story("sticky, undershoot, no position transmitter", _no_position, S=4.5, J=3.0),
+    _Story("healthy, bad data", _bad_data, positioner_gain=9.0),
+    _Story("healthy, vents slowly", _slow_venting, S=0.6, J=0.2, load=(0.3, 0.8)),
 )

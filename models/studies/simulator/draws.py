@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from stemwatch.models.studies.simulator.loop import Load, LoadKind, PlantLoop, Process, ProcessKind
-from stemwatch.models.studies.simulator.parts import (
+from stemwatch.models.studies.simulator.draw_parts import (
     LETTER,
     PV_RANGE,
     coloured_load,
-    some_actuator,
-    some_controller,
-    some_process,
-    some_setpoints,
-    some_transmitters,
+    draw_actuator,
+    draw_controller,
+    draw_process,
+    draw_setpoints,
+    draw_transmitters,
 )
+from stemwatch.models.studies.simulator.loop import Load, LoadKind, PlantLoop, Process, ProcessKind
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 from stemwatch.models.verdict import Shape
 
@@ -62,10 +62,10 @@ def draw_sticky(n: int, seed: int) -> list[PlantLoop]:
 def _healthy(place: int, rng: np.random.Generator) -> PlantLoop:
     story = HEALTHY_STORIES[place % len(HEALTHY_STORIES)]
     kind = _KINDS[int(rng.integers(len(_KINDS)))]
-    process = some_process(kind, rng)
+    process = draw_process(kind, rng)
     valve = _healthy_valve(rng)
     margin = float(rng.uniform(1.03, 1.2)) if story == "badly tuned" else None
-    controller = some_controller(process, valve, rng, margin)
+    controller = draw_controller(process, valve, rng, margin)
     noisy = story == "noisy"
     loop = PlantLoop(
         tag=f"{LETTER[kind]}-{100 + place}",
@@ -73,7 +73,7 @@ def _healthy(place: int, rng: np.random.Generator) -> PlantLoop:
         valve=valve,
         process=process,
         controller=controller,
-        transmitters=some_transmitters(
+        transmitters=draw_transmitters(
             controller.gain,
             rng,
             pv_noise=float(rng.uniform(0.2, 0.4) if noisy else rng.uniform(0.02, 0.12)),
@@ -89,12 +89,12 @@ def _healthy(place: int, rng: np.random.Generator) -> PlantLoop:
 def _healthy_valve(rng: np.random.Generator) -> SimulatedValve:
     if rng.random() < 0.45:
         gain = float(rng.uniform(5.0, 15.0))
-        actuator = some_actuator(rng, (1.0, 5.0), 0.5)
+        actuator = draw_actuator(rng, (1.0, 5.0), 0.5)
         S = float(rng.uniform(0.2, 0.4))
         return SimulatedValve.showing(S, 0.0, positioner_gain=gain, actuator=actuator)
     S = float(rng.uniform(0.1, 0.6))
     J = float(rng.uniform(0.0, 0.3)) * S
-    actuator = some_actuator(rng, (0.2, 2.5), 1.0)
+    actuator = draw_actuator(rng, (0.2, 2.5), 1.0)
     return SimulatedValve(S=S, J=J, scatter=float(rng.uniform(0.03, 0.05)), actuator=actuator)
 
 
@@ -119,7 +119,7 @@ def _moved(loop: PlantLoop, story: str, rng: np.random.Generator) -> PlantLoop:
     travel = {"set points": (2.0, 20.0), "noisy": (1.0, 10.0), "small travel": (0.5, 2.0)}
     if story not in travel:
         return loop
-    steps = some_setpoints(
+    steps = draw_setpoints(
         loop.process, loop.controller, rng, duration_s=loop.duration_s, travel=travel[story]
     )
     return replace(loop, setpoints=steps)
@@ -130,8 +130,8 @@ def _sticky(place: int, rng: np.random.Generator) -> PlantLoop:
     valve = _sticky_valve(shape, rng)
     story = STICKY_STORIES[int(rng.integers(len(STICKY_STORIES)))]
     kind = _sticky_kind(shape, story, rng)
-    process = some_process(kind, rng)
-    controller = some_controller(process, valve, rng)
+    process = draw_process(kind, rng)
+    controller = draw_controller(process, valve, rng)
     strong = (0.5, 2.0) if story == "load" else (0.02, 0.15)
     loop = PlantLoop(
         tag=f"{LETTER[kind]}-{500 + place}",
@@ -139,7 +139,7 @@ def _sticky(place: int, rng: np.random.Generator) -> PlantLoop:
         valve=valve,
         process=process,
         controller=controller,
-        transmitters=some_transmitters(
+        transmitters=draw_transmitters(
             controller.gain,
             rng,
             pv_noise=float(np.exp(rng.uniform(np.log(0.02), np.log(0.3)))),
@@ -151,7 +151,7 @@ def _sticky(place: int, rng: np.random.Generator) -> PlantLoop:
     )
     if story == "set points":
         travel = (0.8 * valve.S_read, 15.0)
-        steps = some_setpoints(process, controller, rng, duration_s=loop.duration_s, travel=travel)
+        steps = draw_setpoints(process, controller, rng, duration_s=loop.duration_s, travel=travel)
         return replace(loop, setpoints=steps)
     return replace(loop, setpoints=(_between_slips(loop, rng),))
 
@@ -160,7 +160,7 @@ def _sticky_valve(shape: Shape, rng: np.random.Generator) -> SimulatedValve:
     S = float(rng.uniform(1.5, 10.0 if shape is not Shape.OVERSHOOT else 7.5))
     J = S * float(rng.uniform(*_RATIO[shape]))
     scatter = float(rng.uniform(0.03, 0.10))
-    actuator = some_actuator(rng, (0.05, 1.5), 1.0)
+    actuator = draw_actuator(rng, (0.05, 1.5), 1.0)
     gain = 0.0
     if shape is Shape.OVERSHOOT and rng.random() < 0.5:
         gain = float(rng.uniform(1.0, 2.0))

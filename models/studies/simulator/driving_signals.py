@@ -1,4 +1,4 @@
-"""What drives a simulated loop, as arrays in time: set point, manual output, load, and upsets."""
+"""Inputs of a simulated loop as arrays over time: set point, manual output, load, and upsets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What transmitters and historian do to the true signals of a simulated loop.
+"""The recording that transmitters and historian make of the true signals of a simulated loop.
 
 Noise, rounding, sampling and averaging; compression by swinging door or exception reporting.
 """
@@ -71,7 +71,7 @@ def exception_report(values: Floats, deviation: float) -> Floats:
 
 SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP", Role.MODE: "MODE"}
 
-READS = 20  # looks at the plant in each interval of an archive that is uneven
+READS = 20  # samples of the plant in each interval of an archive with jitter or averages
 
 
 def archived(loop: PlantLoop, columns: dict[Role, Floats], rng: np.random.Generator) -> Recording:
@@ -122,30 +122,34 @@ def _sampled(
     return sampled
 
 
-def reading_of(seen: Transmitters, position: Floats) -> Floats:
-    """(n,) what the transmitter shows of ``position`` (n,) percent, without what chance adds."""
+def reading_of(transmitters: Transmitters, position: Floats) -> Floats:
+    """(n,) the transmitter's reading of ``position`` (n,) percent, without noise and walk."""
     record = np.linspace(0.0, 1.0, position.size)
-    bow = seen.position_bow * np.sin(np.pi * position / 50.0) if seen.position_bow else 0.0
-    reading = seen.position_span * (position - 50.0) + 50.0 + seen.position_zero
-    return np.asarray(reading + bow + seen.position_drift * record)
+    bow = (
+        transmitters.position_bow * np.sin(np.pi * position / 50.0)
+        if transmitters.position_bow
+        else 0.0
+    )
+    reading = transmitters.position_span * (position - 50.0) + 50.0 + transmitters.position_zero
+    return np.asarray(reading + bow + transmitters.position_drift * record)
 
 
 def _measured(
     loop: PlantLoop, columns: dict[Role, Floats], rng: np.random.Generator
 ) -> dict[Role, Floats]:
-    seen = loop.transmitters
+    transmitters = loop.transmitters
     measured = dict(columns)
     position = measured.pop(Role.MV)
-    # Drawn whether or not it is used, so that a valve without transmitter behaves the same.
-    noise = rng.standard_normal(position.size) * seen.position_noise
-    if seen.has_position:
-        reading = reading_of(seen, position) + noise
-        if seen.position_walk > 0.0:
+    # Drawn whether or not it is used, so that later draws do not depend on it.
+    noise = rng.standard_normal(position.size) * transmitters.position_noise
+    if transmitters.has_position:
+        reading = reading_of(transmitters, position) + noise
+        if transmitters.position_walk > 0.0:
             walk = np.cumsum(rng.standard_normal(position.size)) / np.sqrt(position.size)
-            reading = reading + seen.position_walk * walk
-        measured[Role.MV] = rounded(reading, seen.position_step)
-    measured[Role.OP] = rounded(measured[Role.OP], seen.op_step)
-    measured[Role.PV] = rounded(measured[Role.PV], seen.pv_step)
+            reading = reading + transmitters.position_walk * walk
+        measured[Role.MV] = rounded(reading, transmitters.position_step)
+    measured[Role.OP] = rounded(measured[Role.OP], transmitters.op_step)
+    measured[Role.PV] = rounded(measured[Role.PV], transmitters.pv_step)
     return measured
 
 
@@ -168,7 +172,7 @@ def _frozen(values: Floats, role: Role, archive: SimulatedArchive) -> Floats:
 
 
 def _compressed(values: Floats, role: Role, archive: SimulatedArchive) -> tuple[Floats, Bools]:
-    """(n,) what the archive gives back, and where it gives nothing."""
+    """(n,) the values that the archive returns, and where it returns none."""
     dropped = np.zeros(values.size, dtype=np.bool_)
     for compression in archive.compression:
         if compression.role is not role:

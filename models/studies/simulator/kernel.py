@@ -1,7 +1,7 @@
-"""The closed loop in continuous time, one small step after the other.
+"""The compiled kernel of a closed loop in continuous time, in small fixed steps.
 
-Order within a step: the archive reads, the controller scans, the air moves, the stem moves, the
-process moves. Everything is SI inside the valve and percent outside it.
+Order within a step: archive, controller, air, stem, process. SI units inside the valve, percent
+outside it.
 """
 
 from __future__ import annotations
@@ -173,15 +173,15 @@ def moved_stem(
 @njit(cache=True)
 def air_step(pressure: float, command: float, position: float, dt: float, air: AirNumbers) -> float:
     """Chamber pressure after one step, Pa; ``command`` and ``position`` in percent."""
-    target = asked_pressure(command, position, air)
+    target = demanded_pressure(command, position, air)
     if air.lag_s <= dt:
         return target
     return pressure + dt / air.lag_s * (target - pressure)
 
 
 @njit(cache=True)
-def asked_pressure(command: float, position: float, air: AirNumbers) -> float:
-    """What I/P or positioner ask of the chamber, Pa, between no pressure and the supply's."""
+def demanded_pressure(command: float, position: float, air: AirNumbers) -> float:
+    """The pressure that I/P or positioner demand, Pa, between 0 and the supply's."""
     asked = command + air.positioner_gain * (command - position)
     target = air.low_pa + asked / 100.0 * (air.high_pa - air.low_pa)
     return min(max(target, 0.0), air.supply_pa)
@@ -199,10 +199,10 @@ def air_line_step(
 ) -> float:
     """Chamber pressure after one step through a relay that rings, narrow ports, a weak supply.
 
-    ``state`` (3,) is carried on in place: the relay's pressure, its rate, and what the supply is
-    short of. The air that fills the chamber is taken from the supply, which recovers by itself.
+    ``state`` (3,) is updated in place: the relay's pressure, its rate, and the drop of the supply,
+    which falls with the air that fills the chamber and recovers by itself.
     """
-    target = asked_pressure(command, position, air)
+    target = demanded_pressure(command, position, air)
     if line.ring_rad_per_s > 0.0:
         wn = line.ring_rad_per_s
         state[1] += dt * wn * (wn * (target - state[0]) - 2.0 * line.ring_damping * state[1])
@@ -268,7 +268,7 @@ def between(values: Floats, step: int, steps: int) -> float:
     return float(values[place] + (step / steps - place) * (values[place + 1] - values[place]))
 
 
-# Inlined: handing all these numbers over at each step would take longer than the step.
+# Inlined: passing all these numbers at each step would take longer than the step.
 @njit(cache=True, inline="always")
 def valve_step(
     command: float,

@@ -27,7 +27,7 @@ class StemNumbers(NamedTuple):
 
 
 class PackingNumbers(NamedTuple):
-    """What makes friction more than two levels; see ``PackingDefects``. All zero is neutral."""
+    """Friction beyond two levels; see ``PackingDefects``. All zero is neutral."""
 
     breakaway_skew_n: float  # added to the breakaway level when opening, taken off when closing
     kinetic_skew_n: float
@@ -66,7 +66,7 @@ class AirNumbers(NamedTuple):
 
 
 class AirLineNumbers(NamedTuple):
-    """What keeps the air from following with one lag; see ``AirLine``."""
+    """Air line between positioner and chamber beyond one lag; see ``AirLine``."""
 
     vent_lag_s: float
     fill_pa_per_s: float
@@ -78,8 +78,8 @@ class AirLineNumbers(NamedTuple):
 
 
 class ValveNumbers(NamedTuple):
-    """A valve. Where ``line_on`` or ``body_on`` is False, air or stem take the short way: one lag,
-    two friction levels, no upsets."""
+    """A valve. Where ``line_on`` or ``body_on`` is False, the kernel computes air or stem the short
+    way: one lag, two friction levels, no upsets."""
 
     stem: StemNumbers
     packing: PackingNumbers
@@ -163,7 +163,7 @@ def stem_numbers(valve: SimulatedValve) -> StemNumbers:
 
 
 def packing_numbers(valve: SimulatedValve) -> PackingNumbers:
-    """What makes the friction of ``valve`` more than two levels."""
+    """Friction of ``valve`` beyond its two levels."""
     packing = valve.packing
     newton, metre = _newton_per_percent(valve.actuator), _metre_per_percent(valve.actuator)
     S_half, J_half = 0.5 * valve.S * packing.S_skew, 0.5 * valve.J * packing.J_skew
@@ -214,7 +214,7 @@ def air_numbers(valve: SimulatedValve) -> AirNumbers:
 
 
 def air_line_numbers(valve: SimulatedValve) -> AirLineNumbers:
-    """What keeps the air of ``valve`` from following with one lag."""
+    """Air line of ``valve`` beyond one lag."""
     line, pascal = valve.air_line, _pascal_per_percent(valve.actuator)
     fill, vent = (
         math.inf if rate is None else rate * pascal
@@ -233,7 +233,7 @@ def air_line_numbers(valve: SimulatedValve) -> AirLineNumbers:
 
 
 def valve_numbers(loop: PlantLoop) -> ValveNumbers:
-    """The valve of ``loop``, and which of the two ways the kernel has to take."""
+    """The valve of ``loop``, and whether the kernel needs the full air line and the full body."""
     valve = loop.valve
     plain = (PackingDefects(), BodyDefects(), Upsets())
     return ValveNumbers(

@@ -1,4 +1,4 @@
-"""``PlantLoop``: everything that one simulated control loop is, before chance is added."""
+"""``PlantLoop``: the full description of one simulated control loop, without random numbers."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ class Compression:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedArchive:
-    """The historian: sampling interval, and what goes wrong in it.
+    """The historian: sampling interval, compression, frozen, missing and bad stretches.
 
     ``phase_s`` is how long after a whole interval the poll comes; at 0 it reads just before the
     controller's scan of the same instant, when OP has been held the longest. With
@@ -171,7 +171,7 @@ class SimulatedArchive:
 
     @property
     def uneven(self) -> bool:
-        """Whether it needs more than one look at the plant in each interval."""
+        """Whether the plant must be sampled more than once in each interval."""
         return self.position_jitter_s > 0.0 or self.average_s > 0.0
 
 

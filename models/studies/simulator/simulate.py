@@ -28,13 +28,13 @@ from stemwatch.models.studies.simulator.truth import Truth, truth_of
 STEP_S = 0.001
 _SCATTER_DRAWS = 8192  # breakaways before the drawn levels repeat
 _SCATTER_LIMIT = 3.0  # standard deviations; a level of zero or below would be no friction at all
-# Upsets have a chance of their own, so that switching one on leaves noise, load and scatter alone.
+# Upsets have a random stream of their own: switching one on leaves noise, load and scatter alone.
 _UPSETS = 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedLoop:
-    """A recording, and what it really holds.
+    """A simulated recording and the truth behind it.
 
     ``stem`` (n,) is the true stem position in percent at the recorded instants, ``output`` (n,) OP
     there before it is rounded or thinned, and ``reading`` (n,) the position that a transmitter
@@ -50,20 +50,20 @@ class SimulatedLoop:
 
 
 def simulate_loop(loop: PlantLoop, seed: int, *, step_s: float = STEP_S) -> SimulatedLoop:
-    """Simulate ``loop`` with the chance of ``seed``; the same seed gives the same recording.
+    """Simulate ``loop`` with the random numbers of ``seed``; one seed gives one recording.
 
     All times are rounded to whole steps of ``step_s`` seconds. The noise does not depend on the
     step, so that a smaller one converges to the same run.
     """
     rng = np.random.default_rng(seed)
     reads = READS if loop.archive.uneven else 1
-    seen = _run(loop, seed, rng, step_s, reads)[_warmup_samples(loop) * reads :]
-    even = seen[::reads]
+    samples = _run(loop, seed, rng, step_s, reads)[_warmup_samples(loop) * reads :]
+    even = samples[::reads]
     times = _clock(len(even), loop.archive.interval_s)
     columns = {
-        Role.OP: seen[:, 1],
-        Role.MV: seen[:, 4],
-        Role.PV: seen[:, 2],
+        Role.OP: samples[:, 1],
+        Role.MV: samples[:, 4],
+        Role.PV: samples[:, 2],
         Role.SP: set_point_at(loop, times),
         Role.MODE: np.isnan(manual_output_at(loop.manual, times)).astype(np.float64),
     }

@@ -1,4 +1,4 @@
-"""``Truth``: what a simulated recording really holds."""
+"""``Truth``: the true S, J, shape and effects of a simulated recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stemwatch.models.verdict import Shape
 
 Plain = float | int | str | bool | None
 
-# A controller that scans this many air lags apart lets the stem come to rest between scans.
+# With this many air lags between two scans of the controller, the stem comes to rest between them.
 _RESTING_SCAN_LAGS = 3.0
 # A slip that takes a second or more is seen at 1 s; every valve drawn as usual is far below.
 _DRAGGING_S = 0.5
@@ -51,7 +51,7 @@ class Truth:
 
 
 def truth_of(loop: PlantLoop, seed: int, pv: Floats, set_point: Floats) -> Truth:
-    """What ``loop`` is; ``pv`` (n,) without noise and ``set_point`` (n,) give the period."""
+    """The truth of ``loop``; ``pv`` (n,) without noise and ``set_point`` (n,) give the period."""
     valve = loop.valve
     return Truth(
         tag=loop.tag,
@@ -80,7 +80,7 @@ def _period_s(loop: PlantLoop, error: Floats) -> float | None:
 
 def effects_of(loop: PlantLoop) -> tuple[str, ...]:
     """Identifiers of the effects in valve and record beyond S and J, in the order of the chain."""
-    actuator, seen, archive = loop.valve.actuator, loop.transmitters, loop.archive
+    actuator, transmitters, archive = loop.valve.actuator, loop.transmitters, loop.archive
     line, packing, body, upsets = (
         loop.valve.air_line,
         loop.valve.packing,
@@ -88,6 +88,7 @@ def effects_of(loop: PlantLoop) -> tuple[str, ...]:
         loop.upsets,
     )
     limits = (line.fill_percent_per_s, line.vent_percent_per_s)
+    steps = (transmitters.position_step, transmitters.op_step, transmitters.pv_step)
     standard = Upsets(growth=upsets.growth)
     positioned = loop.valve.positioner_gain > 0.0
     resting = loop.controller.scan_s > _RESTING_SCAN_LAGS * actuator.air_lag_s
@@ -112,15 +113,17 @@ def effects_of(loop: PlantLoop) -> tuple[str, ...]:
         "low_speed_restick": restick,
         "breakaway_scatter": loop.valve.scatter > 0.0,
         "travel_stop": body.low_percent > 0.0 or body.high_percent < 100.0,
-        "lost_motion": seen.position_play > 0.0,
-        "zero_shift": seen.has_position and seen.position_zero != 0.0,
-        "span_error": seen.has_position and seen.position_span != 1.0,
-        "sensor_drift": seen.position_drift != 0.0 or seen.position_walk > 0.0,
-        "unknown": upsets != standard or body.hysteresis_percent > 0.0 or seen.position_bow != 0.0,
-        "quantisation": max(seen.position_step, seen.op_step, seen.pv_step) > 0.0,
+        "lost_motion": transmitters.position_play > 0.0,
+        "zero_shift": transmitters.has_position and transmitters.position_zero != 0.0,
+        "span_error": transmitters.has_position and transmitters.position_span != 1.0,
+        "sensor_drift": transmitters.position_drift != 0.0 or transmitters.position_walk > 0.0,
+        "unknown": upsets != standard
+        or body.hysteresis_percent > 0.0
+        or transmitters.position_bow != 0.0,
+        "quantisation": max(steps) > 0.0,
         "oscillating_disturbance": any(x.kind is LoadKind.OSCILLATING for x in loop.loads),
         "manual": bool(loop.manual),
-        "no_position": not seen.has_position,
+        "no_position": not transmitters.has_position,
         "historian_compression": bool(archive.compression),
         "sampling_jitter": archive.uneven,
         "frozen_signal": bool(archive.frozen),
@@ -128,7 +131,7 @@ def effects_of(loop: PlantLoop) -> tuple[str, ...]:
         "gaps": bool(archive.gaps),
         "bad_status": bool(archive.bad),
     }
-    return tuple(name for name, there in present.items() if there)
+    return tuple(name for name, is_present in present.items() if is_present)
 
 
 def oscillation_period_s(error: Floats, interval_s: float) -> float | None:

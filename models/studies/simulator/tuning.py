@@ -19,7 +19,7 @@ class ControllerSettings:
 
 
 def delay_s(process: Process, actuator: Actuator, scan_s: float) -> float:
-    """The dead time that a controller feels: the true ones, half a scan, and the small lags."""
+    """The effective dead time of the loop: dead times, half a scan, and the small lags."""
     true = process.dead_time_s + actuator.dead_time_s + 0.5 * scan_s
     return true + actuator.air_lag_s + actuator.viscous_s + 0.5 * process.second_lag_s
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from stemwatch.models.studies.simulator.defects import AirLine, BodyDefects, PackingDefects
 from stemwatch.models.verdict import Shape
 
-# A valve that shows less than this of S and of J is called healthy, percent of span. It lies above
-# every dead band drawn for a healthy valve (0.6 %) and below every sticky one (1.5 %).
+# A valve whose S and J, as read, are below this is healthy, percent of span: above every dead band
+# drawn for a healthy valve (0.6 %) and below that of every sticky one (1.5 %).
 HEALTHY_BELOW_PERCENT = 1.0
 # S and J closer to each other than this, relative to S, are drawn and read as "no offset".
 _NO_OFFSET_WITHIN = 0.02

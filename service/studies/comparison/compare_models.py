@@ -13,12 +13,12 @@ from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY
 from stemwatch.models.studies.literature.fit import ModelFit, fit_model
 from stemwatch.models.studies.literature.model import ValveModel
 from stemwatch.models.studies.literature.networks.network import Network, fit_network
-from stemwatch.models.studies.literature.networks.ours import OURS
+from stemwatch.models.studies.literature.networks.product_network import PRODUCT
 from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 from stemwatch.models.studies.literature.scores import FitScore
 
 Tell = Callable[[str, int, int], None]  # model, done, of
-NETWORKS: tuple[Network, ...] = (FEEDFORWARD_PAPER, NARX_PAPER, OURS)
+NETWORKS: tuple[Network, ...] = (FEEDFORWARD_PAPER, NARX_PAPER, PRODUCT)
 
 
 @dataclass(frozen=True, kw_only=True)

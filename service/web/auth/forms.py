@@ -13,7 +13,7 @@ from urllib.parse import parse_qs
 from fastapi import Depends, HTTPException, Request, Response
 from starlette.types import Scope
 
-from stemwatch.service.access.secret import new_secret
+from stemwatch.service.access.random_secrets import new_secret
 from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.web.auth.current_user import current_user_of, note_about
 from stemwatch.service.web.auth.session_cookie import is_secure
@@ -21,7 +21,7 @@ from stemwatch.service.web.auth.session_cookie import is_secure
 COOKIE = "stemwatch_form"  # for the pages that are open before anybody has signed in
 FIELD = "mark"
 MOST_TEXT = 2000
-MOST_FIELDS = 200
+MOST_FIELDS = 400  # all alerts that a page shows, and what is done with them
 NAMED_IN_AUDIT = ("valve", "alert", "how", "run", "area", "user", "role", "token", "name")
 TOO_OLD = "This form is too old, or was not opened here. Open the page again and repeat."
 
@@ -56,10 +56,14 @@ class Form:
 
     def number(self, name: str, needed: str) -> int:
         """A whole number."""
-        text = self.text(name, needed=needed)
-        if not text.isascii() or not text.isdigit() or len(text) > 18:
-            raise HTTPException(422, f"{needed} is needed, received {text!r}")
-        return int(text)
+        return _number(self.text(name, needed=needed), needed)
+
+    def numbers(self, name: str, needed: str) -> list[int]:
+        """One whole number or more, each once."""
+        texts = [text.strip() for text in self.all(name)]
+        if not any(texts):
+            raise HTTPException(422, f"{needed} is needed")
+        return list(dict.fromkeys(_number(text, needed) for text in texts))
 
     def instant(self, name: str, zone: tzinfo, now: datetime) -> datetime:
         """A local time of the plant, such as 2026-03-02T14:30, as UTC; ``now`` where empty."""
@@ -77,6 +81,12 @@ class Form:
             return local.astimezone(UTC)
         except OverflowError:
             raise HTTPException(422, f"{text!r} is no time that a plant has known") from None
+
+
+def _number(text: str, needed: str) -> int:
+    if not text.isascii() or not text.isdigit() or len(text) > 18:
+        raise HTTPException(422, f"{needed} is needed, received {text!r}")
+    return int(text)
 
 
 async def form_of(request: Request) -> Form:

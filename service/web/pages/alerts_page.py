@@ -43,17 +43,18 @@ def alert_list(request: Request, deps: Deps) -> HTMLResponse:
 def settle(
     request: Request, deps: Deps, current_user: SignedIn, form: SentForm
 ) -> RedirectResponse:
-    """Acknowledge an alert, put it off, or mark it as false; ``how`` says which."""
-    number = form.number("alert", "the number of an alert")
+    """Acknowledge alerts, put them off, or mark them as false; ``how`` says which. All of them or,
+    where one is not there, none."""
+    numbers = form.numbers("alert", "the number of an alert")
     who, text = current_user.signature(), form.text("text")
     how = form.text("how", needed="what is to be done with the alert")
     if how == "snooze":
         hours = min(form.number("hours", "a number of hours"), LONGEST_SNOOZE_H)
-        deps.actions.snooze(number, deps.now + timedelta(hours=hours), who)
+        deps.actions.snooze_all(numbers, deps.now + timedelta(hours=hours), who)
     elif how == "acknowledge":
-        deps.actions.acknowledge(number, who, text)
+        deps.actions.acknowledge_all(numbers, who, text)
     elif how == "false":
-        deps.actions.false_alarm(number, who, text)
+        deps.actions.false_alarms(numbers, who, text)
     else:
         raise HTTPException(422, f"acknowledge, snooze or false is expected, received {how!r}")
     done = {"snooze": "snoozed", "acknowledge": "acknowledged", "false": "false"}[how]

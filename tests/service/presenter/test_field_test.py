@@ -14,6 +14,8 @@ from stemwatch.service.presenter.finding import field_test, present
 from stemwatch.service.presenter.physics_words import PARAMETERS, parameter_name
 from tests.service.report.conftest import screening
 
+GREEK = ("theta", "zeta", "sigma", "omega", "alpha", "beta", "gamma", "delta", "kappa", "lambda")
+
 
 def of(S: float, J: float, verdict: Verdict = Verdict.STICKY) -> Screening:
     """A valve with these numbers, known to a tenth of S."""
@@ -29,7 +31,7 @@ def of(S: float, J: float, verdict: Verdict = Verdict.STICKY) -> Screening:
     [
         (5.0, 2.5, "1 %", "about 5 (4 to 6)", "a jump of about 2.50 %"),
         (6.2, 0.0, "1 %", "about 6 (6 to 7)", "no jump"),
-        (2.0, 2.0, "0.5 %", "about 4 (4)", "a jump of about 2.00 %"),
+        (2.0, 2.0, "0.5 %", "about 4", "a jump of about 2.00 %"),
         (1.0, 0.0, "0.2 %", "about 5 (4 to 6)", "no jump"),
     ],
 )
@@ -65,5 +67,6 @@ def test_every_number_of_an_effect_has_words(slug: str) -> None:
     )  # fmt: skip
     names = term.parameters(np.asarray(term.starts(look))[0])
     for name in names:
-        assert name in PARAMETERS or f"{slug}.{name}" in PARAMETERS
-        assert parameter_name(name, slug)
+        said = parameter_name(name, slug)
+        letters = said not in GREEK and len(said) > 3
+        assert name in PARAMETERS or f"{slug}.{name}" in PARAMETERS or letters, said

@@ -1,4 +1,4 @@
-"""What every network is to a comparison: a description, and weights learned from a recording."""
+"""``Network``, the protocol of networks in a comparison, and how one is fitted and scored."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stemwatch.models.studies.literature.scores import FitScore
 
 @dataclass(frozen=True, kw_only=True)
 class Lesson:
-    """A recording made ready: what may be learned from, and where a free run starts.
+    """A recording prepared for training: the samples to learn from and the stretches to run over.
 
     ``stretches`` are (first, last) of runs without a hole, cut at ``train_until``. ``learned`` (n,)
     are the samples of the training part that may be fitted. ``element`` is the canonical
@@ -36,7 +36,7 @@ class Lesson:
 @dataclass(frozen=True, kw_only=True)
 class Learned:
     """``weights`` (P,) of all networks together and their free run ``simulated`` (n,), percent;
-    both ``None`` where nothing was learned. ``outcome``: why not, or what to know of it."""
+    both ``None`` where nothing was learned. ``outcome``: why not, or a remark on the result."""
 
     weights: Floats | None = None
     simulated: Floats | None = None
@@ -57,12 +57,12 @@ class Network(Protocol):
 
     @property
     def source(self) -> str:
-        """Whose network it is, and how well that is known."""
+        """Authors and publication, and how certain the reconstruction is."""
         ...
 
     @property
     def limits(self) -> tuple[str, ...]:
-        """What is wrong with it, a sentence each."""
+        """The known faults of the network, a sentence each."""
         ...
 
     def equation(self) -> str:
@@ -77,11 +77,11 @@ class Network(Protocol):
 def fit_network(
     network: Network, recording: Recording, train_until: int, element: ModelFit | None = None
 ) -> ModelFit:
-    """Train ``network`` on the samples before ``train_until``; marks as those of ``fit_model``.
+    """Train ``network`` on the samples before ``train_until``; scores as those of ``fit_model``.
 
-    ``element`` is the canonical element as ``fit_model`` fitted it to the same samples, for a
-    caller who has it; otherwise it is fitted here. What refuses it refuses a network too. The one
-    parameter named is the number of weights; the weights are ``values``. Raises ``ValueError``
+    ``element`` is the canonical element as ``fit_model`` fitted it to the same samples; without one
+    it is fitted here. A recording to which it cannot be fitted gets no network. The only parameter
+    is the number of weights; the weights are ``values``. Raises ``ValueError``
     where ``train_until`` is not within the recording.
     """
     began = time.perf_counter()
@@ -111,7 +111,7 @@ def fit_network(
         training=training,
         heldout=heldout,
         seconds=time.perf_counter() - began,
-        outcome=_told(learned, training),
+        outcome=_outcome(learned, training),
     )
 
 
@@ -121,7 +121,7 @@ def _refused(network: Network, reason: str, began: float) -> ModelFit:
     return ModelFit(model=network.name, parameters=unknown, seconds=seconds, outcome=reason)
 
 
-def _told(learned: Learned, training: FitScore | None) -> str:
+def _outcome(learned: Learned, training: FitScore | None) -> str:
     if training is None or training.fit_percent > 0.0:
         return learned.outcome
     poor = "Even on the samples it was trained on, the free run is no better than a constant."

@@ -54,7 +54,7 @@ class TableOne:
 
     @property
     def limits(self) -> tuple[str, ...]:
-        """What is wrong with it, a sentence each: its own first, then what both columns share."""
+        """The known faults, a sentence each: its own first, then those of both columns."""
         return self.own_limits + SHARED_LIMITS
 
     def equation(self) -> str:
@@ -97,12 +97,12 @@ def _runs(lesson: Lesson) -> list[Bools]:
 
 
 def _outcome(shape: Shape, S: float, J: float, diverged: bool) -> str:
-    said = f"Layers of Table 1 for {shape.value}, by the fitted S {S:.3g} % and J {J:.3g} %."
+    sentence = f"Layers of Table 1 for {shape.value}, by the fitted S {S:.3g} % and J {J:.3g} %."
     if diverged:
-        said += (
+        sentence += (
             " The free run diverges: it went to 3 half ranges from the middle, and was held there."
         )
-    return said
+    return sentence
 
 
 FEEDFORWARD_PAPER = TableOne(

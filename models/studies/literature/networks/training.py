@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from torch import Tensor
 
-from stemwatch.models.narx.levenberg_marquardt import descend, one_thread
+from stemwatch.models.narx.levenberg_marquardt import one_thread
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.studies.reproduction.fitting import Segments, TrainingStage, normal_matrix
+from stemwatch.models.studies.reproduction.fitting import (
+    Segments,
+    TrainingStage,
+    fit_segments,
+    segment_errors,
+)
 from stemwatch.models.studies.reproduction.layers import (
     FEEDFORWARD,
     FEEDFORWARD_INPUTS,
@@ -16,7 +20,7 @@ from stemwatch.models.studies.reproduction.layers import (
     NARX_INPUTS,
     ThreeLayers,
 )
-from stemwatch.models.studies.reproduction.step import LIMIT, SEEDS, run_free
+from stemwatch.models.studies.reproduction.network_step import LIMIT, SEEDS, run_free
 from stemwatch.models.verdict import Shape
 
 STARTS = 4  # seeds
@@ -57,10 +61,10 @@ def train(
             cut = segments(u, y, early, stage.horizon)
             if not cut.samples:
                 continue
-            weights = fit_stage(step, weights, cut, stage)
-            better = errors(step, weights, watched) < errors(step, best, watched)
+            weights = fit_segments(step, weights, cut, stage, relative=False)
+            better = segment_errors(step, weights, watched) < segment_errors(step, best, watched)
             best = np.where(better[:, None], weights, best)
-        return step, best[int(np.argmin(errors(step, best, watched)))]
+        return step, best[int(np.argmin(segment_errors(step, best, watched)))]
 
 
 def _watched(u: Floats, y: Floats, late: list[Bools]) -> Segments:
@@ -73,8 +77,8 @@ def _watched(u: Floats, y: Floats, late: list[Bools]) -> Segments:
 
 
 def segments(u: Floats, y: Floats, runs: list[Bools], horizon: int) -> Segments:
-    """Runs of ``horizon`` samples in which every sample may be learned from; of many, so many as
-    hold ``MOST_SAMPLES``, spread evenly."""
+    """Runs of ``horizon`` samples in which every sample may be learned from; of many, as many
+    as hold ``MOST_SAMPLES``, spread evenly."""
     length = horizon + SEEDS
     starts: list[int] = []
     for run in runs:
@@ -86,32 +90,6 @@ def segments(u: Floats, y: Floats, runs: list[Bools], horizon: int) -> Segments:
         starts = [starts[k] for k in np.linspace(0, len(starts) - 1, most).round().astype(int)]
     index = np.array(starts, dtype=np.intp)[None, :] + np.arange(length)[:, None]
     return Segments(u=torch.from_numpy(u[index]), y=torch.from_numpy(y[index]))
-
-
-def fit_stage(step: ThreeLayers, weights: Floats, cut: Segments, stage: TrainingStage) -> Floats:
-    """(B, P) weights after the stage; decay pulls each weight's change, not the weight, to 0."""
-    centre = torch.from_numpy(weights)
-
-    def normal(change: Tensor, _: Tensor) -> Tensor:
-        return normal_matrix(step, centre + change, cut)
-
-    descent = descend(
-        torch.zeros_like(centre),
-        normal,
-        torch.full((centre.shape[0],), float(cut.samples), dtype=torch.float64),
-        steps=stage.steps,
-        damping=stage.damping,
-        decay=stage.decay,
-        watch=lambda _, improved: torch.ones_like(improved),
-    )
-    return np.asarray((centre + descent.weights).numpy())
-
-
-def errors(step: ThreeLayers, weights: Floats, cut: Segments) -> Floats:
-    """(B,) RMSE of free runs, in half ranges."""
-    with torch.inference_mode():
-        runs = run_free(step, torch.from_numpy(weights), cut.u, cut.y)[:, SEEDS:]
-        return np.asarray((runs - cut.y[SEEDS:]).square().mean(dim=(1, 2)).sqrt().numpy())
 
 
 def run(

@@ -1,4 +1,4 @@
-"""What a valve is besides its friction, and the friction of its packing, both in SI units.
+"""The body of a valve and the friction of its packing, in SI units.
 
 The force balance of a pneumatic spring-and-diaphragm valve (quoted from memory)::
 

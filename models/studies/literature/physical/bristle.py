@@ -19,7 +19,7 @@ from numba import njit
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.physical import bristle
 from stemwatch.models.studies.literature.physical.body import Packing, ValveBody
-from stemwatch.models.studies.literature.physical.friction import actuator_force
+from stemwatch.models.studies.literature.physical.shared_parameters import actuator_force
 
 MASS, SPRING, STATIC, KINETIC, VISCOUS, STRIBECK, STIFFNESS, DAMPING = range(8)
 TOLERANCE, FORCE, FORCE_PER_PERCENT = range(8, 11)

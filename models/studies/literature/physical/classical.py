@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from stemwatch.models.studies.literature.levels import UNREAD
 from stemwatch.models.studies.literature.model import KernelModel
 from stemwatch.models.studies.literature.physical.coulomb import coulomb_run
-from stemwatch.models.studies.literature.physical.friction import (
+from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.physical.shared_parameters import (
     BALANCE,
     SECTION,
     STRIBECK,
@@ -14,7 +14,7 @@ from stemwatch.models.studies.literature.physical.friction import (
     friction_parameters,
     kinetic_not_above_static,
 )
-from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.shared_parameters import UNREAD
 
 PHYSICAL_LIMITS = (
     "OP is taken as a straight line between samples: a controller that steps is smoothed by up to "

@@ -22,8 +22,11 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import Run
 from stemwatch.models.studies.literature.physical import coulomb
 from stemwatch.models.studies.literature.physical.body import Packing, ValveBody
-from stemwatch.models.studies.literature.physical.friction import actuator_force, packing_of
 from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.physical.shared_parameters import (
+    actuator_force,
+    packing_of,
+)
 
 MASS, SPRING, STATIC, KINETIC, VISCOUS, STRIBECK = range(6)
 BAND, STOP_LOW, STOP_HIGH, TOLERANCE, FORCE, FORCE_PER_PERCENT = range(6, 12)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.literature.levels import UNREAD
 from stemwatch.models.studies.literature.model import KernelModel
 from stemwatch.models.studies.literature.physical.body import Packing
 from stemwatch.models.studies.literature.physical.bristle import bristle_constants, run_bristle
 from stemwatch.models.studies.literature.physical.classical import PHYSICAL_LIMITS
-from stemwatch.models.studies.literature.physical.friction import (
+from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.physical.shared_parameters import (
     BALANCE,
     SECTION,
     TOLERANCE_PERCENT,
@@ -16,7 +16,7 @@ from stemwatch.models.studies.literature.physical.friction import (
     coulomb_level,
     viscous,
 )
-from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.shared_parameters import UNREAD
 
 
 def dahl(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERCENT) -> KernelModel:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from stemwatch.models.studies.literature.levels import UNREAD
 from stemwatch.models.studies.literature.model import KernelModel
 from stemwatch.models.studies.literature.physical.classical import PHYSICAL_LIMITS
 from stemwatch.models.studies.literature.physical.coulomb import coulomb_run
-from stemwatch.models.studies.literature.physical.friction import (
+from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.physical.shared_parameters import (
     BALANCE,
     SECTION,
     STRIBECK,
@@ -15,7 +15,7 @@ from stemwatch.models.studies.literature.physical.friction import (
     friction_parameters,
     kinetic_not_above_static,
 )
-from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.shared_parameters import UNREAD
 
 BAND_M_PER_S = 1e-6  # far below every Stribeck speed that was published for a valve
 

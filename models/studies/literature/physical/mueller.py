@@ -10,7 +10,9 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import KernelModel, Parameter
 from stemwatch.models.studies.literature.physical import coulomb
 from stemwatch.models.studies.literature.physical.coulomb import coulomb_constants
-from stemwatch.models.studies.literature.physical.friction import (
+from stemwatch.models.studies.literature.physical.karnopp import BAND_M_PER_S
+from stemwatch.models.studies.literature.physical.published import ParameterSet
+from stemwatch.models.studies.literature.physical.shared_parameters import (
     STRIBECK,
     TOLERANCE_PERCENT,
     USUAL,
@@ -18,8 +20,6 @@ from stemwatch.models.studies.literature.physical.friction import (
     kinetic_not_above_static,
     packing_of,
 )
-from stemwatch.models.studies.literature.physical.karnopp import BAND_M_PER_S
-from stemwatch.models.studies.literature.physical.published import ParameterSet
 
 _SOURCE = (
     "After Mueller, Simulation of an air operated sticky flow control valve, Summer Computer "

@@ -1,4 +1,8 @@
-"""The published parameter sets a, b and c, each with what is known of where it comes from."""
+"""The published parameter sets a, b and c, with their origin and what had to be assumed.
+
+The catalogue's force balances use set b. Sets a and c are for those who build one for another
+valve, such as ``karnopp(SET_C)``.
+"""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class HiddenCase:
     """One loop of the population, and what is hidden in it.
 
     ``plain`` is the same loop with nothing hidden. ``hidden`` are the names of what ``loop`` has
-    beyond it, ``effects`` the same as a judge may call it: slugs of the catalogue, or "unknown".
+    beyond it, ``effects`` the right answer: the same as slugs of the catalogue, or "unknown".
     ``sizes`` are the drawn numbers as ``name.size``; ``simulate_hidden`` fills in ``excitation``,
     by how much each hidden effect moves the reading (RMS, percent of span).
     """
@@ -58,8 +58,8 @@ def simulate_hidden(case: HiddenCase) -> tuple[HiddenCase, SimulatedLoop]:
 def _excitation(case: HiddenCase, name: str, run: SimulatedLoop) -> float:
     """RMS difference that effect ``name`` makes to the reading, percent of span.
 
-    The commands that the valve really received are played to it with and without the effect. No
-    scatter takes part: one breakaway drawn otherwise would let the two part for its own reason.
+    The commands that the valve received are simulated with and without the effect, without scatter:
+    a breakaway drawn differently would make the two runs differ for another reason.
     """
     without = case.plain
     for other in case.hidden:

@@ -1,4 +1,4 @@
-"""The catalogue's effects as they can be hidden, by slug."""
+"""The effects that can be hidden in a simulated loop, by the slug of the catalogue."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RECORD = tuple(effect.slug for effect in RECORD_EFFECTS)
 EFFECTS: Mapping[str, HiddenEffect] = {
     effect.slug: effect for effect in (*AIR, *FRICTION, *SENSING, *RECORD_EFFECTS)
 }
-# Two of one group would hide each other or are the same nameplate number.
+# Two of one group cannot be told apart, or set the same number of the nameplate.
 _GROUPS = (
     {"actuator_lag", "asymmetric_lag", "underdamped_positioner", "viscous_drag"},
     {"rate_limit", "asymmetric_rate_limit", "supply_sag"},

@@ -17,14 +17,14 @@ from stemwatch.models.studies.simulator.hidden.catalogue import (
 from stemwatch.models.studies.simulator.hidden.loops import (
     CONCEALMENTS,
     HIGH_SCATTER,
-    some_loop,
+    draw_loop,
     tuned,
 )
 from stemwatch.models.studies.simulator.hidden.unknown import UNKNOWN
 
 # Of twenty cases: four nulls, eleven with one effect, three with a pair, two outside the catalogue.
 _PATTERN = "NSSPSSNSUSSPSNSUSPSN"
-# A record that is rounded or thinned already is no place to hide the same.
+# Effects that a concealment already contains.
 _SAME = {("quantisation", "quantised"), ("historian_compression", "compressed")}
 
 
@@ -110,7 +110,7 @@ def _case(
 ) -> HiddenCase:
     if any((name, concealment) in _SAME for name in names):
         concealment = "routine"
-    plain = some_loop(rng, tag, concealment, scatter=scatter)
+    plain = draw_loop(rng, tag, concealment, scatter=scatter)
     sizes: dict[str, float] = {}
     extra_s = 0.0
     for name in names:

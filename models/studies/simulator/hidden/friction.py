@@ -9,6 +9,7 @@ import numpy as np
 from stemwatch.models.studies.simulator.hidden.hidden_effect import (
     HiddenEffect,
     Sizes,
+    by_name,
     either_sign,
     log_uniform,
     with_actuator,
@@ -74,23 +75,19 @@ FRICTION = (
     HiddenEffect(
         slug="low_speed_restick",
         draw=lambda rng, _: {"stribeck_percent_per_s": log_uniform(rng, 0.15, 2.0)},
-        apply=lambda loop, sizes: with_actuator(loop, **sizes),
+        apply=by_name(with_actuator),
     ),
-    HiddenEffect(
-        slug="asymmetric_slip",
-        draw=_skew,
-        apply=lambda loop, sizes: with_packing(loop, **sizes),
-    ),
+    HiddenEffect(slug="asymmetric_slip", draw=_skew, apply=by_name(with_packing)),
     HiddenEffect(slug="position_dependent_friction", draw=_bump, apply=_with_bump),
     HiddenEffect(
         slug="growing_stiction",
         draw=lambda rng, _: {"growth": float(rng.uniform(0.4, 1.2))},
-        apply=lambda loop, sizes: with_upsets(loop, growth=sizes["growth"]),
+        apply=by_name(with_upsets),
     ),
     HiddenEffect(slug="dwell_dependent_breakaway", draw=_dwell, apply=_with_dwell),
     HiddenEffect(
         slug="stem_creep",
         draw=lambda rng, _: {"creep_percent_per_s": either_sign(rng, 0.01, 0.05)},
-        apply=lambda loop, sizes: with_packing(loop, **sizes),
+        apply=by_name(with_packing),
     ),
 )

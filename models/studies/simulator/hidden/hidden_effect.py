@@ -15,13 +15,20 @@ Sizes = dict[str, float]
 
 @dataclass(frozen=True, kw_only=True)
 class HiddenEffect:
-    """``draw`` gives the sizes for a loop, ``apply`` the loop with them; ``delay_s`` is what the
-    controller feels of them, so that it is tuned on the valve as it is."""
+    """``draw`` gives the sizes for a loop, ``apply`` the loop with them; ``delay_s`` is the dead
+    time that they add to the loop, for which the controller is tuned."""
 
     slug: str
     draw: Callable[[np.random.Generator, PlantLoop], Sizes]
     apply: Callable[[PlantLoop, Mapping[str, float]], PlantLoop]
     delay_s: Callable[[Mapping[str, float]], float] = lambda sizes: 0.0
+
+
+def by_name(
+    change: Callable[..., PlantLoop],
+) -> Callable[[PlantLoop, Mapping[str, float]], PlantLoop]:
+    """The ``apply`` of an effect whose sizes have the names that ``change`` takes."""
+    return lambda loop, sizes: change(loop, **sizes)
 
 
 def either_sign(rng: np.random.Generator, low: float, high: float) -> float:

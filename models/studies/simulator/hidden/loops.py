@@ -1,4 +1,4 @@
-"""The loops in which effects are hidden: what drives them, and what conceals."""
+"""The loops in which effects are hidden: their movement, and what makes the effects hard to see."""
 
 from __future__ import annotations
 
@@ -7,15 +7,22 @@ from dataclasses import replace
 import numpy as np
 
 from stemwatch.models.studies.simulator.defects import PackingDefects
+from stemwatch.models.studies.simulator.draw_parts import (
+    LETTER,
+    PV_RANGE,
+    coloured_load,
+    draw_actuator,
+    draw_process,
+)
 from stemwatch.models.studies.simulator.hidden.hidden_effect import (
     log_uniform,
     with_transmitters,
 )
 from stemwatch.models.studies.simulator.hidden.record_effects import (
-    some_door,
-    some_steps,
-    with_door,
+    draw_deviation,
+    draw_steps,
     with_steps,
+    with_swinging_door,
 )
 from stemwatch.models.studies.simulator.loop import (
     Controller,
@@ -27,13 +34,6 @@ from stemwatch.models.studies.simulator.loop import (
     ProcessKind,
     Transmitters,
 )
-from stemwatch.models.studies.simulator.parts import (
-    LETTER,
-    PV_RANGE,
-    coloured_load,
-    some_actuator,
-    some_process,
-)
 from stemwatch.models.studies.simulator.tuning import delay_s, sound_settings
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 
@@ -42,7 +42,7 @@ _STEP_S = 0.5  # an operator's step is not instant
 _START = 50.0
 
 
-def some_manual(duration_s: float, warmup_s: float, rng: np.random.Generator) -> ManualSpan:
+def draw_manual(duration_s: float, warmup_s: float, rng: np.random.Generator) -> ManualSpan:
     """OP by hand through random moves between 8 and 92 %, all kinds in turn, to the end."""
     knots = [(-warmup_s, _START), (10.0, _START)]
     moves = (_ramp, _staircase, _step, _slow_ramp)
@@ -54,7 +54,7 @@ def some_manual(duration_s: float, warmup_s: float, rng: np.random.Generator) ->
 
 
 def _elsewhere(here: float, rng: np.random.Generator, least: float, most: float) -> float:
-    """An opening ``least`` to ``most`` percent away, on the side where there is more room."""
+    """An opening ``least`` to ``most`` percent away, three times in four towards 50 %."""
     way = float(rng.uniform(least, most))
     up = here < 50.0 if rng.random() < 0.75 else here >= 50.0
     return float(np.clip(here + (way if up else -way), _LOW, _HIGH))
@@ -124,11 +124,11 @@ _STRIBECK_PERCENT_PER_S = (0.002, 0.01)
 # would let the stem stop and start within each second, which is low-speed re-sticking too.
 _TREMBLE_PERCENT = (0.002, 0.012)
 _OPENINGS = (25.0, 75.0)
-# How far a set-point move throws the valve at once, as a share of where it ends.
+# How far a set-point step moves the valve at once, as a share of where it ends.
 _MOST_KICK = 0.8
 
 
-def some_loop(
+def draw_loop(
     rng: np.random.Generator, tag: str, concealment: str, *, scatter: float | None = None
 ) -> PlantLoop:
     """A loop with nothing hidden but S and J, as ``concealment`` has it; to be tuned by ``tuned``.
@@ -138,7 +138,7 @@ def some_loop(
     is LuGre's.
     """
     kind = _KINDS[int(rng.integers(len(_KINDS)))]
-    process = some_process(kind, rng)
+    process = draw_process(kind, rng)
     if not process.integrating:
         # PV must not leave its range while the valve goes from 25 to 75 %.
         process = replace(process, gain=min(process.gain, 1.4))
@@ -167,7 +167,7 @@ def _some_valve(
     if concealment == "scatter":
         usual = HIGH_SCATTER
     actuator = replace(
-        some_actuator(rng, (0.05, 0.4), 0.3),
+        draw_actuator(rng, (0.05, 0.4), 0.3),
         stribeck_percent_per_s=float(rng.uniform(*_STRIBECK_PERCENT_PER_S)),
     )
     gain = float(rng.uniform(0.5, 2.5))
@@ -201,17 +201,17 @@ def _some_loads(process: Process, rng: np.random.Generator, concealment: str) ->
 
 def _concealed(loop: PlantLoop, concealment: str, rng: np.random.Generator) -> PlantLoop:
     if concealment == "quantised":
-        return with_steps(loop, some_steps(rng, loop))
+        return with_steps(loop, draw_steps(rng, loop))
     if concealment == "compressed":
-        return with_door(loop, some_door(rng, loop))
+        return with_swinging_door(loop, draw_deviation(rng, loop))
     if concealment == "rich":
-        return replace(loop, manual=(some_manual(loop.duration_s, loop.warmup_s, rng),))
+        return replace(loop, manual=(draw_manual(loop.duration_s, loop.warmup_s, rng),))
     return loop
 
 
 def tuned(loop: PlantLoop, extra_s: float, rng: np.random.Generator) -> PlantLoop:
-    """``loop`` with a sound controller and set-point moves; ``extra_s`` is the delay that the
-    hidden effects add and that whoever tuned it felt."""
+    """``loop`` with a sound controller and set-point moves; ``extra_s`` is the dead time that the
+    hidden effects add, for which the controller is tuned."""
     actuator = loop.valve.actuator
     slowest = _LAGS_PER_SCAN * actuator.air_lag_s
     scans = [scan for scan in _SCANS if scan <= slowest] or [_SCANS[0]]

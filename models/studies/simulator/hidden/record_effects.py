@@ -23,7 +23,7 @@ def with_steps(loop: PlantLoop, sizes: Mapping[str, float]) -> PlantLoop:
     )
 
 
-def with_door(loop: PlantLoop, sizes: Mapping[str, float]) -> PlantLoop:
+def with_swinging_door(loop: PlantLoop, sizes: Mapping[str, float]) -> PlantLoop:
     """``loop`` with the position, and OP where asked, behind a swinging door."""
     roles = [(Role.MV, sizes["position_percent"]), (Role.OP, sizes["op_percent"])]
     doors = tuple(
@@ -34,13 +34,13 @@ def with_door(loop: PlantLoop, sizes: Mapping[str, float]) -> PlantLoop:
     return with_archive(loop, compression=doors)
 
 
-def some_steps(rng: np.random.Generator, _: PlantLoop) -> Sizes:
+def draw_steps(rng: np.random.Generator, _: PlantLoop) -> Sizes:
     """Steps of 0.25 to 1 % of the position, of OP in half of the records."""
     op = float(rng.choice([0.1, 0.25])) if rng.random() < 0.5 else 0.0
     return {"position_percent": float(rng.choice([0.25, 0.4, 0.5, 0.5, 1.0])), "op_percent": op}
 
 
-def some_door(rng: np.random.Generator, _: PlantLoop) -> Sizes:
+def draw_deviation(rng: np.random.Generator, _: PlantLoop) -> Sizes:
     """A door of 0.3 to 0.6 % for the position, a narrower one for OP in a third of the records."""
     op = float(rng.uniform(0.1, 0.3)) if rng.random() < 0.33 else 0.0
     return {"position_percent": float(rng.uniform(0.3, 0.6)), "op_percent": op}
@@ -77,8 +77,8 @@ def _frozen(loop: PlantLoop, sizes: Mapping[str, float]) -> PlantLoop:
 
 
 RECORD_EFFECTS = (
-    HiddenEffect(slug="quantisation", draw=some_steps, apply=with_steps),
-    HiddenEffect(slug="historian_compression", draw=some_door, apply=with_door),
+    HiddenEffect(slug="quantisation", draw=draw_steps, apply=with_steps),
+    HiddenEffect(slug="historian_compression", draw=draw_deviation, apply=with_swinging_door),
     HiddenEffect(
         slug="sampling_jitter",
         draw=_unevenness,

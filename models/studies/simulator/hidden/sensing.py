@@ -9,6 +9,7 @@ import numpy as np
 from stemwatch.models.studies.simulator.hidden.hidden_effect import (
     HiddenEffect,
     Sizes,
+    by_name,
     either_sign,
     with_body,
     with_transmitters,
@@ -45,16 +46,8 @@ def _drift(rng: np.random.Generator, _: PlantLoop) -> Sizes:
 
 
 SENSING = (
-    HiddenEffect(
-        slug="travel_stop",
-        draw=_stop,
-        apply=lambda loop, sizes: with_body(loop, **sizes),
-    ),
-    HiddenEffect(
-        slug="flow_force",
-        draw=_flow,
-        apply=lambda loop, sizes: with_body(loop, **sizes),
-    ),
+    HiddenEffect(slug="travel_stop", draw=_stop, apply=by_name(with_body)),
+    HiddenEffect(slug="flow_force", draw=_flow, apply=by_name(with_body)),
     HiddenEffect(
         slug="lost_motion",
         draw=lambda rng, _: {"play_percent": float(rng.uniform(0.6, 3.0))},

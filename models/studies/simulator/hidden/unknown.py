@@ -7,6 +7,7 @@ import numpy as np
 from stemwatch.models.studies.simulator.hidden.hidden_effect import (
     HiddenEffect,
     Sizes,
+    by_name,
     either_sign,
     log_uniform,
     with_body,
@@ -57,40 +58,16 @@ def _hysteresis(rng: np.random.Generator, _: PlantLoop) -> Sizes:
 UNKNOWN = {
     effect.slug: effect
     for effect in (
-        HiddenEffect(
-            slug="vibration",
-            draw=_vibration,
-            apply=lambda loop, sizes: with_upsets(loop, **sizes),
-        ),
-        HiddenEffect(
-            slug="rough_force",
-            draw=_roughness,
-            apply=lambda loop, sizes: with_upsets(loop, **sizes),
-        ),
-        HiddenEffect(
-            slug="friction_wave",
-            draw=_wave,
-            apply=lambda loop, sizes: with_upsets(loop, **sizes),
-        ),
-        HiddenEffect(
-            slug="binding",
-            draw=_binding,
-            apply=lambda loop, sizes: with_upsets(loop, **sizes),
-        ),
-        HiddenEffect(
-            slug="handwheel",
-            draw=_pushes,
-            apply=lambda loop, sizes: with_upsets(loop, **sizes),
-        ),
+        HiddenEffect(slug="vibration", draw=_vibration, apply=by_name(with_upsets)),
+        HiddenEffect(slug="rough_force", draw=_roughness, apply=by_name(with_upsets)),
+        HiddenEffect(slug="friction_wave", draw=_wave, apply=by_name(with_upsets)),
+        HiddenEffect(slug="binding", draw=_binding, apply=by_name(with_upsets)),
+        HiddenEffect(slug="handwheel", draw=_pushes, apply=by_name(with_upsets)),
         HiddenEffect(
             slug="bowed_linkage",
             draw=lambda rng, _: {"bow_percent": either_sign(rng, 0.8, 2.0)},
             apply=lambda loop, sizes: with_transmitters(loop, position_bow=sizes["bow_percent"]),
         ),
-        HiddenEffect(
-            slug="spring_hysteresis",
-            draw=_hysteresis,
-            apply=lambda loop, sizes: with_body(loop, **sizes),
-        ),
+        HiddenEffect(slug="spring_hysteresis", draw=_hysteresis, apply=by_name(with_body)),
     )
 }

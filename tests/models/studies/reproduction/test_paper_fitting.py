@@ -16,7 +16,7 @@ from stemwatch.models.studies.reproduction.fitting import (
     run_errors,
 )
 from stemwatch.models.studies.reproduction.layers import NARX, NARX_INPUTS, ThreeLayers
-from stemwatch.models.studies.reproduction.step import LIMIT, run_free, simulate
+from stemwatch.models.studies.reproduction.network_step import LIMIT, run_free, simulate
 from stemwatch.models.verdict import Shape
 
 TANGENT = ThreeLayers(

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.reproduction.cases import CASES, PaperCase
+from stemwatch.models.studies.reproduction.network_step import simulate
 from stemwatch.models.studies.reproduction.our_network import (
-    WEIGHTS,
     GatedStep,
     error_scale,
     random_start,
@@ -18,7 +18,6 @@ from stemwatch.models.studies.reproduction.our_network import (
     start_from,
 )
 from stemwatch.models.studies.reproduction.signals import FAMILIES, unseen
-from stemwatch.models.studies.reproduction.step import simulate
 from stemwatch.models.studies.reproduction.study import rmse
 
 
@@ -33,7 +32,6 @@ def follow(case: PaperCase, inputs: list[Floats], S: float, J: float) -> Floats:
 
 def test_it_has_few_weights() -> None:
     """35, whichever way they are begun."""
-    assert WEIGHTS == 35
     assert start_from(0.5, 0.2, 0.3, 1e-3).shape == (35,)
     assert random_start(np.random.default_rng(1)).shape == (35,)
 

@@ -15,7 +15,7 @@ from stemwatch.models.studies.reproduction.layers import (
     NARX_INPUTS,
     ThreeLayers,
 )
-from stemwatch.models.studies.reproduction.step import run_free
+from stemwatch.models.studies.reproduction.network_step import run_free
 from stemwatch.models.verdict import Shape
 
 KINDS = [

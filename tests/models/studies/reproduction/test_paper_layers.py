@@ -14,7 +14,7 @@ from stemwatch.models.studies.reproduction.layers import (
     SIZES,
     ThreeLayers,
 )
-from stemwatch.models.studies.reproduction.step import LAGS
+from stemwatch.models.studies.reproduction.network_step import LAGS
 from stemwatch.models.verdict import Shape
 
 # Copied from the paper's Table 1, column by column: layers 1, 2 and 3.

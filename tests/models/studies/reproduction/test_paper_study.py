@@ -11,6 +11,7 @@ from stemwatch.models.narx.levenberg_marquardt import one_thread
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.reproduction.cases import CASES, SAMPLES_PER_PERIOD, PaperCase
 from stemwatch.models.studies.reproduction.fitting import run_errors
+from stemwatch.models.studies.reproduction.network_step import simulate
 from stemwatch.models.studies.reproduction.our_network import (
     Trained,
     fit_S_J,
@@ -23,7 +24,6 @@ from stemwatch.models.studies.reproduction.signals import (
     training_input,
     unseen,
 )
-from stemwatch.models.studies.reproduction.step import simulate
 from stemwatch.models.studies.reproduction.study import rmse, train_feedforward, train_narx
 from stemwatch.models.verdict import Shape
 

@@ -37,7 +37,7 @@ _STICKY = PlantLoop(
 _COMPILED = (
     "air_line_step",
     "air_step",
-    "asked_pressure",
+    "demanded_pressure",
     "between",
     "bristle_speed",
     "controller_reading",

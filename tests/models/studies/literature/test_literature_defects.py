@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from stemwatch.models.studies.literature.canonical import CANONICAL
-from stemwatch.models.studies.literature.catalogue import model_named
 from stemwatch.models.studies.literature.choudhury import CHOUDHURY_AS_DRAWN, CHOUDHURY_TEXT
 from stemwatch.models.studies.literature.kano import KANO
+from tests.models.studies.literature.named_models import BY_NAME
 
 READINGS = [CHOUDHURY_TEXT, CHOUDHURY_AS_DRAWN]
 readings = pytest.mark.parametrize("model", READINGS, ids=lambda m: m.name)
@@ -94,7 +94,7 @@ def test_saturation_ignores_friction(model):
 def test_a_tie_does_not_slip(model, q):
     """A9: the breakaway is strictly greater, in every model."""
     op = np.array([50.0, 53.0, 53.0, 53.0 + 1e-9])
-    y = model_named(model).simulate(op, np.array(q), 1.0, 50.0)
+    y = BY_NAME[model].simulate(op, np.array(q), 1.0, 50.0)
     assert y[2] == 50.0
     assert y[3] > 50.0
 

@@ -17,7 +17,6 @@ from stemwatch.models.studies.literature.physical.bristle import bristle_constan
 from stemwatch.models.studies.literature.physical.classical import classical
 from stemwatch.models.studies.literature.physical.coulomb import coulomb_constants
 from stemwatch.models.studies.literature.physical.dahl import dahl
-from stemwatch.models.studies.literature.physical.friction import TOLERANCE_PERCENT
 from stemwatch.models.studies.literature.physical.karnopp import karnopp
 from stemwatch.models.studies.literature.physical.lugre import lugre
 from stemwatch.models.studies.literature.physical.mueller import MUELLER
@@ -28,6 +27,7 @@ from stemwatch.models.studies.literature.physical.published import (
     SET_C,
     ParameterSet,
 )
+from stemwatch.models.studies.literature.physical.shared_parameters import TOLERANCE_PERCENT
 
 # A light valve with a clear jump: S of 20 %, J of 4 %, hardly damped beyond what it takes.
 LIGHT_BODY = SET_B.body.bench_set()

@@ -13,10 +13,10 @@ from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.fit import fit_model
 from stemwatch.models.studies.literature.networks import training
 from stemwatch.models.studies.literature.networks.network import fit_network
-from stemwatch.models.studies.literature.networks.ours import OURS
+from stemwatch.models.studies.literature.networks.product_network import PRODUCT
 from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 from stemwatch.models.studies.reproduction.layers import NARX, NARX_INPUTS, ThreeLayers
-from stemwatch.models.studies.reproduction.step import LIMIT
+from stemwatch.models.studies.reproduction.network_step import LIMIT
 from stemwatch.models.verdict import Shape
 from stemwatch.service.studies.comparison.compare_models import NETWORKS
 
@@ -102,7 +102,7 @@ def test_a_hole_restarts_the_run(network, recording):
 
 def test_memory_beats_a_static_map(fits):
     """The paper's NARX follows a sticking valve better than its feedforward network, ours best."""
-    rmse = [fits[n.name].heldout.rmse for n in (OURS, NARX_PAPER, FEEDFORWARD_PAPER)]
+    rmse = [fits[n.name].heldout.rmse for n in (PRODUCT, NARX_PAPER, FEEDFORWARD_PAPER)]
     assert rmse == sorted(rmse)
 
 

@@ -9,10 +9,11 @@ import pytest
 
 from stemwatch.models.recording import Quality, Recording, Role, Signal
 from stemwatch.models.studies.literature.canonical import CANONICAL
-from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY, PHYSICAL, model_named
+from stemwatch.models.studies.literature.catalogue import DATA_DRIVEN, EVERY, PHYSICAL
 from stemwatch.models.studies.literature.fit import fit_model
 from stemwatch.models.studies.literature.model import values_of
 from stemwatch.models.studies.literature.scores import score
+from tests.models.studies.literature.named_models import BY_NAME
 
 TRAIN = 1000
 
@@ -45,7 +46,7 @@ def test_finds_its_own_parameters(recorded, command, model):
 def test_the_jumps_of_each_direction_trade_with_the_zero(recorded, command):
     """S_up and S_down are sharp; of J_up and J_down only the sum is, since a shift of the zero
     takes from one what it gives to the other."""
-    model = model_named("kano_asymmetric")
+    model = BY_NAME["kano_asymmetric"]
     fit = fit_model(model, recorded(model, command), TRAIN)
     S_up, J_up, S_down, J_down = fit.values.tolist()
     assert [S_up, S_down] == pytest.approx([5.0, 5.0], abs=0.2)
@@ -66,7 +67,7 @@ def test_the_jumps_of_each_direction_trade_with_the_zero(recorded, command):
 )
 def test_a_force_balance_finds_its_own_friction(recorded, command, name, sharp):
     """The friction that the record shows comes back within the stated share."""
-    model = model_named(name)
+    model = BY_NAME[name]
     # Packings as strong as the published ones show only where the command moves far.
     fit = fit_model(model, recorded(model, 50.0 + 2.5 * (command[:600] - 50.0)), 450)
     for parameter, share in sharp.items():
@@ -91,7 +92,7 @@ def test_intervals_hold_the_truth(recorded, command):
 
 def test_a_slow_model_has_no_intervals(recorded, command):
     """Where a simulation takes milliseconds no interval is drawn rather than a poor one."""
-    model = model_named("karnopp")
+    model = BY_NAME["karnopp"]
     fit = fit_model(model, recorded(model, command[:600]), 400)
     assert fit.parameters["static_n"].value is not None
     assert fit.parameters["static_n"].low is None
@@ -100,7 +101,7 @@ def test_a_slow_model_has_no_intervals(recorded, command):
 @pytest.mark.parametrize("name", ["canonical", "he3", "karnopp"])
 def test_the_same_record_gives_the_same_numbers(recorded, command, name):
     """The search is seeded."""
-    model = model_named(name)
+    model = BY_NAME[name]
     record = recorded(model, command[:700])
     first, second = (fit_model(model, record, 500) for _ in range(2))
     np.testing.assert_array_equal(first.values, second.values)
@@ -122,9 +123,9 @@ def test_what_is_held_out_changes_no_parameter(recorded, command):
 
 def test_the_richer_model_of_the_true_kind_wins_on_what_is_held_out(recorded, command):
     """A record of He's staircase is followed best by He's model, not by one that slides."""
-    record = recorded(model_named("he2"), command)
+    record = recorded(BY_NAME["he2"], command)
     rmse = {
-        name: fit_model(model_named(name), record, TRAIN).heldout.rmse
+        name: fit_model(BY_NAME[name], record, TRAIN).heldout.rmse
         for name in ("he2", "canonical", "stenman")
     }
     assert min(rmse, key=rmse.get) == "he2"
@@ -188,7 +189,7 @@ def with_constant(role):
 def test_a_record_that_cannot_be_fitted_is_a_result(recorded, command, name, change, words):
     """No exception and no number that looks like one: a sentence."""
     record = change(recorded(CANONICAL, command))
-    fit = fit_model(model_named(name), record, min(TRAIN, len(record)))
+    fit = fit_model(BY_NAME[name], record, min(TRAIN, len(record)))
     assert not fit.concluded
     assert words in fit.outcome
     assert all(words in str(found) for found in fit.parameters.values())
@@ -222,12 +223,12 @@ def test_a_position_that_follows_nothing_is_doubted():
 
 def test_a_parameter_at_the_end_of_its_range_is_doubted(recorded, command):
     """A slip that falls short of its place is none that K can describe: K ends at its lower end."""
-    record = recorded(model_named("he3"), command)
+    record = recorded(BY_NAME["he3"], command)
     lagged = record.mv.values.copy()
     for k in range(1, lagged.size):
         lagged[k] = lagged[k - 1] + 0.1 * (record.mv.values[k] - lagged[k - 1])
     signals = {Role.OP: record.op, Role.MV: Signal.good(lagged, "ZT")}
-    fit = fit_model(model_named("he3"), replace(record, signals=signals), TRAIN)
+    fit = fit_model(BY_NAME["he3"], replace(record, signals=signals), TRAIN)
     assert fit.outcome.startswith("K ended at the lower end of the search")
 
 

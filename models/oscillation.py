@@ -95,7 +95,7 @@ def loop_oscillation(recording: Recording) -> dict[Role, Oscillation]:
     oscillations: dict[Role, Oscillation] = {}
     for role in (Role.OP, Role.PV, Role.MV):
         signal = recording.get(role)
-        seen = None if signal is None else signal_oscillation(signal, recording.interval_s)
-        if seen is not None:
-            oscillations[role] = seen
+        cycle = None if signal is None else signal_oscillation(signal, recording.interval_s)
+        if cycle is not None:
+            oscillations[role] = cycle
     return oscillations

@@ -45,7 +45,7 @@ _SCANS = {ProcessKind.FLOW: (0.1, 0.2, 0.25, 0.5)}
 _SLOW_SCANS = (0.25, 0.5, 1.0)
 
 
-def some_process(kind: ProcessKind, rng: np.random.Generator) -> Process:
+def draw_process(kind: ProcessKind, rng: np.random.Generator) -> Process:
     """A process of ``kind`` with drawn gain and times."""
     gain, lag, second, dead = (float(rng.uniform(*ends)) for ends in _PROCESS[kind])
     return Process(
@@ -58,7 +58,7 @@ def some_process(kind: ProcessKind, rng: np.random.Generator) -> Process:
     )
 
 
-def some_actuator(
+def draw_actuator(
     rng: np.random.Generator, air_lag_s: tuple[float, float], dead_time_s: float
 ) -> Actuator:
     """An actuator with a drawn nameplate, air lag and, in one of two, a dead time up to the limit.
@@ -82,13 +82,13 @@ def some_actuator(
     )
 
 
-def felt_actuator(valve: SimulatedValve) -> Actuator:
-    """The actuator as the controller feels it: a positioner shortens the lag by 1 + gain."""
+def effective_actuator(valve: SimulatedValve) -> Actuator:
+    """The actuator as the controller sees it: a positioner shortens the air lag by 1 + gain."""
     actuator = valve.actuator
     return replace(actuator, air_lag_s=actuator.air_lag_s / (1.0 + valve.positioner_gain))
 
 
-def some_controller(
+def draw_controller(
     process: Process, valve: SimulatedValve, rng: np.random.Generator, margin: float | None = None
 ) -> Controller:
     """A soundly tuned PI controller or, with ``margin``, one at that gain margin.
@@ -96,11 +96,13 @@ def some_controller(
     A margin a little above 1 makes a badly tuned loop that rings at every disturbance.
     """
     scan = float(rng.choice(_SCANS.get(process.kind, _SLOW_SCANS)))
-    felt = felt_actuator(valve)
-    settings = sound_settings(process, delay_s(process, felt, scan), float(rng.uniform(1.2, 3.0)))
+    effective = effective_actuator(valve)
+    settings = sound_settings(
+        process, delay_s(process, effective, scan), float(rng.uniform(1.2, 3.0))
+    )
     gain = settings.gain
     if margin is not None:
-        gain = ultimate_gain(process, felt, scan, settings.reset_s) / margin
+        gain = ultimate_gain(process, effective, scan, settings.reset_s) / margin
     return Controller(
         gain=gain,
         reset_s=settings.reset_s,
@@ -111,10 +113,10 @@ def some_controller(
     )
 
 
-def some_transmitters(
+def draw_transmitters(
     gain: float, rng: np.random.Generator, *, pv_noise: float, position_noise: float
 ) -> Transmitters:
-    """Noise as asked, PV noise held back where a high controller gain would hand on too much.
+    """Transmitters with this noise; PV noise is at most 0.4 % divided by the controller's ``gain``.
 
     A third of the positions is rounded to 0.1 %, half have a zero error of up to 1 %, a fifth a
     span error of up to 1 %.
@@ -142,7 +144,7 @@ def coloured_load(
     )
 
 
-def some_setpoints(
+def draw_setpoints(
     process: Process,
     controller: Controller,
     rng: np.random.Generator,
@@ -150,7 +152,7 @@ def some_setpoints(
     duration_s: float,
     travel: tuple[float, float],
 ) -> tuple[tuple[float, float], ...]:
-    """Set-point steps that move the valve by ``travel`` percent, one way or the other.
+    """Set-point steps that move the valve by ``travel`` percent up or down.
 
     A self-regulating process is stepped every 150 to 500 s between random openings, the height
     being the travel times the gain; a level is stepped so that the proportional action alone moves

@@ -7,7 +7,7 @@ import numpy as np
 from stemwatch.models.studies.literature.networks.network import Learned, Lesson
 
 
-class OurNarx:
+class ProductNarx:
     """The gated-increment NARX of ``stemwatch.models.narx``; see ``Network``."""
 
     name = "NARX (ours)"
@@ -43,4 +43,4 @@ class OurNarx:
         return Learned(weights=np.concatenate(weights), simulated=fit.simulated)
 
 
-OURS = OurNarx()
+PRODUCT = ProductNarx()

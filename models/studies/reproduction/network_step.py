@@ -1,4 +1,4 @@
-"""What every network here is: one step of a NARX model, ``y(t) = f(weights, lags)``.
+"""``NetworkStep``: one step of a NARX model, ``y(t) = f(weights, lags)``, and its free run.
 
 ``lags`` are the last axis of a tensor, in the order of ``LAGS``; a network takes those it needs.
 """
@@ -28,7 +28,7 @@ class NetworkStep(Protocol):
 
 @runtime_checkable
 class Compiled(Protocol):
-    """A step with kernels of its own, which do without a graph and without torch at each sample.
+    """A step with compiled kernels, which need neither torch nor a graph at each sample.
 
     ``weights`` (P,) of one network, ``u`` and ``y`` (T, R) as in ``run_free``.
     """
@@ -48,8 +48,7 @@ def run_free(step: NetworkStep, weights: Tensor, u: Tensor, y: Tensor) -> Tensor
     """(B, T, R) free runs of B networks over R inputs, each fed its own output.
 
     ``u`` and ``y`` (T, R); of ``y`` only the first two samples are used, and are returned as they
-    are. What leaves ``-LIMIT`` to ``LIMIT`` is held there, so that a run which diverges has an
-    error that can be averaged.
+    are. Runs are clamped to ``-LIMIT`` to ``LIMIT``, so that a diverging one has a finite error.
     """
     if isinstance(step, Compiled):
         pair = (u.numpy(), y.numpy())

@@ -1,4 +1,4 @@
-"""What the recording shows of the actuator: a speed never asked for is not known."""
+"""Top speeds of the stem that a recording shows: only where the command went faster."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import Parameter
 
-MOST = 200.0  # percent of OP; a wider band could never be crossed
+MOST = 200.0  # percent of OP
 UNREAD = "quoted from memory, the paper was not read again"
 
 

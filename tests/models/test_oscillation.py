@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.loop import loop_oscillation, oscillation
+from stemwatch.models.oscillation import loop_oscillation, oscillation
 from stemwatch.models.recording import Recording, Role, Signal
 
 N = 2000
