@@ -58,18 +58,18 @@ def with_duckdb(path: Path) -> int:
     with duckdb.connect() as connection:
         connection.execute("SET threads = 1")
         connection.execute("CREATE TABLE t AS SELECT * FROM read_csv(?)", [str(path)])
-        found = connection.execute("SELECT count(*) FROM t").fetchone()
-    return 0 if found is None else int(found[0])
+        table = connection.execute("SELECT count(*) FROM t").fetchone()
+    return 0 if table is None else int(table[0])
 
 
 def _median_s(read: Callable[[Path], int], path: Path, rounds: int) -> float:
-    taken = []
+    times_s = []
     for _ in range(rounds):
         began = time.process_time()
         if read(path) == 0:
             raise SystemExit(f"bench_csv: {read.__name__} read nothing")
-        taken.append(time.process_time() - began)
-    return float(np.median(taken))
+        times_s.append(time.process_time() - began)
+    return float(np.median(times_s))
 
 
 def measure(valves: int, hours: float, rounds: int) -> list[dict[str, object]]:
@@ -99,13 +99,13 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=24.0)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    rows = measure(asked.valves, asked.hours, asked.rounds)
+    arguments = parser.parse_args()
+    rows = measure(arguments.valves, arguments.hours, arguments.rounds)
     print("".join(f"{name.replace('_', ' '):>23}" for name in rows[0]))
     for row in rows:
         print("".join(f"{cell:>23}" for cell in row.values()))
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
