@@ -1,6 +1,6 @@
-"""Logs as a service manager wants them: one line each on standard error, without secrets.
+"""Logging to standard error, one line per message, with secrets masked.
 
-What a line is about rides beside it: ``log.info("...", extra={"run": 3, "valve": "FIC-101"})``.
+A message may name what it is about: ``log.info("...", extra={"run": 3, "valve": "FIC-101"})``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from types import TracebackType
 
 from stemwatch.connectors.secret import MASK, masked
 
-ABOUT = ("run", "valve", "device", "notifier")  # keys of ``extra`` that a JSON line has
-FORMAT = "STEMWATCH_LOG_FORMAT"  # how a process tells those it starts
+ABOUT = ("run", "valve", "device", "notifier")  # keys of ``extra`` that go into a JSON line
+FORMAT = "STEMWATCH_LOG_FORMAT"  # environment variable that passes the format to child processes
 JSON, PLAIN = "json", "plain"
 _MOST_KINDS = 1000  # of lines that are remembered
 _SHORTEST_SECRET = 4  # hiding what is shorter would make logs unreadable
@@ -30,10 +30,9 @@ log = logging.getLogger(__name__)
 
 
 def set_up_logs(*, as_json: bool = False, process: str = "service") -> None:
-    """Send the logs of this process, its warnings and whatever ends a thread to standard error.
+    """Send log messages, warnings and uncaught errors of threads to standard error.
 
-    ``process`` is the name that lines of a JSON log bear. Processes started from here can do the
-    same by ``logs_as_parent``.
+    ``process`` names this process in JSON lines. Child processes call ``logs_as_parent``.
     """
     multiprocessing.current_process().name = process
     os.environ[FORMAT] = JSON if as_json else PLAIN
@@ -45,18 +44,18 @@ def set_up_logs(*, as_json: bool = False, process: str = "service") -> None:
     for name in ("pymodbus", "alembic", "uvicorn"):
         logging.getLogger(name).setLevel(logging.WARNING)
     if as_json:
-        sys.excepthook = _say_end
-        threading.excepthook = _say_end_of_thread
+        sys.excepthook = _log_uncaught
+        threading.excepthook = _log_uncaught_in_thread
 
 
 def logs_as_parent(process: str) -> None:
-    """Log as the process that started this one does, if it has set up its logs."""
+    """Log in the format of the parent process, if it has called ``set_up_logs``."""
     if FORMAT in os.environ:
         set_up_logs(as_json=os.environ[FORMAT] == JSON, process=process)
 
 
 def hide(secrets: Iterable[str | None]) -> None:
-    """Replace these texts by ``***`` in every line of this process from now on."""
+    """Mask these texts as ``***`` in all later messages of this process."""
     _secrets.update(secret for secret in secrets if secret and len(secret) >= _SHORTEST_SECRET)
 
 
@@ -111,14 +110,14 @@ class OnceAMinute(logging.Filter):
 
 
 class _Plain(logging.Formatter):
-    """Text; without the time where the journal adds its own."""
+    """Plain text; without the time where systemd's journal adds it."""
 
     def __init__(self) -> None:
         time = "" if "JOURNAL_STREAM" in os.environ else "%(asctime)s "
         super().__init__(f"{time}%(levelname)s %(name)s: %(message)s")
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, cleaned."""
+        """The line with secrets masked."""
         return clean(super().format(record))
 
 
@@ -126,8 +125,8 @@ class _Json(logging.Formatter):
     """One JSON object a line."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The object, each of its texts cleaned."""
-        said: dict[str, object] = {
+        """The JSON object with secrets masked in each text."""
+        line: dict[str, object] = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname.lower(),
             "process": record.processName,
@@ -136,20 +135,22 @@ class _Json(logging.Formatter):
             "message": clean(record.getMessage()),
         }
         about = {key: getattr(record, key) for key in ABOUT if hasattr(record, key)}
-        said |= {
+        line |= {
             key: clean(value) if isinstance(value, str) else value for key, value in about.items()
         }
         if record.exc_info:
-            said["trace"] = clean(self.formatException(record.exc_info))
-        # Lines end where JSON says so, whatever a tag or a path is made of.
-        return json.dumps(said, ensure_ascii=False).encode("utf-8", "replace").decode("utf-8")
+            line["trace"] = clean(self.formatException(record.exc_info))
+        # Paths and tags may hold lone surrogates, which UTF-8 cannot encode.
+        return json.dumps(line, ensure_ascii=False).encode("utf-8", "replace").decode("utf-8")
 
 
-def _say_end(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _log_uncaught(
+    kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
     log.critical("this process ends: %s", error, exc_info=(kind, error, trace))
 
 
-def _say_end_of_thread(ended: threading.ExceptHookArgs) -> None:
+def _log_uncaught_in_thread(ended: threading.ExceptHookArgs) -> None:
     if ended.exc_value is not None:
         name = ended.thread.name if ended.thread else "a thread"
         trace = (ended.exc_type, ended.exc_value, ended.exc_traceback)

@@ -1,8 +1,8 @@
-"""What every process of ours keeps to: quiet on Ctrl-C while it starts, in order on SIGTERM, gone
-with its parent; where workers come from; and whether a process that wrote its name has ended.
+"""Rules for our processes: no traceback on Ctrl-C while starting, an orderly end on SIGTERM, an end
+with the parent; how workers are created; and whether the process of a stored name has ended.
 
-A terminal sends Ctrl-C to the whole group. A process that is still importing would answer it with a
-traceback, and one whose parent was killed would wait for work, or work on, for ever.
+A terminal sends Ctrl-C to the whole process group. A process that is still importing would print a
+traceback, and one whose parent was killed would wait for work for ever.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ PRELOADED = "stemwatch.service.executors.worker_preload"
 
 
 def worker_context() -> SpawnContext | ForkServerContext:
-    """Where worker processes come from.
+    """The multiprocessing context of worker processes.
 
-    On Linux they are forked from a server of ours that has one thread and has imported what they
-    need: a fork of this process would inherit locks that its threads hold, and a spawned process
-    imports for seconds. Elsewhere they are spawned.
+    On Linux workers are forked from a server process that has one thread and has imported what they
+    need: a fork of this process would inherit locks held by its threads, and a spawned process
+    takes seconds to import. On other systems they are spawned.
     """
     if sys.platform != "linux":
         return multiprocessing.get_context("spawn")
@@ -47,8 +47,8 @@ def worker_context() -> SpawnContext | ForkServerContext:
 
 
 def expect_workers() -> None:
-    """Let the server of the workers begin with its imports, beside whatever is done here until
-    they are needed: both take seconds of a core."""
+    """Start the server process of the workers early, so that its imports, which take seconds, run
+    beside those of this process."""
     if sys.platform == "linux":
         from multiprocessing import forkserver
 
@@ -58,12 +58,12 @@ def expect_workers() -> None:
 
 
 def environment() -> dict[str, str]:
-    """The environment that a worker is to have: the server that it comes from has an older one."""
+    """The environment for a worker; the server process that it is forked from has an older one."""
     return dict(os.environ)
 
 
 def take_environment(environment: Mapping[str, str]) -> None:
-    """Have the ``environment`` of the process that asked for this one."""
+    """Replace this process's environment by that of the process that requested it."""
     for name in os.environ.keys() - environment.keys():
         del os.environ[name]
     os.environ.update(environment)
@@ -71,11 +71,11 @@ def take_environment(environment: Mapping[str, str]) -> None:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Processes started here by this thread keep Ctrl-C waiting until ``take_signals``."""
+    """Processes that this thread starts in the block hold back Ctrl-C until ``take_signals``."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows, where nothing is inherited
         yield
         return
-    # Python starts its tracker with the first process, and lets Ctrl-C through again after that.
+    # Python starts its resource tracker with the first process and unblocks SIGINT afterwards.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -85,24 +85,24 @@ def quiet_start() -> Iterator[None]:
 
 
 def begin_child(*, ignore: tuple[signal.Signals, ...] = ()) -> None:
-    """What a started process does first: ``take_signals`` and ``end_with_parent``."""
+    """To be called first in a child process: ``take_signals`` and ``end_with_parent``."""
     take_signals(ignore)
     end_with_parent()
 
 
 def take_signals(ignore: tuple[signal.Signals, ...] = ()) -> None:
-    """Ignore these signals, and end at once on Ctrl-C and SIGTERM where they are not among them."""
+    """Ignore these signals; otherwise Ctrl-C and SIGTERM end the process at once."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for number in ignore:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
-        # Only now: what came meanwhile is met by what was just said.
+        # Last, so that a signal held back meanwhile meets the new handlers.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
 
 
 def end_with_parent() -> None:
-    """End this process as soon as the one that started it is gone, whatever it is doing."""
+    """End this process as soon as its parent process has ended, whatever it is doing."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         watch = threading.Thread(target=_until_gone, args=(parent.sentinel,), daemon=True)
@@ -111,24 +111,24 @@ def end_with_parent() -> None:
 
 def _until_gone(sentinel: int) -> None:
     wait([sentinel])
-    os._exit(_ORPHANED)  # nobody is left to whom anything could be told
+    os._exit(_ORPHANED)  # without clean-up: the parent is gone
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM: whatever is done is ended in the way in which Ctrl-C ends it."""
+    """SIGTERM, handled in the same way as Ctrl-C."""
 
 
 @contextmanager
 def ending_on_sigterm() -> Iterator[None]:
-    """Have SIGTERM raise ``Terminated`` in the main thread, whatever was inherited: a script's
-    background job ignores Ctrl-C, so that SIGTERM cannot be handed on as that."""
+    """SIGTERM raises ``Terminated`` in the main thread, whatever handler was inherited. It cannot
+    be passed on as Ctrl-C, which background jobs of a script ignore."""
 
     def end(*_: object) -> None:
         _terminated.set()
         raise Terminated
 
     if threading.current_thread() is not threading.main_thread():
-        yield  # only that one hears of signals
+        yield  # only the main thread receives signals
         return
     before = signal.signal(signal.SIGTERM, end)
     try:
@@ -138,45 +138,46 @@ def ending_on_sigterm() -> Iterator[None]:
 
 
 def terminated() -> bool:
-    """Whether SIGTERM asked this command to end."""
+    """Whether this command received SIGTERM."""
     return _terminated.is_set()
 
 
 def process_name() -> str:
-    """The name under which this process has duties: its machine, its number, when it began and
-    where its number counts, and a part that no other name has."""
+    """The name of this process in leases and runs: host, process id, start time, boot and
+    container, and a random part."""
     pid = os.getpid()
-    return f"{socket.gethostname()}:{pid}:{_began(pid)}:{_place()}:{uuid.uuid4().hex[:8]}"
+    boot = _boot_and_container()
+    return f"{socket.gethostname()}:{pid}:{_start_time(pid)}:{boot}:{uuid.uuid4().hex[:8]}"
 
 
 def has_ended(name: str) -> bool:
-    """Whether the process of this ``process_name`` is known to have ended.
+    """Whether the process with this ``process_name`` is known to have ended.
 
-    Only of a process of this machine, since its last start, can that be known; a number that was
-    given to another process since is told by when that one began.
+    That can be known only for processes of this machine since its last boot; a process id that was
+    reused is recognised by its start time.
     """
     parts = name.rsplit(":", 4)
     if len(parts) != 5 or not parts[2].isdigit() or not parts[1].isdigit():
         return False
-    host, pid, began, place, _ = parts
-    if host != socket.gethostname() or not place or place != _place():
+    host, pid, start_time, boot, _ = parts
+    if host != socket.gethostname() or not boot or boot != _boot_and_container():
         return False
-    return _began(int(pid)) != began
+    return _start_time(int(pid)) != start_time
 
 
-def _began(pid: int) -> str:
-    """When a process began, in ticks since the machine's start; empty where there is none, or
-    where the system does not say."""
+def _start_time(pid: int) -> str:
+    """The start of a process in ticks since boot; empty where there is no such process or the
+    system does not tell."""
     try:
-        said = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return ""
-    fields = said.rpartition(")")[2].split()  # the program's name may hold blanks
+    fields = stat.rpartition(")")[2].split()  # the program's name may hold blanks
     return "" if fields[0] in ("Z", "X") else fields[19]
 
 
-def _place() -> str:
-    """This start of this machine, and the container: elsewhere the same number is another."""
+def _boot_and_container() -> str:
+    """Identifies this boot of this machine and the container, within which process ids count."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
         return hashlib.sha256((boot + os.readlink("/proc/self/ns/pid")).encode()).hexdigest()[:12]

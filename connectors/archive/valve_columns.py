@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -53,6 +53,9 @@ class ValveColumns:
             total.update(np.ascontiguousarray(column.values).data)  # NaN where quality is not good
             before = column.ns
         return total.hexdigest()
+
+    def read_ahead(self, tags: Iterable[str]) -> None:
+        """Nothing is left to be read: an archive is asked once for a valve."""
 
     def column(self, tag: str, *, as_mode: bool = False) -> Column:
         """The tag's samples; a mode was read as a mode."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,11 @@ from stemwatch.connectors.historian.layouts import parse_source
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.document import open_document
+from stemwatch.connectors.historian.tables.large_file import (
+    FileColumns,
+    LargeTable,
+    open_large,
+)
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
@@ -19,7 +26,11 @@ from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.connectors.historian.times.time_column import Instants, read_instants
 from stemwatch.connectors.historian.values.columns import Column, convert, own_interval_s
 from stemwatch.connectors.historian.values.numbers import decide_decimal
+from stemwatch.connectors.historian.values.stored_text import StoredText
 from stemwatch.models.recording import Role
+
+_NUMBERS_AT_ONCE = 16_000_000  # that one pass over a large file reads: 128 MB
+_NUMBERS_KEPT = 12_000_000  # of converted columns, some 30 bytes each
 
 
 @dataclass
@@ -34,7 +45,9 @@ class OpenedFile:
     instants: Instants
     decimal: str
     notes: ReadingNotes
+    in_file: FileColumns | None = None  # where the table is read in pieces
     _columns: dict[tuple[str, bool], Column] = field(default_factory=dict)
+    _all: bool = False  # every tag is looked at, one after the other
     _roles: list[Candidate] | None = None
 
     @property
@@ -76,9 +89,9 @@ class OpenedFile:
         """The tag's samples. Raises ``KeyError`` for a tag that is not there."""
         key = (tag, as_mode)
         if key not in self._columns:
-            raw = next((c for c in self.table.columns if c.tag == tag), None)
-            if raw is None:
-                raise KeyError(tag)
+            raw = self._by_tag[tag]
+            if self._all:
+                self._read_following(raw)
             self._columns[key] = convert(
                 raw,
                 self.instants,
@@ -88,10 +101,42 @@ class OpenedFile:
                 lines=self.table.numbers,
                 as_mode=as_mode,
             )
+            self._forget(raw)
         return self._columns[key]
+
+    @cached_property
+    def _by_tag(self) -> dict[str, RawColumn]:
+        return {column.tag: column for column in reversed(self.table.columns)}
+
+    def read_ahead(self, tags: Iterable[str]) -> None:
+        """Read these tags in one pass over the file, where it is read in pieces."""
+        if self.in_file is None:
+            return
+        cells = [self._by_tag[tag].cells for tag in tags if (tag, False) not in self._columns]
+        self.in_file.read_ahead([one.place for one in cells if isinstance(one, StoredText)])
+
+    def _read_following(self, raw: RawColumn) -> None:
+        """Read this column and, in the same pass, as many after it as need little memory."""
+        if self.in_file is None or not isinstance(raw.cells, StoredText):
+            return
+        each = max(1, _NUMBERS_AT_ONCE // max(1, len(raw.cells)))
+        later = [c.cells for c in self.table.columns if isinstance(c.cells, StoredText)]
+        wanted = [one.place for one in later if one.place >= raw.cells.place]
+        self.in_file.read_ahead(wanted[:each])
+
+    def _forget(self, raw: RawColumn) -> None:
+        """Keep no text of a column that is converted, and of large files few columns."""
+        if self.in_file is None or not isinstance(raw.cells, StoredText):
+            return
+        for cells in (raw.cells, raw.quality_codes):
+            if isinstance(cells, StoredText):
+                self.in_file.forget(cells.place)
+        while len(self._columns) * len(raw.cells) > _NUMBERS_KEPT and len(self._columns) > 1:
+            del self._columns[next(iter(self._columns))]
 
     def roles(self) -> list[Candidate]:
         """A candidate for each tag, in the file's order."""
+        self._all = True
         if self._roles is None:
             named = [(c.tag, c.unit, c.description, self._own(c)) for c in self.table.columns]
             stem = self.path.name.removesuffix(".gz").rsplit(".", 1)[0]
@@ -109,6 +154,9 @@ def open_file(path: Path, options: ReadOptions) -> OpenedFile:
     Raises ``UnreadableSource`` where it is not there, not text, or not a table of samples.
     """
     notes = ReadingNotes()
+    large = open_large(path, options, notes)
+    if large is not None:
+        return _opened(path, options, large, notes)
     document = open_document(path, options.encoding, notes)
     table = parse_source(LayoutInput(document, options, notes))
     if not table.columns or not table.numbers:
@@ -117,18 +165,36 @@ def open_file(path: Path, options: ReadOptions) -> OpenedFile:
             "at least one tag with values"
         )
     decimal = _decimal(table, options, str(path), notes)
-    instants = read_instants(table, options, str(path), notes)
     opened = OpenedFile(
         path=path,
         options=options,
         digest=document.digest,
         encoding=document.encoding,
         table=table,
-        instants=instants,
+        instants=read_instants(table, options, str(path), notes),
         decimal=decimal,
         notes=notes,
     )
     if not any(np.isfinite(opened.column(c.tag).values).any() for c in table.columns):
+        _refuse_empty(opened)
+    return opened
+
+
+def _opened(path: Path, options: ReadOptions, large: LargeTable, notes: ReadingNotes) -> OpenedFile:
+    opened = OpenedFile(
+        path=path,
+        options=options,
+        digest=large.digest,
+        encoding=large.encoding,
+        table=large.table,
+        instants=read_instants(large.table, options, str(path), notes),
+        decimal=large.decimal,
+        notes=notes,
+        in_file=large.columns,
+    )
+    if isinstance(large.table.times.texts, StoredText):
+        large.columns.forget(large.table.times.texts.place)
+    if not any(np.isfinite(opened.column(c.tag).values).any() for c in large.table.columns):
         _refuse_empty(opened)
     return opened
 

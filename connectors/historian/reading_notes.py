@@ -25,6 +25,14 @@ class ReadingNotes:
         else:
             self._unlisted += 1
 
+    def take(self, others: ReadingNotes) -> None:
+        """Add what was noted elsewhere."""
+        for sentence in others.decisions:
+            self.decide(sentence)
+        for sentence in others._problems:
+            self.problem(sentence)
+        self._unlisted += others._unlisted
+
     @property
     def problems(self) -> list[str]:
         """The first problems in file order, and how many more there are."""

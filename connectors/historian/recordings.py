@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import timedelta
 from typing import Protocol
 
@@ -71,6 +71,10 @@ class SampleSource(Protocol):
     @property
     def problems(self) -> Sequence[str]: ...
 
+    def read_ahead(self, tags: Iterable[str]) -> None:
+        """These tags are wanted next: read them together where that is less work."""
+        ...
+
     def column(self, tag: str, *, as_mode: bool = False) -> Column: ...
 
 
@@ -83,6 +87,7 @@ _PLAIN_PERCENT = (-15.0, 115.0)
 def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recording:
     """The recording of ``valve`` in ``window``. Raises ``UnknownTag`` or ``ConnectorError``."""
     _check_roles(opened, valve)
+    opened.read_ahead([find_tag(opened, mapping.tag) for mapping in valve.tags.values()])
     columns = sharing_times(
         {
             role: opened.column(find_tag(opened, mapping.tag), as_mode=role is Role.MODE)

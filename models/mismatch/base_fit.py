@@ -23,6 +23,8 @@ from stemwatch.models.stickslip.problem import FitProblem
 RATIOS = (0.0, 0.15, 0.35, 0.6, 0.85, 1.15)
 WIDTHS = 16
 RESTICKS = (0.0, 0.05, 0.4)  # percent per second
+# A stem that slips beyond its command rests there until the command has come past it again.
+BEYOND_COMMAND = (0.85, 1.15, 1.4)  # J/S
 ZERO_REACH = 8.0  # percent either way
 HELD = 0.3  # percent
 GAIN_REACH = (-0.25, 0.3)
@@ -83,6 +85,15 @@ def grid(look: Look, zero: float, resticks: tuple[float, ...] = (0.0,)) -> Float
     return rows
 
 
+def beyond_command(look: Look, zero: float) -> Floats:
+    """(m, 6) starts of a stem whose slips end beyond the command (J near S or above) and that
+    sticks after each of them; without these, a stretched reading stands in for it."""
+    rows = grid(look, zero, (RESTICK_REACH,))
+    rows = rows[rows[:, base_coordinate.RATIO] == RATIOS[0]].repeat(len(BEYOND_COMMAND), 0)
+    rows[:, base_coordinate.RATIO] = np.tile(BEYOND_COMMAND, rows.shape[0] // len(BEYOND_COMMAND))
+    return np.asarray(rows)
+
+
 def suggested_zero(problem: FitProblem) -> float:
     """Friction holds the stem in a band that is as wide above the command as below, percent."""
     ahead = (problem.mv - problem.op)[problem.scored]
@@ -123,7 +134,9 @@ def fit_base(
         first = min(first, FIRST_OF_DRAWN)
     bounds = base_bounds(problem, look, own_reading=own_reading)
     evaluator = make_evaluator(problem, look, bounds, first, CANONICAL, first_scatter(look), slack)
-    starts = bounds.clip(grid(look, suggested_zero(problem), RESTICKS))
+    zero = suggested_zero(problem)
+    usual = bounds.clip(grid(look, zero, RESTICKS))
+    starts = np.vstack((usual, bounds.clip(beyond_command(look, zero))))
     readings = [evaluator]
     if repeat_share(problem.op) >= COARSE_COMMAND:
         readings.append(replace(evaluator, restick=ONLY_WHEN_TURNING, _layouts={}))
@@ -147,8 +160,8 @@ def fit_base(
     scatter = breakaway_scatter(early_late, float(level), problem.sigma)
     chosen = replace(chosen, delta=delta, scatter=scatter, _layouts={})
     layout = chosen.layout(TermSet())
-    every = 1 if chosen.slack.any() else max(starts.shape[0] // 60, 1)
-    near = np.vstack((starts[::every], fits[best].candidate))
+    every = 1 if chosen.slack.any() else max(usual.shape[0] // 60, 1)
+    near = np.vstack((usual[::every], fits[best].candidate))
     fitted = conclude(chosen, crossfit(chosen, layout, near, CAREFUL))
     seen = fitted.candidates.mean(axis=0)
     S = float(seen[base_coordinate.S_PERCENT])

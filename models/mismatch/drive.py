@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.acceptance_limits import MEAN, convincing
 from stemwatch.models.mismatch.base_fit import BaseFit, breakaway_scatter, scale
 from stemwatch.models.mismatch.batched_search import Search, conclude
 from stemwatch.models.mismatch.crossfit import (
@@ -31,6 +31,7 @@ from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.reading import pinned
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
+    AS_GOOD,
     Named,
     Needed,
     SelectionStage,
@@ -61,11 +62,19 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
     for slug in TERMS:
         hypothesis = hypothesis.plus(terms[slug])
     evaluator, fitted = _fitted(base, balance, hypothesis)
+    # That there is inertia was told by the balance; the blocks must tell that the drive as a whole
+    # is needed. Without its motor the fit makes up for much by a wide dead band.
+    alone = conclude(evaluator, _alone(evaluator, base))
+    whole = convincing(gain(evaluator, alone, fitted), evaluator.told, DRIVE)
     needed = []
     for term in hypothesis.terms:
         without = conclude(evaluator, _without(evaluator, fitted, term))
         score = TermScore(term, fitted, gain(evaluator, without, fitted))
-        stands = convincing(score.advantage, evaluator.told, term.slug)
+        stands = (
+            whole and score.advantage.mean >= MEAN and score.advantage.t >= AS_GOOD
+            if term.slug == DRIVE
+            else convincing(score.advantage, evaluator.told, term.slug)
+        )
         if stands and term.material(score.values, evaluator.look):
             stage = SelectionStage(without, (score,), (score,))
             needed.append(Needed(stage, without, score.advantage))
@@ -135,6 +144,14 @@ def starts_of_first_part(evaluator: Evaluator, layout: CoordinateLayout) -> Floa
     early = evaluator.within(problem.training_blocks())
     balance = force_balance(replace(problem, block=early))
     return None if balance is None else _starts(evaluator, layout, balance)
+
+
+def _alone(evaluator: Evaluator, base: BaseFit) -> Search[Fitted]:
+    """S, J and the reading alone, by the loss on the scale of what the drive leaves."""
+    layout = evaluator.layout(TermSet())
+    begun = yield from scored(layout, base.fitted.candidates)
+    alone = yield from again(evaluator, begun, CAREFUL)
+    return alone
 
 
 def _without(evaluator: Evaluator, fitted: Fitted, term: Term) -> Search[Fitted]:

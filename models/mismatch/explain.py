@@ -56,12 +56,12 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
-from stemwatch.models.mismatch.held_out import show
+from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
-from stemwatch.models.mismatch.reading import Off, findings, values_of
+from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.term import Look, Term, Way
-from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, name
+from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
@@ -88,6 +88,10 @@ DOOR_NOISE = 0.17  # of the archive's deviation
 FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 # One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
 MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
+# A worse fit on unseen data is no explanation of the recording, percent.
+LEAST_FIT = 50.0
+# Two fits of one S that differ by less do not contradict each other.
+ALIKE_PERCENT = 0.5
 
 
 @dataclass(frozen=True)
@@ -291,6 +295,23 @@ def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
     return {slug: term for slug, term in catalogue().items() if slug not in refused}
 
 
+@dataclass(frozen=True)
+class _Hypothesis:
+    """A hypothesis fitted to the whole record: everything in it was accepted.
+
+    ``worse`` says that something else was not, because unseen samples were predicted worse with it.
+    """
+
+    evaluator: Evaluator
+    layout: CoordinateLayout
+    best: Floats
+    drawn: Floats
+    effects: tuple[Effect, ...]
+    open_end: bool
+    shown: HeldOutComparison
+    worse: str = ""
+
+
 def _named(case: _Case, terms: Mapping[str, Term]) -> Named:
     """What the recording needs: as a drive whose motion it resolves, or else term by term."""
     drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
@@ -303,18 +324,105 @@ def _named(case: _Case, terms: Mapping[str, Term]) -> Named:
 
 
 def _told(case: _Case) -> Mismatch:
+    reached = _accepted(case)
+    evaluator, shown, effects = reached.evaluator, reached.shown, reached.effects
+    plain = naive_evaluator(evaluator)
+    simple = naive_layout(plain)
+    naive = conclude(plain, fit_naive(plain, np.ones(evaluator.problem.n_blocks, dtype=bool)))
+    archive = _archive(case, evaluator, reached.best)
+    # With nothing left out, and every sample kept, the breakaways tell S and J best.
+    told = not effects and not reached.open_end and not reached.worse and archive is None
+    alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
+    refitted = _stiction(evaluator, reached.drawn, reached.best, by_breakaways=told)
+    if case.balance is not None and DRIVE in reached.layout.places:
+        refitted = _of_balance(case.balance, refitted)
+    doubt = _doubt(reached, alone, refitted)
+    finding = _finding(effects, reached.open_end or bool(doubt))
+    if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
+        shown, refitted = shown.of_naive_alone(), alone
+    before = residual_map(evaluator, shown.runs.naive)
+    after = residual_map(evaluator, shown.runs.extended)
+    mismatch = Mismatch(
+        finding=finding,
+        sentence=_sentence(finding, effects, case.refused, before, doubt),
+        naive=alone,
+        restated=refitted,
+        effects=effects,
+        record_effects=case.settled.effects,
+        not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
+        heldout=shown.heldout,
+        before=before,
+        after=after,
+        runs=shown.runs,
+        p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
+    )
+    return mismatch if archive is None else _restored(mismatch, archive, evaluator)
+
+
+def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mismatch:
+    """With what a slow archive lost of OP's peaks given back to S and J."""
+    restated = mismatch.restated
+    if mismatch.finding is Finding.UNKNOWN or stands_for_friction(restated.S, mismatch.naive.S):
+        return mismatch
+    # What a slow actuator keeps between command and stem was not lost between two samples.
+    slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in mismatch.effects)
+    if mismatch.runs is None or (slow and archive.deviation <= 0.0):
+        return mismatch
+    missed = archive.missed_by(evaluator.problem, mismatch.runs.extended)
+    S, J = archive.restored(restated.S, restated.J, missed)
+    return replace(
+        mismatch,
+        restated=Stiction(S=S, J=J),
+        record_effects=(*mismatch.record_effects, archive.as_effect(missed)),
+    )
+
+
+def _accepted(case: _Case) -> _Hypothesis:
+    """The hypothesis that is published: what does not stand is taken out, and the rest refitted.
+
+    What is named must also predict, in a free run, the part of the record that was not fitted at
+    least as well as S and J alone do; else the weakest of it goes, until it does.
+    """
     terms = admissible(case.refused)
     named = _named(case, terms)
+    pinned: set[str] = set()
+    worse = ""
+    while True:
+        reached, proposed = _whole_record(case, named, terms, pinned)
+        stand = {effect.slug for effect in reached.effects}
+        if stand and not reached.shown.heldout.improves:
+            worse = worse or _worse(reached)
+            stand.remove(reached.effects[-1].slug)
+            if DRIVE in reached.layout.places:
+                # Motor and load are one model: what a valve needs is looked for instead.
+                case = replace(case, balance=None)
+                terms = {slug: term for slug, term in terms.items() if slug not in OF_A_DRIVE}
+                named = _named(case, terms)
+                continue
+        elif DRIVE in reached.layout.places:
+            return reached
+        gone = proposed - stand
+        if not gone:
+            return replace(reached, worse=worse)
+        pinned |= gone & set(STRAIGHT_LINE)
+        terms = {slug: term for slug, term in terms.items() if slug not in gone}
+        named = lacking(named, gone)
+
+
+def _whole_record(
+    case: _Case, named: Named, terms: dict[str, Term], pinned: set[str]
+) -> tuple[_Hypothesis, set[str]]:
+    """The hypothesis ``named`` on the whole record, and the slugs of all that it holds: terms that
+    were needed, and the reading's errors. ``pinned`` are errors of the reading that it must not
+    have."""
     evaluator = named.evaluator
     off, fitted = findings(evaluator, named.fitted, terms)
+    for slug in pinned:
+        fitted = without(evaluator, fitted, *COORDINATES[slug])
     layout, best = _whole(evaluator, fitted)
     drawn = draws(evaluator, layout, best)
     candidates = _effects(case.recording, named, off, layout, best, drawn)
     large = tuple(candidate for candidate in candidates if _matters(candidate))
-    everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
-    plain = naive_evaluator(evaluator)
-    simple = naive_layout(plain)
-    naive = conclude(plain, fit_naive(plain, everything))
     of_drive = starts_of_first_part(evaluator, layout)
     in_turn = (
         layout.hypothesis.terms
@@ -323,38 +431,50 @@ def _told(case: _Case) -> Mismatch:
     )
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
-    finding = _finding(effects, open_end)
-    before = residual_map(evaluator, shown.runs.naive)
-    archive = _archive(case, evaluator, best)
-    record_effects = case.settled.effects
-    # With nothing left out, and every sample kept, the breakaways tell S and J best.
-    told = finding is Finding.NONE and archive is None
-    alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
-    restated = _stiction(evaluator, drawn, best, by_breakaways=told)
-    if case.balance is not None and DRIVE in layout.places:
-        restated = _of_balance(case.balance, restated)
-    archive = None if stands_for_friction(restated.S, alone.S) else archive
-    # What a slow actuator keeps between command and stem was not lost between two samples.
-    slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in effects)
-    if archive is not None and (archive.deviation > 0.0 or not slow):
-        missed = archive.missed_by(evaluator.problem, shown.runs.extended)
-        S, J = archive.restored(restated.S, restated.J, missed)
-        restated = Stiction(S=S, J=J)
-        record_effects = (*record_effects, archive.as_effect(missed))
-    return Mismatch(
-        finding=finding,
-        sentence=_sentence(finding, effects, case.refused, before),
-        naive=alone,
-        restated=restated,
-        effects=effects,
-        record_effects=record_effects,
-        not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
-        heldout=shown.heldout,
-        before=before,
-        after=residual_map(evaluator, shown.runs.extended),
-        runs=shown.runs,
-        p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
+    proposed = {candidate.slug for candidate in candidates}
+    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown), proposed
+
+
+def _worse(reached: _Hypothesis) -> str:
+    """That unseen samples are predicted worse with what was named."""
+    words = " and ".join(effect.slug.replace("_", " ") for effect in reached.effects)
+    heldout = reached.shown.heldout
+    fit = ""
+    if heldout.fit_naive is not None and heldout.fit_extended is not None:
+        fit = f" (fit {heldout.fit_naive:.0f} % without, {heldout.fit_extended:.0f} % with it)"
+    return (
+        f"{words.capitalize()} would explain parts of this recording, but its last part, which was "
+        f"not fitted, is predicted worse with it{fit}"
     )
+
+
+def _doubt(reached: _Hypothesis, alone: Stiction, refitted: Stiction) -> str:
+    """Why it cannot be said that nothing was left out, though nothing is named; else empty."""
+    if reached.effects:
+        return ""
+    if reached.worse:
+        return reached.worse
+    if not _agree(alone.S, refitted.S) or not _agree(alone.J, refitted.J):
+        return (
+            f"S and J alone are {alone.S.value:.2g} and {alone.J.value:.2g} %, fitted together "
+            f"with the reading's zero and gain {refitted.S.value:.2g} and {refitted.J.value:.2g} %"
+        )
+    heldout = reached.shown.heldout
+    fits = [fit for fit in (heldout.fit_naive, heldout.fit_extended) if fit is not None]
+    if fits and max(fits) < LEAST_FIT:
+        return (
+            "With S and J the model does not follow the part of the recording that was not fitted "
+            f"(fit {max(fits):.0f} %)"
+        )
+    return ""
+
+
+def _agree(one: Estimate, other: Estimate) -> bool:
+    """True where two estimates of one number do not contradict each other."""
+    if one.value is None or other.value is None:
+        return True
+    apart = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
+    return apart <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT
 
 
 def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
@@ -521,10 +641,13 @@ def _sentence(
     effects: tuple[Effect, ...],
     refused: Mapping[str, str],
     before: ResidualMap,
+    doubt: str,
 ) -> str:
     if finding is Finding.NONE:
         tail = f" {len(refused)} effects could not be tested here." if refused else ""
         return f"S and J explain this recording; nothing else is needed.{tail}"
+    if finding is Finding.UNKNOWN and doubt:
+        return f"{doubt}: whether something is left out cannot be told, and nothing is named."
     if finding is Finding.UNKNOWN:
         where = (
             "the residual map shows where it differs"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from stemwatch.models.estimate import Estimate
@@ -128,6 +128,25 @@ class HeldOutFit:
     fit_extended: float | None = None
     gain_low: float | None = None
     gain_high: float | None = None
+
+    @property
+    def improves(self) -> bool:
+        """Whether the extended model is at least as near on unseen data; true where no samples tell
+        it."""
+        if self.rmse_naive is None or self.rmse_extended is None:
+            return True
+        return self.rmse_extended <= self.rmse_naive
+
+    def of_naive_alone(self) -> HeldOutFit:
+        """The same where S and J alone are published: nothing is gained, nothing is lost."""
+        gain = None if self.fit_naive is None else 0.0
+        return replace(
+            self,
+            rmse_extended=self.rmse_naive,
+            fit_extended=self.fit_naive,
+            gain_low=gain,
+            gain_high=gain,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

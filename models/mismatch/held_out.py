@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.block_bootstrap import COVERAGE, block_weights
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.base_fit import fit_naive, naive_evaluator, naive_layout
+from stemwatch.models.mismatch.base_fit import (
+    NAIVE,
+    beyond_command,
+    fit_naive,
+    naive_evaluator,
+    naive_layout,
+)
 from stemwatch.models.mismatch.batched_search import Search, conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search, widened
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet
@@ -30,6 +36,11 @@ class HeldOutComparison:
     heldout: HeldOutFit
     runs: FreeRuns
 
+    def of_naive_alone(self) -> HeldOutComparison:
+        """The same where nothing but S and J alone is published."""
+        runs = replace(self.runs, extended=self.runs.naive)
+        return HeldOutComparison(self.heldout.of_naive_alone(), runs)
+
 
 def show(
     evaluator: Evaluator,
@@ -48,14 +59,16 @@ def show(
     problem = evaluator.problem
     train = problem.training_blocks()
     plain = naive_evaluator(evaluator)
-    naive = plain.simulate(naive_layout(plain), conclude(plain, fit_naive(plain, train)))
+    simple = conclude(plain, fit_naive(plain, train))
+    naive = plain.simulate(naive_layout(plain), simple)
     if starts is None:
         trained = conclude(evaluator, _trained(evaluator, layout, terms, train))
     else:
         trained = conclude(
             evaluator, search(evaluator, layout, train, layout.bounds.clip(starts), CAREFUL)
         ).candidate
-    extended = evaluator.simulate(layout, trained)
+    candidate = _running_free(evaluator, layout, terms, train, trained, simple)
+    extended = evaluator.simulate(layout, candidate)
     first = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
     late = evaluator.measured & (np.arange(problem.op.size) >= first)
     runs = FreeRuns(naive=naive, extended=extended, heldout_from=first)
@@ -68,7 +81,8 @@ def _trained(
     """The extended model fitted to the first part: from a grid of S and J on, term after term, as
     it was found, but from no number that has seen the rest."""
     base = evaluator.layout(TermSet())
-    fit = yield from search(evaluator, base, train, base.bounds.clip(_few(evaluator)), CAREFUL)
+    starts = np.vstack((_few(evaluator), beyond_command(evaluator.look, 0.0)))
+    fit = yield from search(evaluator, base, train, base.bounds.clip(starts), CAREFUL)
     fitted = _on_both(base, fit.candidate)
     for term in terms:
         rich = fitted.layout.hypothesis.plus(term)
@@ -80,6 +94,42 @@ def _trained(
     start = layout.bounds.clip(fit.candidate[None, :])  # a gain that is no finding is held at 1
     fit = yield from search(evaluator, layout, train, start, CAREFUL)
     return fit.candidate
+
+
+def _running_free(
+    evaluator: Evaluator,
+    layout: CoordinateLayout,
+    terms: Sequence[Term],
+    train: Bools,
+    trained: Floats,
+    simple: Floats,
+) -> Floats:
+    """``trained`` by the loss that the naive model is fitted to: free runs.
+
+    A run whose breakaways are put where they were seen does not ask for what a free run does best
+    with; judged by its free run it would be behind a simpler model that was fitted to nothing else.
+    S and J of the naive fit, ``simple`` (6,), are starts as well, less what of them was a term's.
+    """
+    rows = [trained]
+    if not terms:
+        rows.append(np.concatenate((simple, np.zeros(layout.size - simple.size))))
+    S = float(simple[base_coordinate.S_PERCENT])
+    J = S * float(simple[base_coordinate.RATIO])
+    for term in terms:
+        size = float(trained[layout.places[term.slug]][0])
+        for start in beginnings(term, S, J):
+            row = trained.copy()
+            less = max(start.S - start.S_less * size, 0.3 * start.S)
+            jump = min(max(start.J - start.J_less * size, 0.0), less)
+            row[base_coordinate.S_PERCENT] = less
+            row[base_coordinate.RATIO] = jump / max(less, 1e-6)
+            rows.append(row)
+    free = replace(evaluator, window=0.0)
+    starts = layout.bounds.clip(np.vstack(rows))
+    for _ in range(2):  # as the naive model is fitted
+        found = conclude(free, search(free, layout, train, starts, NAIVE)).candidate
+        starts = found[None, :]
+    return found
 
 
 def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:

@@ -8,8 +8,8 @@ is looked for on top of it, three at most.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -316,6 +316,28 @@ def told_by_events(
     return fitted, [
         Needed(SelectionStage(simple, (score,), (score,)), simple, score.advantage, seen)
     ]
+
+
+def lacking(named: Named, slugs: Collection[str]) -> Named:
+    """What was named without some terms, refitted, and what is still needed of the others."""
+    stages = [needed.stage for needed in named.needed if needed.term.slug not in slugs]
+    if len(stages) == len(named.needed):
+        return named
+    if not stages:
+        return replace(named, fitted=named.base, needed=())
+    left = TermSet(
+        tuple(term for term in named.fitted.layout.hypothesis.terms if term.slug not in slugs)
+    )
+    evaluator = named.evaluator
+    begun = conclude(
+        evaluator, scored(evaluator.layout(left), reduced(evaluator, named.fitted, left))
+    )
+    fitted = conclude(evaluator, again(evaluator, begun, CAREFUL))
+    if len(stages) == 1:
+        # Its own stage may have had a term before it that is gone now.
+        stages = [replace(stages[0], before=named.base)]
+    fitted, needed = pruned(evaluator, fitted, stages)
+    return replace(named, fitted=fitted, needed=tuple(needed))
 
 
 def pruned(

@@ -1,3 +1,3 @@
-"""Who may do what: roles, rights, passwords, sessions, tokens, one-time links, throttling."""
+"""Roles and rights, passwords, sessions, API tokens, one-time links, throttling of sign-in."""
 
 from __future__ import annotations

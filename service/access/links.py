@@ -1,8 +1,8 @@
-"""One-time links: by them people choose their own passwords, and nobody else knows one."""
+"""One-time links with which people choose their own passwords."""
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from urllib.parse import urlencode
 
 from stemwatch.service.access.passwords import check_password, hash_password
@@ -21,7 +21,7 @@ LONGEST_NAME = 80
 
 
 class LinkIsOver(Exception):
-    """A one-time link that lets nobody in: used, withdrawn, too old, or never made."""
+    """The one-time link is used, withdrawn, expired or unknown."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -30,7 +30,7 @@ class LinkIsOver(Exception):
 
 
 class BadName(ValueError):
-    """A name that nobody can sign in with; the text says what is expected."""
+    """The name is not allowed; the text says what is expected."""
 
 
 def address_of(secret: str, base_url: str) -> str:
@@ -48,7 +48,7 @@ def make_link(
     user: int | None = None,
     note: str = "",
 ) -> tuple[str, OneTimeLink]:
-    """The secret of a new one-time link, which is known only here and now, and its record."""
+    """Store a new one-time link; return its secret, which is not stored, and its record."""
     secret = new_secret()
     expires = now + LIFETIMES[kind]
     link = store.access_links.make(
@@ -57,8 +57,18 @@ def make_link(
     return secret, link
 
 
+def first_link(store: Store, base_url: str) -> str | None:
+    """A one-time link at which the first admin chooses name and password; ``None`` where a user
+    exists already. It is valid for 24 hours and replaces any earlier one."""
+    if not store.accounts.is_empty():
+        return None
+    now = datetime.now(UTC)
+    secret, _ = make_link(store, OneTimeLinkKind.FIRST, UserRole.ADMIN, by="", now=now)
+    return address_of(secret, base_url)
+
+
 def find_link(store: Store, secret: str, now: datetime) -> OneTimeLink:
-    """The record of a link that still lets somebody in. Raises ``LinkIsOver``."""
+    """The record of a valid link. Raises ``LinkIsOver``."""
     link = store.access_links.find(digest_of(secret)) if secret else None
     first = link is not None and link.kind is OneTimeLinkKind.FIRST
     if link is None or not link.is_open(now) or (first and not store.accounts.is_empty()):
@@ -67,10 +77,10 @@ def find_link(store: Store, secret: str, now: datetime) -> OneTimeLink:
 
 
 def use_link(store: Store, secret: str, name: str, password: str, now: datetime) -> User:
-    """Use a link up: a new user, or a new password of the user it was made for.
+    """Use a link: add a new user, or set a new password of the user it was made for.
 
     Raises ``LinkIsOver``, ``BadName``, ``WeakPassword``, ``NameTaken``; after the last three the
-    link is as good as before.
+    link remains valid.
     """
     link = find_link(store, secret, now)
     digest = digest_of(secret)
@@ -88,7 +98,7 @@ def use_link(store: Store, secret: str, name: str, password: str, now: datetime)
 
 
 def check_name(name: str) -> str:
-    """A name as it is shown, blanks set right. Raises ``BadName``."""
+    """The name with blanks collapsed. Raises ``BadName``."""
     plain = " ".join(clean_text(name).split())
     if not plain or len(plain) > LONGEST_NAME or not plain.isprintable():
         raise BadName(f"a name of 1 to {LONGEST_NAME} letters is expected")

@@ -1,5 +1,5 @@
-"""Signing in with name and password: the same answer and the same time whether or not there is
-such a user, throttled by name and address, and each attempt in the audit log."""
+"""Signing in with name and password: answer and time do not tell whether the user exists; attempts
+are throttled by name and address, and recorded in the audit log."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WRONG = "Name or password is wrong."
 
 
 class LoginRefused(Exception):
-    """Nobody was let in; the text is for whoever tried."""
+    """The sign-in failed; the text is for the person."""
 
 
 class TooMany(LoginRefused):
@@ -43,10 +43,10 @@ def sign_in(
     agent: str = "",
     browser: str = "",
 ) -> tuple[User, str]:
-    """The user, and the cookie of a new session. Raises ``LoginRefused`` and ``Busy``.
+    """Sign in; return the user and a new session's cookie. Raises ``LoginRefused``, ``Busy``.
 
-    ``browser`` is the cookie of ``known_browser``: where this user has signed in before, neither
-    the guesses of others at the name nor those from the same address make anybody wait.
+    ``browser`` is the cookie of ``known_browser``: in a browser in which this user has signed in
+    before, failed attempts of others with the name or address cause no wait.
     """
     known = store.accounts.password_of(name) if browser else None
     own = None if known is None else key_of_browser(browser, known[1], now)
@@ -70,8 +70,8 @@ def sign_in(
 def _begin(store: Store, name: str, waits: Mapping[str, Wait], now: datetime, address: str) -> None:
     """Count an attempt, or raise ``TooMany`` where it has to wait.
 
-    What is refused so is in the audit log once in ``NOTED_EVERY``, with how often it came: guesses
-    by the thousand are one entry a minute.
+    Refused attempts are recorded in the audit log once in ``NOTED_EVERY`` with their number, so
+    that thousands of guesses are one entry a minute.
     """
     until = store.attempts.begin(waits, now=now, forget=FORGET)
     if until is None:
@@ -85,8 +85,8 @@ def _begin(store: Store, name: str, waits: Mapping[str, Wait], now: datetime, ad
 
 
 def check(store: Store, name: str, password: str, now: datetime) -> User | None:
-    """The user whose name and password these are; ``None`` where there is none, or who is
-    disabled. Takes the same time in either case. Raises ``Busy``."""
+    """The user with this name and password; ``None`` where there is none or the user is disabled.
+    Takes the same time in either case. Raises ``Busy``."""
     known = store.accounts.password_of(name)
     password = password[: 4 * LONGEST]
     right = matches(password, None if known is None else known[1])
@@ -98,7 +98,7 @@ def check(store: Store, name: str, password: str, now: datetime) -> User | None:
 
 
 def confirm(store: Store, user: User, password: str, *, now: datetime, address: str) -> bool:
-    """Whether somebody who is signed in knows the password; throttled as a login is."""
+    """Whether this is the password of a signed-in user; throttled as a sign-in is."""
     _begin(store, user.name, waits_of(user.name, address), now, address)
     known = store.accounts.password_of(user.name)
     if known is None or not matches(password[: 4 * LONGEST], known[1]):
@@ -115,7 +115,7 @@ def _note(
     outcome: AuditOutcome,
     detail: str = "",
 ) -> None:
-    """An entry; of a name that nobody has only that, since it may be a password."""
+    """Add an audit entry; without the typed name where no user has it, as it may be a password."""
     known = store.accounts.find(name)
     store.audit.add(
         AuditEntry(
@@ -132,14 +132,14 @@ def _note(
 
 
 NOTED_EVERY = timedelta(minutes=1)
-FORGET = timedelta(hours=1)  # without an attempt, and counting begins anew
+FORGET = timedelta(hours=1)  # without an attempt; counts then restart
 FREE_OF_NAME, FREE_OF_ADDRESS = 5, 20
 LONGEST_OF_NAME, LONGEST_OF_ADDRESS = timedelta(seconds=60), timedelta(seconds=300)
-_IPV6_SITE = 64  # bits: one machine has all addresses below them
+_IPV6_SITE = 64  # bits of the network whose addresses all belong to one machine or site
 
 
 def wait_after(count: int, free: int, longest: timedelta) -> timedelta:
-    """1 s after the first attempt that is not free, twice as long after each, up to ``longest``."""
+    """No wait for the first ``free`` attempts, then 1 s, doubled with each, up to ``longest``."""
     if count < free:
         return timedelta(0)
     return min(longest, timedelta(seconds=2.0 ** min(count - free, 30)))
@@ -156,12 +156,12 @@ def of_address(count: int) -> timedelta:
 
 
 def key_of_name(name: str) -> str:
-    """Under which a name is counted: its digest, since people type passwords into wrong fields."""
+    """The key of a name's count: a digest, since people type passwords into the wrong field."""
     return f"name {digest_of(name_key(name))}"
 
 
 def key_of_address(address: str) -> str:
-    """Under which an address is counted; of IPv6 the network that one machine has for itself."""
+    """The key of an address's count; for IPv6 that of its /64 network."""
     try:
         known = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -172,5 +172,5 @@ def key_of_address(address: str) -> str:
 
 
 def waits_of(name: str, address: str) -> Mapping[str, Wait]:
-    """Both counts of an attempt."""
+    """The keys under which an attempt is counted, with the wait after so many."""
     return {key_of_name(name): of_name, key_of_address(address): of_address}

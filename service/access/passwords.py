@@ -1,7 +1,7 @@
-"""Passwords: what is asked of them, and their argon2id hashes.
+"""Passwords: requirements, and argon2id hashes.
 
-argon2id with 64 MiB, three passes and four lanes, the second choice of RFC 9106 (section 4). Two
-are worked out at a time, so that many who sign in at once cannot fill the memory.
+argon2id with 64 MiB, three passes and four lanes, the second choice of RFC 9106 (section 4). At
+most two hashes are computed at a time, so that many sign-ins at once cannot fill the memory.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _HASHER = PasswordHasher(
     time_cost=3, memory_cost=64 * 1024, parallelism=4, hash_len=32, salt_len=16
 )
 _ROOM = threading.BoundedSemaphore(_AT_ONCE)
-# Of a password that nobody has: a name that is unknown costs the same time as one that is known.
-NOBODYS = (
+# Hash of an unused password: checking it makes an unknown name take as long as a known one.
+UNUSED_HASH = (
     "$argon2id$v=19$m=65536,t=3,p=4$QNSI6KqEqQio6CQb6C4UFA"
     "$VKLNqmmLjHyOvZIF4gwZvabUFL3L9w8SHfxgtPcidSI"
 )
@@ -32,17 +32,17 @@ _KNOWN = ("password", "passwort", "stemwatch", "qwerty", "qwertz", "123456", "ab
 
 
 class WeakPassword(ValueError):
-    """A password that is not taken; the text says what is expected."""
+    """The password is not accepted; the text says what is expected."""
 
 
 class Busy(Exception):
-    """Too many passwords are being checked at once."""
+    """Too many passwords are being checked at the same time."""
 
 
 def check_password(password: str, name: str) -> None:
     """Raise ``WeakPassword`` where a password is too short, too long, or easily guessed."""
     plain = _normal(password)
-    # Some characters are spelt out by normalising: what counts is what somebody has to find out.
+    # Normalising may lengthen a text: both lengths must be within the limits.
     if min(len(plain), len(password)) < SHORTEST or max(len(plain), len(password)) > LONGEST:
         raise WeakPassword(
             f"a password of {SHORTEST} to {LONGEST} characters is expected; several words are easy "
@@ -66,18 +66,18 @@ def hash_password(password: str) -> str:
 
 
 def matches(password: str, stored: str | None) -> bool:
-    """Whether a password belongs to a hash; takes the same time where there is none. Raises
+    """Whether ``password`` matches the hash ``stored``; takes the same time for ``None``. Raises
     ``Busy``."""
     with _room():
         try:
-            right = _HASHER.verify(stored or NOBODYS, _normal(password))
+            right = _HASHER.verify(stored or UNUSED_HASH, _normal(password))
         except (VerificationError, InvalidHashError):
             return False
     return right and stored is not None
 
 
 def is_dated(stored: str) -> bool:
-    """Whether a hash was made with other parameters than those of today."""
+    """Whether a hash was made with other parameters than the present ones."""
     return _HASHER.check_needs_rehash(stored)
 
 
@@ -92,5 +92,6 @@ def _room() -> Iterator[None]:
 
 
 def _normal(password: str) -> str:
-    """One spelling, whichever keyboard it was typed on (NFKC, as NIST SP 800-63B asks)."""
+    """The password in Unicode NFKC, as NIST SP 800-63B requires, so that the keyboard does not
+    matter."""
     return unicodedata.normalize("NFKC", password)

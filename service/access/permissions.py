@@ -1,7 +1,7 @@
-"""The rights: what may be done here, and the least role that may do it. This is the one table.
+"""The table of rights: each operation and the lowest role that may do it.
 
-A role may do whatever the roles below it may. A token may do what its scope allows, and never more
-than its user may at that moment.
+A role includes the rights of lower roles. A token allows what its scopes allow, and never more than
+its user may do at that moment.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from stemwatch.service.store.accounts.records import Scope, UserRole
 
 
 class Operation(StrEnum):
-    """What somebody wants to do; the audit log says it in these words."""
+    """An operation that needs a right; the values appear in the audit log."""
 
-    OPEN = "open"  # sign in, use a one-time link, load styles, ask whether the service works
+    OPEN = "open"  # sign in, use a one-time link, load styles, health checks
     READ = "read"
     METRICS = "read metrics"
-    OWN = "own account"  # password, sessions and tokens of oneself
+    OWN = "own account"  # the user's own password, sessions and tokens
     LOG_OUT = "log out"
     ALERT = "settle an alert"
     NOTE = "add a note"
@@ -31,13 +31,13 @@ class Operation(StrEnum):
     USERS = "manage users"
     TOKENS = "manage tokens"
     AUDIT = "read the audit log"
-    UNDECLARED = "use a route without a declared right"  # a mistake of ours, kept shut
+    UNDECLARED = "use a route without a declared right"  # a bug; admins only
 
 
 @dataclass(frozen=True)
 class Permission:
-    """Who may: from ``least`` upwards, or anybody where it is ``None``. What is to be done
-    ``in_person`` needs a session: a token that was stolen must not outlive itself."""
+    """The lowest role, ``None`` for anybody. An ``in_person`` operation needs a browser session, so
+    that a stolen token cannot be used to create further access."""
 
     least: UserRole | None
     in_person: bool = False
@@ -69,9 +69,9 @@ SCOPE_OF: Mapping[UserRole, Scope] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentUser:
-    """Who asks. ``scopes`` is ``None`` for a session; ``user`` is the number of the user, 0 for
-    the token of the environment. ``session`` is the digest of the session, ``form_token`` what its
-    forms carry."""
+    """The user of a request. ``scopes`` is ``None`` for a browser session; ``user`` is the user's
+    number, 0 for the token of the environment. ``session`` is the digest of the session,
+    ``form_token`` the token in its forms."""
 
     name: str
     role: UserRole
@@ -82,7 +82,7 @@ class CurrentUser:
     form_token: str = ""
 
     def may(self, operation: Operation) -> bool:
-        """Whether the rights allow it."""
+        """Whether the user's role and scopes allow ``operation``."""
         right = PERMISSIONS[operation]
         if right.least is None:
             return True
@@ -93,8 +93,8 @@ class CurrentUser:
         return not right.in_person and SCOPE_OF[right.least] in self.scopes
 
     def signature(self, said: str = "") -> str:
-        """What is signed with: the user's own name; where a program says for whom it acts,
-        both."""
+        """The name for signatures: the user's own, and before it the name of the person for whom a
+        program says it acts."""
         said = " ".join(said.split())
         return f"{said} (through {self.name})" if said and said != self.name else self.name
 

@@ -1,7 +1,7 @@
-"""Sessions of browsers: begun by a password, found by a cookie, ended by time or on request.
+"""Browser sessions: started by a password, identified by a cookie, ended by time or on request.
 
-The store keeps the digest of the cookie, so that sessions survive a restart and nobody who reads
-the database can take one over. Each request asks the store: what is ended has ended at once.
+The store holds the digest of the cookie, so that sessions survive a restart and cannot be taken
+over by reading the database. Each request checks the store, so that ending takes effect at once.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from stemwatch.service.access.secret import digest_of, new_secret
 from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.store import Store
 
-IDLE = timedelta(hours=12)  # a shift: longer unused, and a session has ended
+IDLE = timedelta(hours=12)  # a shift; a session that is unused for longer ends
 LONGEST = timedelta(days=7)
-NOTED_EVERY = timedelta(minutes=1)  # how exactly "last used" is kept; not a write per request
+NOTED_EVERY = timedelta(minutes=1)  # resolution of "last used", to avoid a write per request
 SESSION = "session"
 _FORMS = b"stemwatch forms"
 
@@ -24,7 +24,7 @@ _FORMS = b"stemwatch forms"
 def begin_session(
     store: Store, user: int, *, now: datetime, address: str = "", agent: str = ""
 ) -> str:
-    """A new session; what its cookie holds, known only here and to the browser."""
+    """Start a session; return the value of its cookie, which is not stored."""
     secret = new_secret()
     store.web_sessions.begin(
         digest_of(secret),
@@ -40,8 +40,8 @@ def begin_session(
 def user_of_cookie(
     store: Store, cookie: str, now: datetime, *, active: bool = True
 ) -> CurrentUser | None:
-    """Who asks with this cookie; ``None`` where its session has ended. ``active`` is false for
-    what a page asks for by itself, which keeps no session alive."""
+    """The user of this cookie; ``None`` where its session has ended. ``active`` is false for
+    requests that a page makes by itself, which do not prolong the session."""
     digest = digest_of(cookie)
     session = store.web_sessions.find(digest, now=now, idle=IDLE)
     if session is None:

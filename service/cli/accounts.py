@@ -50,10 +50,10 @@ def list_users(plant: PlantFile = None, db: Database = "") -> None:
 @accounts_app.command("first-link")
 def first_link(plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
     """Print a new one-time link for the first admin; the one before it lets nobody in any more."""
-    from stemwatch.service.access import first_user as setup
+    from stemwatch.service.access import links
 
     with _store(plant, db) as store:
-        link = setup.first_link(store, address)
+        link = links.first_link(store, address)
         if link is None:
             raise typer.BadParameter(
                 "somebody can sign in already; 'accounts add --role admin' makes a link for one "

@@ -1,8 +1,8 @@
-"""From live devices to the store: polled, kept on disk at once, handed over in batches.
+"""From devices to the store: samples are polled, written to disk at once, and stored in batches.
 
-``Collector`` runs the pollers of all devices, a ``Spool`` on disk, and a ``SampleSink`` that the
-store implements. Every sample goes through the spool, so that nothing hangs on the store being
-there and a process that is killed loses at most the poll it was in the middle of.
+``Collector`` runs the pollers of all devices, a ``Spool`` on disk, and a ``SampleSink``, which the
+store implements. Every sample goes through the spool, so that polling does not depend on the store
+and a killed process loses at most the poll in progress.
 """
 
 from stemwatch.service.collector.collector import Collector as Collector

@@ -1,4 +1,4 @@
-"""How a batch lies in a spool file: a mark, a length, a checksum, and the batch compressed."""
+"""The format of a record in a spool file: mark, length, checksum, compressed batch."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MARK = b"\xf1sWb"  # begins each record; the first byte is no ASCII and no UTF-8
 _HEAD = struct.Struct("<4sII")  # mark, bytes of the body, checksum of the body
 _META = struct.Struct("<I")
 HEAD_BYTES = _HEAD.size
-LARGEST_BODY = 64 * 1024 * 1024  # a damaged length must not make us wait for the rest of a disk
+LARGEST_BODY = 64 * 1024 * 1024  # bytes; a larger length is damage
 
 
 @dataclass(frozen=True)
 class SpooledRecord:
-    """A record in the bytes of a file: the batch, and where the next one begins.
+    """A record of a file: the batch, and the byte at which the next record begins.
 
-    ``skipped`` bytes before it were no record.
+    ``skipped`` bytes before it were not a record.
     """
 
     batch: SampleBatch
@@ -79,11 +79,11 @@ def unpack(body: bytes) -> SampleBatch:
 
 
 def records(data: bytes, start: int = 0) -> Iterator[SpooledRecord]:
-    """Each record in ``data`` from ``start`` on, past whatever is damaged.
+    """Each intact record in ``data`` from ``start`` on; after damage the search continues at the
+    next mark.
 
-    After damage the search goes on at the next mark. What stands behind the last record, such as
-    one that was being written when the power went, is not reported: ``Found.stop`` of the last one
-    tells where it begins.
+    Bytes behind the last record, such as one that was being written at a power failure, are not
+    reported; they begin at ``stop`` of the last record.
     """
     place, skipped_from = start, start
     while (place := data.find(MARK, place)) >= 0:
@@ -108,5 +108,5 @@ def _at(data: bytes, place: int, skipped: int) -> SpooledRecord | None:
     try:
         batch = unpack(body)
     except (ValueError, KeyError, IndexError, struct.error, zlib.error):
-        return None  # written by a version that this one does not understand
+        return None  # written by another version
     return SpooledRecord(batch, len(batch), stop, skipped)

@@ -1,4 +1,4 @@
-"""``Collector``: every device polled, every sample on disk at once, all of them to the store."""
+"""``Collector``: polls all devices, writes samples to the spool at once, and stores them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from stemwatch.service.collector.spool import Spool
 
 log = logging.getLogger(__name__)
 
-GATHER_S = 0.5  # how long samples gather before the store gets them
-_IN_MEMORY = 2000  # batches that wait in memory while the disk takes nothing
+GATHER_S = 0.5  # how long samples are gathered before they are stored together
+_IN_MEMORY = 2000  # batches kept in memory, at most, while the disk cannot be written
 
 
 class Collector:
-    """Polls ``devices`` and brings their samples to ``sink`` by way of ``spool``.
+    """Polls ``devices`` and brings their samples through ``spool`` to ``sink``.
 
-    Three activities that do not wait for one another: an event loop polls, a thread appends to the
-    spool what was polled, and a thread hands over to the store what was appended. One device that
-    hangs, a store that is away and a slow disk therefore cost no other device a poll.
+    Polling (an event loop), appending to the spool (a thread) and storing (a thread) do not wait
+    for one another. A device that hangs, an unavailable store or a slow disk therefore does not
+    delay the polls of other devices.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Collector:
         *,
         gather_s: float = GATHER_S,
     ) -> None:
-        self.dropped = 0  # samples that neither disk nor memory had room for
+        self.dropped = 0  # samples lost because disk and memory were full
         self._spool = spool
         self._queue: SimpleQueue[SampleBatch | None] = SimpleQueue()
         self._pollers = [DevicePoller(device, self._queue.put) for device in devices]
@@ -47,17 +47,17 @@ class Collector:
 
     @property
     def states(self) -> list[DeviceState]:
-        """How each device is doing, in the order they were given."""
+        """The state of each device, in the given order."""
         return [poller.state for poller in self._pollers]
 
     @property
     def store(self) -> ForwarderState:
-        """How the store is doing."""
+        """How many samples were stored or refused, and why storing fails if it does."""
         return self._forwarder.state
 
     async def run(self) -> None:
-        """Collect until cancelled; what was polled by then is on disk when this returns."""
-        self._more.set()  # what an earlier process left behind
+        """Collect until cancelled; everything polled is on disk when this returns."""
+        self._more.set()  # an earlier process may have left samples in the spool
         writing = threading.Thread(target=self._keep, name="spool")
         draining = threading.Thread(
             target=self._forwarder.run,
@@ -67,7 +67,7 @@ class Collector:
         for thread in (writing, draining):
             thread.start()
         polling = [asyncio.create_task(poller.run()) for poller in self._pollers]
-        for_ever = asyncio.Event()  # without devices there is still a spool to hand over
+        for_ever = asyncio.Event()  # without devices the spool still has to be emptied
         try:
             await asyncio.gather(*polling, for_ever.wait())
         finally:
@@ -77,13 +77,13 @@ class Collector:
                 await asyncio.gather(*polling, return_exceptions=True)
                 self._queue.put(None)
                 await asyncio.to_thread(writing.join)
-            finally:  # also where somebody is in a hurry: no thread may outlive this
+            finally:  # also when cancelled a second time: no thread may outlive this
                 self._queue.put(None)
                 self._stop.set()
                 await asyncio.to_thread(draining.join)
 
     def _keep(self) -> None:
-        """Append to the spool whatever is polled; hold it in memory while the disk is full."""
+        """Append polled batches to the spool; keep them in memory while the disk is full."""
         held: deque[SampleBatch] = deque()
         while True:
             batch = self._queue.get()
@@ -104,7 +104,7 @@ class Collector:
         except OSError as error:
             log.error("the spool cannot be written: %s; samples wait in memory", error)
             return False
-        except Exception:  # a mistake of ours may cost this batch, never those behind it
+        except Exception:  # a bug may cost this batch, but not the following ones
             about = {"device": batch.source}
             log.exception("a batch of %s cannot be kept", batch.source, extra=about)
             self._drop(batch)
@@ -124,10 +124,8 @@ class Collector:
 
 
 def collect(collector: Collector, stop: threading.Event) -> None:
-    """Run ``collector`` on an event loop of its own until ``stop`` is set.
-
-    For a thread or a process that does nothing else, so that pages and fits cost no poll its time.
-    """
+    """Run ``collector`` on a new event loop until ``stop`` is set, in a thread or process that does
+    nothing else."""
 
     async def until_stopped() -> None:
         running = asyncio.create_task(collector.run())

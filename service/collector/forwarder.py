@@ -1,4 +1,4 @@
-"""``Forwarder``: carries batches from the spool to the sink, in order, for as long as it takes."""
+"""``Forwarder``: brings batches from the spool to the sink, in order, retrying until stored."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from stemwatch.service.collector.spool import Position, Spool, Waiting
 
 log = logging.getLogger(__name__)
 
-MAX_SAMPLES = 20_000  # in one write, or as many as one poll brings
+MAX_SAMPLES = 20_000  # in one write, unless a single poll has more
 LONGEST_WAIT_S = 30.0
 REFUSED = "refused"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -26,7 +26,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 @dataclass
 class ForwarderState:
-    """How the store is doing: samples handed over, samples it refused, and why it is away."""
+    """Samples stored, samples refused by the store, and why storing fails at present."""
 
     stored: int = 0
     refused: int = 0
@@ -34,21 +34,21 @@ class ForwarderState:
 
 
 class Forwarder:
-    """Offers what waits in ``spool`` to ``sink`` and acknowledges what was taken.
+    """Writes the batches waiting in ``spool`` to ``sink`` and acknowledges them.
 
-    While the sink is away each attempt waits longer, up to half a minute; samples it refuses for
-    good are written to the folder ``refused`` in the spool as CSV, with the reason.
+    While the sink fails, the time between attempts grows up to half a minute. Samples that it
+    refuses for good are written to the spool's folder ``refused`` as CSV, with the reason.
     """
 
     def __init__(self, spool: Spool, sink: SampleSink) -> None:
         self.state = ForwarderState()
         self._spool, self._sink = spool, sink
         self._backoff = Backoff(0.5, LONGEST_WAIT_S)
-        self._place: Position | None = None  # where the sink is, even if noting it failed
+        self._place: Position | None = None  # up to where all is stored, also if noting it failed
 
     def run(self, more: threading.Event, stop: threading.Event, pause_s: float) -> None:
-        """Carry until ``stop``, then once more. ``more`` says that something was appended;
-        ``pause_s`` is how long samples gather before they are handed over."""
+        """Store batches until ``stop``, then once more. ``more`` is set when something was
+        appended; ``pause_s`` is how long samples are gathered before they are stored."""
         while not stop.wait(pause_s):
             if more.wait(timeout=1.0):
                 more.clear()
@@ -56,12 +56,12 @@ class Forwarder:
         self.once()
 
     def once(self) -> bool:
-        """Hand over everything that waits now; whether the sink took it."""
+        """Store everything that is waiting now; whether that succeeded."""
         try:
             while group := self._next_group():
                 self._hand_over(group)
                 self._acknowledge(group[-1].next)
-        except Exception as error:  # whatever a store raises: it is away
+        except Exception as error:  # anything but SinkRefused means: try again later
             if not self.state.fault:
                 log.warning("the store takes no samples, which wait on disk: %s", error)
             self.state.fault = f"{type(error).__name__}: {error}"
@@ -105,7 +105,7 @@ class Forwarder:
                 self._one_by_one(run, group[0].next)
 
     def _one_by_one(self, batches: Iterable[SampleBatch], place: Position) -> None:
-        """Find which of the batches the sink refuses."""
+        """Write the batches one by one, to find those that the sink refuses."""
         for number, batch in enumerate(batches):
             try:
                 self._write(batch)

@@ -1,4 +1,4 @@
-"""``FolderLock``: one process for one folder, for as long as the process lives."""
+"""``FolderLock``: reserves a folder for one process until the process ends."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ NAME = "lock"
 
 
 class FolderLock:
-    """Holds ``folder`` until ``release`` or the end of the process, however it ends.
+    """Holds ``folder`` until ``release`` or the end of the process, also by a kill.
 
     Raises ``BlockingIOError`` where another process holds it.
     """
@@ -25,7 +25,7 @@ class FolderLock:
             raise BlockingIOError(error.errno, message, str(folder / NAME)) from error
 
     def release(self) -> None:
-        """Let another process have the folder."""
+        """Give the folder free for another process."""
         os.close(self._handle)
 
 

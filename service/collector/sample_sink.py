@@ -1,4 +1,4 @@
-"""``SampleSink``: what the store must do with samples."""
+"""``SampleSink``: the interface by which the collector stores samples."""
 
 from __future__ import annotations
 
@@ -8,20 +8,18 @@ from stemwatch.connectors.modbus.sample_batch import SampleBatch
 
 
 class SinkRefused(Exception):
-    """These samples can never be stored, however often they are offered: the text says why.
-
-    They are set aside in a file, so that the ones behind them are not held up.
-    """
+    """These samples can never be stored; the text says why. The collector writes them to a file,
+    so that they do not hold up later ones."""
 
 
 class SampleSink(Protocol):
-    """Where samples end up.
+    """Stores samples permanently.
 
-    ``write`` returns when every sample of ``batch`` is stored for good. It is called from one
-    thread that is not the event loop's. It must be idempotent by ``(source, tag, at)``: after a
-    crash between storing and noting it, a batch comes again, and the samples that are there already
-    stay as they are. Raises ``SinkRefused`` for a batch that can never be stored; any other
-    exception means that the store is away, and the batch is offered again later.
+    ``write`` returns when every sample of ``batch`` is committed. It is called from one thread,
+    which is not the event loop's. It must be idempotent by ``(source, tag, at)``: after a crash
+    between storing and acknowledging, a batch is written again, and existing samples must stay
+    unchanged. Raises ``SinkRefused`` for a batch that can never be stored; after any other
+    exception the batch is written again later.
     """
 
     def write(self, batch: SampleBatch) -> None: ...

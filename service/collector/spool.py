@@ -1,9 +1,9 @@
-"""``Spool``: samples on disk between a poll and the store, across crashes of either.
+"""``Spool``: a queue of samples on disk between polling and the store, safe across crashes.
 
-A folder of files ``0000000001.spool`` and so on, each a row of records (``record.py``) that are
-only ever appended, and a file ``cursor`` that says up to where the store has them. What a process
-has appended survives its death by SIGKILL, since it is the system's then; ``sync`` makes it survive
-a power failure as well, at the price of waiting for the disk at each append.
+A folder of files ``0000000001.spool`` and so on, to which records (``batch_format``) are appended,
+and a file ``cursor`` with the position up to which everything is stored. Appended records survive
+SIGKILL of the process; with ``sync`` they survive a power failure as well, at the cost of waiting
+for the disk at each append.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class SpoolError(Exception):
 
 @dataclass(frozen=True, order=True)
 class Position:
-    """A place in the spool: the number of a file and a byte in it."""
+    """A position in the spool: the number of a file and a byte in it."""
 
     segment: int = 0
     offset: int = 0
@@ -46,19 +46,19 @@ class Position:
 
 @dataclass(frozen=True)
 class Waiting:
-    """A batch that the store does not have yet, and where the next one begins."""
+    """A batch that is not stored yet, and the position of the next one."""
 
     batch: SampleBatch
     next: Position
 
 
 class Spool:
-    """Keeps batches until they are acknowledged, oldest first. Safe for one writing and one
-    reading thread of one process; a second process on the same folder is refused.
+    """Keeps batches until they are acknowledged, oldest first. For one writing and one reading
+    thread of one process; a second process on the same folder is refused.
 
-    ``limit_bytes`` bounds the folder: when it is full the oldest file goes, and ``lost_samples``
-    and an error in the log say how many samples went with it that the store had not seen.
-    Raises ``SpoolError`` where the folder cannot be used.
+    ``limit_bytes`` bounds the folder: when it is full the oldest file is deleted; ``lost_samples``
+    and an error in the log count the samples in it that had not been stored. Raises ``SpoolError``
+    where the folder cannot be used.
     """
 
     def __init__(
@@ -87,20 +87,20 @@ class Spool:
             ) from error
         self._acknowledged, self.lost_samples = self._read_cursor()
         segments = self._segments()
-        # Never append behind a record that may be torn: each start begins a file of its own.
+        # Each start begins a new file, since the last record of the old one may be incomplete.
         self._segment = max(segments[-1] if segments else 0, self._acknowledged.segment) + 1
         self._file = self._path(self._segment).open("ab", buffering=0)
         self._size = sum(self._path(number).stat().st_size for number in segments)
         self._written = 0
 
     def close(self) -> None:
-        """Close the files; what waits stays for the next start."""
+        """Close the files; waiting batches remain for the next start."""
         with self._guard:
             self._file.close()
             self._lock.release()
 
     def append(self, batch: SampleBatch) -> None:
-        """Keep ``batch``. Raises ``OSError`` where the disk takes no more."""
+        """Append ``batch``. Raises ``OSError`` where the disk is full."""
         record = pack(batch)
         with self._guard:
             if self._written and self._written + len(record) > self.segment_bytes:
@@ -110,10 +110,8 @@ class Spool:
             self._write(record)
 
     def waiting(self, after: Position | None = None) -> Iterator[Waiting]:
-        """Each batch that is not acknowledged, oldest first, from ``after`` on where given.
-
-        Ends at what has been appended so far.
-        """
+        """The batches that are not acknowledged, oldest first, from ``after`` on where given, up to
+        what has been appended so far."""
         place = max(self._acknowledged, after or Position())
         for number in self._segments():
             if number < place.segment:
@@ -122,7 +120,7 @@ class Spool:
             yield from self._in_file(number, start)
 
     def acknowledge(self, upto: Position) -> None:
-        """The store has everything before ``upto``: note it, and remove files that are done."""
+        """Record that everything before ``upto`` is stored, and remove files that are done."""
         with self._guard:
             self._acknowledged = max(self._acknowledged, upto)
             self._write_cursor()
@@ -132,17 +130,17 @@ class Spool:
 
     @property
     def size_bytes(self) -> int:
-        """What the folder holds now, including what is acknowledged and not yet removed."""
+        """Bytes in the folder, including records that are stored but not yet removed."""
         return self._size
 
     def _in_file(self, number: int, start: int) -> Iterator[Waiting]:
-        finished = number != self._segment  # before reading: nobody appends to it any more
+        finished = number != self._segment  # to be decided before reading the file
         try:
             with self._path(number).open("rb") as file:
                 file.seek(start)
                 data = file.read()
         except FileNotFoundError:
-            return  # dropped meanwhile, and counted
+            return  # dropped meanwhile, and counted as lost
         stop = 0
         for record in records(data):
             if record.skipped:
@@ -174,7 +172,7 @@ class Spool:
             if self.sync:
                 os.fsync(self._file.fileno())
         except OSError:
-            # Half a record on a full disk is taken back, so that it does not hide the next one.
+            # An incomplete record on a full disk is removed, so that the next one is readable.
             self._file.truncate(begun)
             raise
         self._written += len(record)
@@ -230,7 +228,7 @@ class Spool:
         except FileNotFoundError:
             return Position(), 0
         except (OSError, ValueError, KeyError, TypeError) as error:
-            # Everything is offered again; the store takes nothing twice.
+            # Everything is written again, which the store accepts without duplicates.
             log.error("spool cursor %s cannot be read (%s); beginning at the oldest", path, error)
             return Position(), 0
 
@@ -254,22 +252,22 @@ class Spool:
 
 @dataclass(frozen=True, kw_only=True)
 class Backlog:
-    """What the store does not have yet: ``size_bytes`` in the spool, ``oldest`` the instant of its
-    first sample (``None`` where nothing waits), ``lost_samples`` dropped since the spool began."""
+    """Samples that are not stored yet: ``size_bytes`` in the spool, ``oldest`` the instant of the
+    first one (``None`` without any), ``lost_samples`` dropped since the spool was created."""
 
     size_bytes: int = 0
     oldest: datetime | None = None
     lost_samples: int = 0
 
     def age_s(self, now: datetime) -> float:
-        """Seconds that the oldest sample has waited; 0 where none waits."""
+        """Age in seconds of the oldest waiting sample; 0 without any."""
         return 0.0 if self.oldest is None else max(0.0, (now - self.oldest).total_seconds())
 
 
 def backlog(folder: Path) -> Backlog:
-    """The backlog of the spool in ``folder``; an empty one where there is no spool.
+    """The backlog of the spool in ``folder``; empty where there is no spool.
 
-    Nothing is locked: a file that the collector removes meanwhile counts as taken.
+    Nothing is locked: a file that the collector removes meanwhile counts as stored.
     """
     segment, offset, lost = _cursor(folder)
     size_bytes, oldest = 0, None
@@ -289,7 +287,7 @@ def backlog(folder: Path) -> Backlog:
 
 
 def _cursor(folder: Path) -> tuple[int, int, int]:
-    """Up to where the store has it (file, byte), and how many samples were dropped."""
+    """The position up to which all is stored (file, byte), and the number of samples dropped."""
     try:
         cursor = json.loads((folder / _CURSOR).read_bytes())
         return int(cursor["segment"]), int(cursor["offset"]), int(cursor["lost"])

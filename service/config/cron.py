@@ -1,8 +1,8 @@
-"""Schedules as cron writes them, on the clock on the wall.
+"""``CronTimes``: the instants of a cron expression in local time.
 
-APScheduler knows the fields. It is asked in UTC for the readings of a wall clock that never jumps,
-which become instants here: asked in a zone whose clocks change, version 3.11 passes over instants
-(the first of April at midnight, seen from March), and it counts the days of a week from Monday.
+APScheduler evaluates the fields, always in UTC; its results are taken as local times and converted
+here. Asked in a zone with daylight saving time, version 3.11 skips instants (1 April at midnight,
+seen from March), and it counts weekdays from Monday.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class CronTimes:
     """The instants of five cron fields (minute, hour, day of month, month, day of week) in
     ``zone``.
 
-    Where clocks go forward, an instant in the hour that is left out comes an hour later. Where they
-    go back, an instant in the hour that comes twice comes the first time only, unless the schedule
-    is of every hour. Raises ``ValueError`` for an expression that is none.
+    When clocks go forward, an instant in the skipped hour comes one hour later. When they go back,
+    an instant in the repeated hour comes the first time only, unless the schedule is for every
+    hour. Raises ``ValueError`` for an invalid expression.
     """
 
     def __init__(self, expression: str, zone: str) -> None:
@@ -54,7 +54,7 @@ class CronTimes:
         return self._across_a_change(instant)
 
     def _across_a_change(self, instant: datetime) -> datetime | None:
-        """The same near a change of clocks, where readings and instants differ in order."""
+        """``after`` near a change of clocks, where local times are not in the order of instants."""
         instants: list[datetime] = []
         wall = self._next(self._wall(instant - _NEAR))
         while wall is not None:
@@ -65,7 +65,7 @@ class CronTimes:
         return min(instants, default=None)
 
     def _instants(self, wall: datetime) -> list[datetime]:
-        """The instants at which the clock shows ``wall``: one, or two where it comes twice."""
+        """The instants with the local time ``wall``: one, or two in a repeated hour."""
         both = [wall.replace(tzinfo=self._zone, fold=fold).astimezone(UTC) for fold in (0, 1)]
         twice = both[0] < both[1]
         return both if twice and self._each_hour else both[:1]
@@ -83,10 +83,10 @@ class CronTimes:
 
 
 def _wall_trigger(expression: str) -> CronTrigger:
-    """The trigger of the fields on a clock that never jumps.
+    """APScheduler's trigger for the fields, in UTC.
 
-    Days of the week count as cron counts them: 0 and 7 are Sunday. Where both the day of the month
-    and that of the week are restricted, both must hold. Raises ``ValueError`` with what is wrong.
+    Weekdays count as in cron: 0 and 7 are Sunday. Where day of month and day of week are both
+    restricted, both must match. Raises ``ValueError`` for an invalid expression.
     """
     from apscheduler.triggers.cron import CronTrigger
 
@@ -112,7 +112,7 @@ def _fields(expression: str) -> list[str]:
 
 
 def _days_of_week(field: str) -> str:
-    """``1-5`` as ``mon,tue,wed,thu,fri``: names mean the same to everybody."""
+    """``1-5`` as ``mon,tue,wed,thu,fri``, since APScheduler numbers weekdays differently."""
     if field == "*":
         return field
     days: set[int] = set()

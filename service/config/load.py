@@ -1,8 +1,7 @@
-"""``load_plant``: read ``plant.toml`` and its valve list, and say everything that is wrong at once.
+"""``load_plant``: read ``plant.toml`` and its valve list, and report all mistakes at once.
 
-What is wrong for every valve (TOML that cannot be read, a wrong limit, an unknown table) makes the
-file unusable: ``PlantFileError``. What is wrong with one source or one valve costs that one only:
-it is left out, and ``Plant.problems`` says why.
+A mistake that concerns every valve (invalid TOML, a wrong limit, an unknown table) raises
+``PlantFileError``. A wrong source or valve is left out, and ``Plant.problems`` says why.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ from stemwatch.service.store.runs.schedule import ScreeningSchedule
 if TYPE_CHECKING:
     from stemwatch.connectors.modbus.device import Device
 
-# The science owns the limits: a field it adds can be set at once.
+# Made from ``Limits``, so that a new limit can be set in the plant file at once.
 _TYPES = get_type_hints(Limits)
 _FIELDS: dict[str, Any] = {
     limit.name: (_TYPES[limit.name], Field(default=limit.default, description="a number"))
@@ -52,7 +51,7 @@ LimitsTable = create_model("LimitsTable", __base__=TomlTable, **_FIELDS)
 
 
 class TopTable(TomlTable):
-    """The whole file; its limits, sources and valves are looked into one by one."""
+    """The whole file; limits, sources, valves and devices are validated one by one later."""
 
     plant: PlantSection = Field(default=PlantSection(), description="a table with name and zone")
     storage: StorageSection = Field(default=StorageSection(), description="a table with the url")
@@ -76,7 +75,7 @@ class TopTable(TomlTable):
 
 
 def read_top(data: dict[str, Any], place: Place) -> tuple[TopTable, list[Problem]]:
-    """What holds for the whole plant; where there are problems, an empty ``TopTable`` with them."""
+    """The tables that concern the whole plant; with mistakes, an empty ``TopTable`` and them."""
     try:
         return TopTable.model_validate(data), []
     except ValidationError as error:
@@ -84,7 +83,7 @@ def read_top(data: dict[str, Any], place: Place) -> tuple[TopTable, list[Problem
 
 
 def read_limits(table: Any, place: Place) -> tuple[Limits, list[Problem]]:
-    """The limits, with the default for each that is not given."""
+    """The limits, with defaults for those that are not given."""
     if not isinstance(table, dict):
         return Limits(), []  # reported with the top
     try:
@@ -93,22 +92,22 @@ def read_limits(table: Any, place: Place) -> tuple[Limits, list[Problem]]:
     except ValidationError as error:
         return Limits(), problems_of(error, LimitsTable, place)
     except ValueError as error:
-        # Raised by Limits itself; its sentence says what was expected and received.
+        # Raised by ``Limits``: limits that contradict one another.
         expected = str(error).removeprefix("expected ")
         return Limits(), [place.problem((), "limits that contradict one another", expected)]
 
 
 @dataclass
 class PlantReading:
-    """What was read so far: the good entries, where each name stands, and the problems."""
+    """The state of reading: correct entries, where each name was defined, and problems."""
 
     fatal: list[Problem] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
     sources: dict[str, TextExportSettings] = field(default_factory=dict)
     valves: dict[str, Valve] = field(default_factory=dict)
-    source_places: dict[str, Place] = field(default_factory=dict)  # of the faulty ones too
+    source_places: dict[str, Place] = field(default_factory=dict)  # also of wrong sources
     valve_places: dict[str, Place] = field(default_factory=dict)
-    orphans: dict[str, list[str]] = field(default_factory=dict)  # valves of a faulty source
+    orphans: dict[str, list[str]] = field(default_factory=dict)  # valves by their wrong source
     devices: dict[str, Device] = field(default_factory=dict)
     archives: dict[str, ArchiveSettings] = field(default_factory=dict)
     schedules: dict[str, ScreeningSchedule] = field(default_factory=dict)
@@ -116,7 +115,7 @@ class PlantReading:
 
 
 def tables(data: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
-    """The entries of ``[[key]]`` that are tables; what is not one is the top's problem."""
+    """The entries of ``[[key]]`` that are tables; others are reported with the top table."""
     entries = data.get(key)
     if not isinstance(entries, list):
         return []
@@ -124,15 +123,15 @@ def tables(data: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
 
 
 def place_of(file: str, lines: TomlLines, kind: str, position: int, name: object) -> Place:
-    """Where the entry at ``position`` of ``[[kind]]`` stands, shown by its name if it has one."""
+    """The place of the entry at ``position`` of ``[[kind]]``, shown by its name if it has one."""
     shown = name.strip() if isinstance(name, str) and name.strip() else position + 1
     return Place(file, f"{kind}[{shown}]", lambda path: lines.of((kind, position, *path)))
 
 
 def name_taken(key: str, name: object, place: Place, places: dict[str, Place]) -> list[Problem]:
-    """The problem that ``name`` is taken, if it is; if not, it is now taken by ``place``."""
+    """The problem that ``name`` is taken, if it is; otherwise it is registered for ``place``."""
     if not isinstance(name, str) or not name.strip():
-        return []  # the table's own problem
+        return []  # reported when the table is validated
     name = name.strip()
     first = places.setdefault(name, place)
     if first is place:
@@ -145,10 +144,9 @@ def name_taken(key: str, name: object, place: Place, places: dict[str, Place]) -
 def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -> Plant:
     """The plant that the file at ``path`` describes.
 
-    The store's address is ``STEMWATCH_STORAGE_URL`` from ``environment`` (default: the
-    process's), else ``[storage] url``, else ``stemwatch.db`` beside the file. Raises
-    ``PlantFileError`` with every mistake found, including those that alone would only have cost
-    one valve.
+    The store's address is ``STEMWATCH_STORAGE_URL`` from ``environment`` (default: that of the
+    process), else ``[storage] url``, else ``stemwatch.db`` beside the file. Raises
+    ``PlantFileError`` with every mistake in the file, also those of single valves.
     """
     file = Path(path).absolute()
     data, lines = read_toml(file)
@@ -208,11 +206,11 @@ def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, reading: Pl
 def _settings_model(
     table: dict[str, Any], place: Place, reading: PlantReading
 ) -> type[SourceSettings] | None:
-    """What the table must look like, as the connector of its kind says; ``None`` and a problem
-    where there is no such connector, or none that can be used."""
+    """The model of the table, which the connector of its kind defines; ``None`` and a problem where
+    there is no such connector or it cannot be used."""
     if "kind" not in table:
         return TextExportSettings
-    # Late: a plant file without archives need not ask what is installed.
+    # Imported here, so that a plant file without archives does not load connectors.
     from stemwatch.connectors.registry import installed_connectors, settings_of
 
     kind = table["kind"]
@@ -252,8 +250,7 @@ def _read_list(data: dict[str, Any], file: Path, reading: PlantReading) -> None:
 
 
 def _add_valve(table: dict[str, Any], place: Place, reading: PlantReading, *, strict: bool) -> None:
-    """Keep the valve if nothing is wrong with it. ``strict`` is false for a CSV row, whose
-    numbers are texts."""
+    """Add the valve if it is correct. ``strict`` is false for CSV rows, whose numbers are texts."""
     again = name_taken("id", table.get("id"), place, reading.valve_places)
     reading.problems += again
     context = {"sources": reading.source_places}
@@ -263,7 +260,7 @@ def _add_valve(table: dict[str, Any], place: Place, reading: PlantReading, *, st
         reading.problems += problems_of(error, Valve, place)
         return
     if valve.source in reading.devices:
-        missing = not_in_map(valve, reading.devices[valve.source], place)
+        missing = tags_without_register(valve, reading.devices[valve.source], place)
         reading.problems += missing
         if not again and not missing:
             reading.valves[valve.id] = valve
@@ -274,7 +271,7 @@ def _add_valve(table: dict[str, Any], place: Place, reading: PlantReading, *, st
 
 
 def _report_orphans(reading: PlantReading) -> None:
-    """One sentence for each faulty source, not one for each of its thousands of valves."""
+    """One problem for each wrong source, instead of one for each of its valves."""
     for source, valves in reading.orphans.items():
         shown = ", ".join(valves[:5]) + (", ..." if len(valves) > 5 else "")
         problem = reading.source_places[source].problem(
@@ -291,11 +288,12 @@ Read = TypeVar("Read", bound=BaseModel)
 def read_device_tables(
     data: dict[str, Any], file: Path, lines: TomlLines, reading: PlantReading
 ) -> None:
-    """The ``[[devices]]``; their names are those of sources, their lists lie beside ``file``."""
+    """Read ``[[devices]]``; their names share one namespace with sources, and their register lists
+    are relative to ``file``."""
     listed = tables(data, "devices")
     if not listed:
         return
-    # Late: pymodbus is loaded where a plant has devices, and nowhere else.
+    # Imported here, so that pymodbus is loaded only where a plant has devices.
     from stemwatch.connectors.modbus.read_devices import read_devices
 
     good = []
@@ -318,7 +316,7 @@ def read_device_tables(
 
 
 def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:
-    """Schedules and notifiers; one that is wrong costs itself only."""
+    """Read schedules and notifiers; a wrong one is left out."""
     places: dict[str, Place] = {}
     for position, table in tables(data, "schedules"):
         place = place_of(file, lines, "schedules", position, table.get("name"))
@@ -333,7 +331,7 @@ def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantR
 
 
 def _unknown_valves(read: ScheduleTable, place: Place, reading: PlantReading) -> list[Problem]:
-    """What a schedule names and the plant does not have; the rest of it holds."""
+    """Problems for valves and areas of a schedule that the plant does not have."""
     areas = {valve.area for valve in reading.valves.values()}
     asked = [("valves", name, reading.valves) for name in read.valves]
     asked += [("areas", name, areas) for name in read.areas]  # type: ignore[misc]
@@ -351,7 +349,7 @@ def _named(
     places: dict[str, Place],
     reading: PlantReading,
 ) -> Read | None:
-    """``table`` as ``model`` if nothing is wrong with it and its name is its own."""
+    """``table`` as ``model`` if it is correct and its name is not taken."""
     again = name_taken("name", table.get("name"), place, places)
     reading.problems += again
     try:
@@ -362,8 +360,8 @@ def _named(
     return None if again else read
 
 
-def not_in_map(valve: Valve, device: Device, place: Place) -> list[Problem]:
-    """Tags of a valve that its device has no register for."""
+def tags_without_register(valve: Valve, device: Device, place: Place) -> list[Problem]:
+    """Problems for tags of a valve that no register of its device has."""
     known = set(device.tags)
     return [
         place.problem(
@@ -382,10 +380,10 @@ _SQLITE_FILE = "sqlite:///"
 
 
 def storage_address(url: str | None, plant_file: Path, variables: Mapping[str, str]) -> DatabaseUrl:
-    """The environment's address, else the file's ``url``, else a database beside the file.
+    """The address from the environment, else the file's ``url``, else a database beside the file.
 
-    A relative SQLite path is relative to the plant file, so that a command finds the same store
-    from every folder.
+    A relative SQLite path is relative to the plant file, so that commands find the same store from
+    every folder.
     """
     chosen = variables.get(VARIABLE, "").strip() or url or f"{_SQLITE_FILE}{DEFAULT_NAME}"
     name = chosen.removeprefix(_SQLITE_FILE)

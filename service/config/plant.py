@@ -1,4 +1,4 @@
-"""``Plant``: a plant file that was read; what the rest of the service asks."""
+"""``Plant``: the contents of a plant file, as the rest of the service uses them."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ if TYPE_CHECKING:
 class Plant:
     """The plant as its file describes it.
 
-    ``sources`` and ``valves`` hold what is right; each entry that is wrong is left out and stands
-    in ``problems``, one sentence each. ``zone`` is what reports show times in, and the zone of
-    every source that does not name its own. A valve's source is one of ``sources``, ``archives``
-    or ``devices``.
+    ``sources`` and ``valves`` hold the correct entries; a wrong one is left out and described in
+    ``problems``. ``zone`` is the time zone of reports, and of every source that does not name its
+    own. A valve's source is one of ``sources``, ``archives`` or ``devices``.
     """
 
     file: Path
@@ -50,34 +49,34 @@ class Plant:
     service: ServiceSection = field(default_factory=ServiceSection)
 
     def is_live(self, valve: str | Valve) -> bool:
-        """Whether a valve's samples come into the store, rather than being read from files."""
+        """Whether a valve's samples are collected in the store, rather than read from files."""
         source = self._valve(valve).source
         if source in self.archives:
             return False
         return source in self.devices or self.sources[source].folder is not None
 
     def archive_of(self, valve: str | Valve) -> ArchiveAddress | None:
-        """Where the archive is that a valve is read from; ``None`` for files and live sources."""
+        """The address of the archive of a valve; ``None`` for files and live sources."""
         archive = self.archives.get(self._valve(valve).source)
         return None if archive is None else archive.address(self.file.parent, self.zone)
 
     def beside(self, name: str) -> Path:
-        """A path as the plant file means it: relative to the file itself."""
+        """The path ``name``, relative to the folder of the plant file."""
         return self.file.parent / name
 
     def valve_tags(self, valve: str | Valve) -> ValveTags:
-        """What a connector is asked for. Raises ``KeyError`` for a valve that is not here."""
+        """The valve's tags as a connector needs them. Raises ``KeyError`` for an unknown valve."""
         entry = self._valve(valve)
         tags = {role: _mapping(tag) for role, tag in entry.tags.given().items()}
         return ValveTags(valve=entry.id, tags=tags)
 
     def source_of(self, valve: str | Valve) -> TextExportSettings:
-        """The source a valve is read from. Raises ``KeyError`` for one of a device."""
+        """The source of text exports of a valve. Raises ``KeyError`` where it has another kind."""
         return self.sources[self._valve(valve).source]
 
     def source_files(self, source: str | TextExportSettings) -> tuple[Path, ...]:
-        """The files a source's path or pattern matches now, in the order of their names; none for
-        a folder, whose files go into the store."""
+        """The files that a source's path or pattern matches now, sorted by name; none for a watched
+        folder, whose files go into the store."""
         path = self._source(source).path
         if path is None:
             return ()
@@ -92,8 +91,8 @@ class Plant:
 
     @property
     def settings_digest(self) -> str:
-        """sha256 of everything here that can change a verdict: limits, sources, tags. The store's
-        address, descriptions and criticalities are not part of it."""
+        """SHA-256 of all settings that can change a verdict: limits, sources, tags; without the
+        store's address, descriptions and criticalities."""
         settings = {
             "zone": self.zone,
             "limits": asdict(self.limits),
@@ -112,8 +111,8 @@ class Plant:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def _archive_settings(self) -> dict[str, Any]:
-        """Of archives what can change a verdict; nothing where there is none, so that the digest
-        of a plant without them stays what it was."""
+        """The settings of archives that can change a verdict; no key without archives, so that
+        digests of such plants are those of earlier versions."""
         dumps = [
             archive.model_dump(exclude={"url", "user", "secret_variable", "secret_file"})
             for _, archive in sorted(self.archives.items())
@@ -133,6 +132,6 @@ def _mapping(tag: Tag) -> TagMapping:
 
 def _verdict_settings(valve: Valve) -> dict[str, Any]:
     settings = valve.model_dump(include={"source", "tags"})
-    if valve.stroke_curve is None:  # the digest of a plant without curves stays what it was
+    if valve.stroke_curve is None:  # keeps the digest of earlier versions
         return settings
     return {**settings, "stroke_curve": valve.stroke_curve}

@@ -1,7 +1,5 @@
-"""``Problem``: one mistake in a plant file, said so that it can be mended without asking.
-
-``problems_of`` makes them of what pydantic says of a table: file, line, key, expectation.
-"""
+"""``problems_of``: the errors of pydantic as ``Problem``s with file, line, key, what was found and
+what was expected."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from stemwatch.connectors.settings import CONTRADICTION, KeyPath, Problem, eithe
 
 
 class PlantFileError(Exception):
-    """The plant file cannot be used as a whole. ``problems`` holds every mistake found."""
+    """The plant file cannot be used at all. ``problems`` holds every mistake in it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -31,7 +29,7 @@ class PlantFileError(Exception):
 
 @dataclass(frozen=True)
 class Place:
-    """Where a table was read: its file, its name in messages, and how its keys are shown."""
+    """Where a table was read, for messages: its file, its name, and how its keys are shown."""
 
     file: str
     name: str  # "valves[FIC-101]", or empty for the top
@@ -63,7 +61,7 @@ def problems_of(error: ValidationError, model: type[BaseModel], place: Place) ->
 
 
 def described(value: Any) -> str:
-    """A value as somebody reading the file sees it, with its kind."""
+    """A value as it stands in the file, with its type."""
     if value is None:
         return "nothing"
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""The tables of ``plant.toml`` for the service that runs: schedules, alerts, notifiers."""
+"""The tables of ``plant.toml`` for the service: schedules, alerts, notifiers, ``[service]``."""
 
 from __future__ import annotations
 
@@ -56,23 +56,23 @@ class ScheduleTable(TomlTable):
     enabled: bool = Field(default=True, description="true or false")
 
     @model_validator(mode="after")
-    def _one_rhythm(self) -> Self:
+    def _either_cron_or_interval(self) -> Self:
         if (self.cron is None) == (self.every_s is None):
             found = "neither cron nor every_s" if self.cron is None else "both cron and every_s"
             raise contradiction(("cron",), found, "one of the two")
         return self
 
     def schedule(self) -> ScreeningSchedule:
-        """The schedule as the store keeps it."""
+        """The schedule as it is stored."""
         values = self.model_dump() | {"areas": tuple(self.areas), "valves": tuple(self.valves)}
         return ScreeningSchedule(**values)
 
 
 class AlertRules(TomlTable):
-    """``[alerts]``: what is worth telling somebody, and when.
+    """``[alerts]``: when alerts are raised and closed.
 
-    A finding is raised when it was there in ``raise_after_runs`` of the last ``of_runs`` runs, and
-    closed when it was not there in ``clear_after_runs`` runs in a row.
+    A finding is raised when it occurred in ``raise_after_runs`` of the last ``of_runs`` runs, and
+    closed when it did not occur in ``clear_after_runs`` runs in a row.
     """
 
     raise_after_runs: Annotated[int, Field(ge=1, le=20)] = Field(
@@ -114,7 +114,8 @@ def notifier_kinds() -> tuple[str, ...]:
 
 
 class NotifierTable(TomlTable):
-    """``[[notifiers]]``: who is told of alerts, and how. Which keys are needed follows ``kind``."""
+    """``[[notifiers]]``: who gets messages about alerts, and how; ``kind`` decides which keys are
+    needed."""
 
     name: Name = Field(description="a name of its own for the notifier, as text")
     kind: Name = Field(description='"mail", "webhook", "file", or that of a package of one\'s own')
@@ -169,7 +170,7 @@ class NotifierTable(TomlTable):
 
 
 class ServiceSection(TomlTable):
-    """``[service]``: where the service keeps its files, and how much of everything."""
+    """``[service]``: folders, limits and executor of the service."""
 
     address: Annotated[str, Field(pattern=r"^(|https?://[^\s?#]+)$")] = Field(
         default="", description="where people reach the pages, such as https://valves.example/"

@@ -1,7 +1,7 @@
-"""Where the work is done: here, in processes beside this one, or in a Dask cluster.
+"""Executors: work in this process, in local worker processes, or in a Dask cluster.
 
-The seam is one method (``Executor.hand_out``). Every executor gives the same results for the same
-items, number for number.
+``Executor.hand_out`` is the one method of the interface. Every executor gives bitwise the same
+results for the same items.
 """
 
 from stemwatch.service.executors.address import UnknownExecutor, choose_executor

@@ -1,4 +1,5 @@
-"""Where the work is to be done, as a person writes it: ``local``, ``in-process``, ``dask://...``."""
+"""``choose_executor``: the executor for ``local``, ``in-process``, ``dask://...``, as in
+``--executor`` and ``[service] executor``."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ EXPECTED = f"expected {LOCAL}, {IN_PROCESS} or {DASK}://HOST:PORT"
 
 
 class UnknownExecutor(ValueError):
-    """The text names no executor; the sentence says what was found and what was expected."""
+    """There is no such executor; the text says what was found and what was expected."""
 
 
 def choose_executor(
@@ -27,13 +28,13 @@ def choose_executor(
     item_timeout_s: float = math.inf,
     isolated: bool = False,
 ) -> Executor:
-    """The executor that ``address`` names.
+    """The executor that ``address`` names; nothing is started or connected before it is used.
 
-    ``local``: ``workers`` processes on this machine, by default one per core; one works here,
-    unless ``isolated``; an item that takes longer than ``item_timeout_s`` is given up.
-    ``in-process``: here, whatever ``workers`` says. ``NAME://...``: what the entry point group
-    ``stemwatch.executors`` has by that name makes of the address, such as ``dask://HOST:PORT``.
-    Raises ``UnknownExecutor``; nobody is asked for anything before the executor is used.
+    ``local``: ``workers`` processes on this machine, by default one per core; a single worker is
+    this process itself, unless ``isolated``; items that take longer than ``item_timeout_s`` are
+    given up. ``in-process``: this process, whatever ``workers`` says. ``NAME://...``: made by the
+    entry point NAME of the group ``stemwatch.executors``, such as ``dask://HOST:PORT``. Raises
+    ``UnknownExecutor``.
     """
     if address == IN_PROCESS:
         return InProcess()
@@ -65,6 +66,6 @@ def host_and_port(address: str, name: str) -> str:
 
 
 def _others() -> str:
-    """Executors that other packages bring, for the sentence."""
+    """The executors of other packages, for error messages."""
     names = sorted({entry.name for entry in entry_points(group=GROUP)} - {DASK})
     return "".join(f", or {name}://..." for name in names)

@@ -1,8 +1,8 @@
-"""Kernels compiled beside other work, before the workers that need them begin.
+"""Compiling the numba kernels in workers while other work is done.
 
-The first run on a machine compiles for half a minute of a core. Workers that begin together would
-all compile the same kernels; here each of two compiles other ones, and whoever needs them later
-finds them in the compiler's cache. Where they are there already, this takes a moment.
+On the first run on a machine, compiling takes about half a minute of processor time. Workers that
+start together would all compile the same kernels; here two workers compile one half each, and later
+ones find them in numba's cache. If they are in the cache already, this is quick.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ log = logging.getLogger(__name__)
 
 
 class Kernels(Enum):
-    """The kernels of a screening in two parts that take about as long to compile."""
+    """The kernels of a screening, in two parts that take about equally long to compile."""
 
     FITS = auto()  # the quick fit and the networks
-    MISMATCH = auto()  # what they leave out
+    MISMATCH = auto()  # the search for effects beside S and J
 
 
 @contextmanager
 def compile_ahead(executor: Executor) -> Generator[None]:
-    """Compile in the workers of ``executor``, meanwhile; at the end it is waited for.
+    """Compile in the workers of ``executor`` during the block, and wait for them at its end.
 
-    One that works in this process has nobody to do it meanwhile, and compiles when it needs to.
-    What does not compile here fails where it is needed, with the recording that it is needed for.
+    An executor in this process compiles when needed instead. Errors are only logged: they are
+    raised again where the kernels are used.
     """
     if isinstance(executor, InProcess):
         yield
@@ -56,7 +56,7 @@ def _compile(executor: Executor, stop: threading.Event) -> None:
     try:
         with closing(executor.hand_out(compile_kernels, batches, stop)) as answers:
             failures = [answer.failure for answer in answers if answer.failure is not None]
-    except OSError as error:  # no worker could be started: whoever needs one will say so
+    except OSError as error:  # no worker could be started, which the run itself will report
         log.warning("kernels could not be compiled ahead: %s", error)
         return
     for failure in failures:
@@ -77,7 +77,7 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
 
 
 def short_recording() -> Recording:
-    """Ten minutes of a valve that sticks and reads with noise: all kernels are needed."""
+    """Ten minutes of a sticking valve with noise, for which all kernels are needed."""
     n, stick, jump = 600, 4.0, 2.0  # samples, percent, percent
     at = np.arange(n)
     op = 50.0 + 15.0 * np.sin(2.0 * np.pi * at / 97.0) + 3.0 * np.sin(2.0 * np.pi * at / 31.0)

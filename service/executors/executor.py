@@ -1,8 +1,8 @@
-"""``Executor``: the seam to whatever does the work, and what holds for every implementation of it.
+"""``Executor``: the interface of executors, and the handling of failures for all of them.
 
-An executor only hands out batches and says what became of each. What is done about a batch that
-failed is decided here, once: ``outcomes`` for a run, in which one bad valve must cost nobody else
-anything, and ``map_items`` for a study, in which every item must have its result.
+An executor only hands out batches and answers with results or a failure. Failures are handled here:
+by ``outcomes`` for a run, in which a bad valve must not affect others, and by ``map_items`` for a
+study, in which every item needs a result.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ LONGEST_REASON = 500
 class Failure:
     """Why a batch has no results.
 
-    ``error`` is what the work raised, where it came back; ``lost`` says that whoever did the work
-    ended before it was done, which the work need not be the cause of.
+    ``error`` is the exception of the work, where it could be returned; ``lost`` means that the
+    worker ended before the batch was done, which may have other causes than the work.
     """
 
     reason: str
@@ -42,7 +42,7 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer(Generic[Result]):
-    """What became of the batch at ``place``: a result for each of its items, or a failure."""
+    """The answer for the batch at ``place``: a result for each of its items, or a failure."""
 
     place: int
     results: Sequence[Result] = ()
@@ -51,7 +51,7 @@ class Answer(Generic[Result]):
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome(Generic[Item, Result]):
-    """What became of the item at ``place`` of all items: its result, or the reason for none."""
+    """The outcome of the item at ``place`` among all items: its result, or the reason for none."""
 
     place: int
     item: Item
@@ -60,13 +60,13 @@ class Outcome(Generic[Item, Result]):
 
 
 class Executor(Protocol):
-    """Does ``work`` on batches of items: here, in other processes, on other machines.
+    """Does ``work`` on batches of items: in this process, in others, or on other machines.
 
     An implementation must answer each batch once, in any order, as soon as it is done; answer with
-    a ``Failure`` where the work raised or whoever did it ended, and go on with the others; take
-    batches as they are needed; end soon after ``stop`` is set; and leave nothing running when the
-    caller stops asking. ``work`` travels by its name. What keeps the executor itself from working
-    (no cluster answers, no process can be started) is raised as ``ExecutorUnavailable``.
+    a ``Failure`` where the work raised or its worker ended, and go on with the others; take batches
+    from the iterable as needed; end soon after ``stop`` is set; and leave nothing running when the
+    caller closes the generator. ``work`` is pickled by name. Raises ``ExecutorUnavailable`` where
+    the executor itself cannot work (no cluster answers, no process can be started).
     """
 
     @property
@@ -82,13 +82,14 @@ class Executor(Protocol):
         *,
         alone: bool = False,
     ) -> Generator[Answer[Result]]:
-        """An answer for each batch. ``alone``: each failed in company before, so that no worker may
-        hold another beside it, and the process that asks does none of them, where it has others."""
+        """An answer for each batch. ``alone``: the batches are repeated after a failure, so that a
+        worker may hold only one of them at a time, and none is done in the calling process, where
+        the executor has others."""
         ...
 
 
 class ExecutorUnavailable(OSError):
-    """An executor cannot work at all; the sentence says why and what to do."""
+    """The executor cannot work at all; the text says why and what to do."""
 
 
 def outcomes(
@@ -97,11 +98,11 @@ def outcomes(
     batches: Sequence[Sequence[Item]],
     stop: threading.Event,
 ) -> Iterator[list[Outcome[Item, Result]]]:
-    """An outcome for each item, those of a batch together, as soon as they are there.
+    """The outcome of each item, those of a batch together, as soon as the batch is done.
 
-    A batch that failed is done again item by item, when the others are done; so is an item whose
-    worker was lost, which need not have died of it. What fails then is given up with its reason.
-    Ends early when ``stop`` is set.
+    A failed batch is repeated item by item after the others; so is a single item whose worker was
+    lost, which may have had other causes. What fails again is given up with its reason. Ends early
+    when ``stop`` is set.
     """
     firsts = list(accumulate((len(batch) for batch in batches), initial=0))
     again: list[tuple[int, Item]] = []
@@ -127,8 +128,8 @@ def map_items(
 ) -> Iterator[tuple[int, Result]]:
     """``(place, work(item))`` for each item, in the order in which they are done.
 
-    Raises what ``work`` raises. What ended two workers is done here, so that a worker that dies
-    costs time and no result. When the caller stops asking, what was not begun is dropped.
+    Raises what ``work`` raises. An item on which two workers were lost is done in this process, so
+    that every item has a result. When the caller closes the generator, pending items are dropped.
     """
     out: dict[int, Item] = {}
 
@@ -170,22 +171,22 @@ def _outcomes_of(
 ) -> list[Outcome[Item, Result]]:
     if answer.failure is not None:
         why = answer.failure.reason
-        return [Outcome(place=at, item=item, result=None, reason=why) for at, item in numbered]
+        return [Outcome(place=n, item=item, result=None, reason=why) for n, item in numbered]
     pairs = zip(numbered, answer.results, strict=True)
-    return [Outcome(place=at, item=item, result=result) for (at, item), result in pairs]
+    return [Outcome(place=n, item=item, result=result) for (n, item), result in pairs]
 
 
 def failure_of(error: Exception) -> Failure:
-    """What the work raised, as the failure of its batch."""
+    """The exception of the work as the failure of its batch."""
     return Failure(reason=f"{type(error).__name__}: {error}"[:LONGEST_REASON], error=error)
 
 
 def one_thread() -> None:
-    """One thread for the numbers of this process.
+    """Limit numerical libraries in this process to one thread.
 
-    Workers then do not fight for cores, and a sum is added up in one order wherever it is done:
-    that is what makes results equal number for number. Libraries that are not loaded yet hear it
-    from the environment, those that are from their own switch.
+    Workers then do not compete for cores, and sums are added in one order everywhere, which makes
+    results bitwise equal. Libraries that are not loaded yet read the environment; torch, if loaded,
+    is set directly.
     """
     for name in THREADS:
         os.environ[name] = "1"

@@ -1,4 +1,4 @@
-"""``InProcess``: the work is done here, one batch after the other."""
+"""``InProcess``: the executor that works in this process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from stemwatch.service.executors.executor import Answer, Item, Result, failure_o
 
 @dataclass(frozen=True)
 class InProcess:
-    """One batch after the other, here. What hangs or ends the process cannot be survived."""
+    """Does one batch after the other in this process, without protection against hangs and
+    crashes."""
 
     workers: int = 1
 
@@ -23,7 +24,7 @@ class InProcess:
         *,
         alone: bool = False,
     ) -> Generator[Answer[Result]]:
-        """An answer for each batch, in order; an error of the work is a failure of its batch."""
+        """An answer for each batch, in order; an exception is a failure of its batch."""
         for place, batch in enumerate(batches):
             if stop.is_set():
                 return

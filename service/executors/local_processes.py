@@ -1,4 +1,4 @@
-"""``LocalProcesses``: processes beside this one, each of which may hang or die without harm."""
+"""``LocalProcesses``: worker processes on this machine; a hang or crash of one is contained."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from stemwatch.service.process_lifecycle import (
 
 log = logging.getLogger(__name__)
 
-_START_S = 120.0  # for a fresh process to be there
-_FIRST_S = 60.0  # for what its first batch makes it import and compile, beside the items' own time
+_START_S = 120.0  # for a new process to report that it is ready
+_FIRST_S = 60.0  # in addition for its first batch, which may import and compile
 _LOOK_S = 0.5
-_MOST_STARTS = 5  # processes in a row that end before they are there
-_AGAIN_S = 0.3
+_MOST_STARTS = 5  # processes in a row that end before they are ready
+_RETRY_S = 0.3
 
 
 @dataclass(frozen=True)
 class LocalProcesses:
-    """``workers`` processes on this machine, each with one thread for its numbers.
+    """``workers`` processes on this machine, each with one numerical thread.
 
     A worker that dies (killed, out of memory, a crash in a library), or takes more than
-    ``item_timeout_s`` for each item of its batch, is replaced. A single batch is done here, where
-    starting a process would cost more than it brings, unless ``isolated``.
+    ``item_timeout_s`` for each item of its batch, is replaced. A single batch is done in this
+    process, to save the start of a worker, unless ``isolated``.
     """
 
     workers: int
@@ -65,7 +65,7 @@ class LocalProcesses:
         *,
         alone: bool = False,
     ) -> Generator[Answer[Result]]:
-        """An answer for each batch, as they are done."""
+        """An answer for each batch, in the order in which they are done."""
         waiting = iter(batches)
         if not (self.isolated or alone):
             begin = list(islice(waiting, 2))
@@ -84,10 +84,10 @@ class LocalProcesses:
 class _Worker:
     process: BaseProcess
     pipe: Connection
-    until: float  # when it is late
+    until: float  # deadline on the clock of time.monotonic()
     place: int = 0
     batch: Sequence[Any] = ()
-    there: bool = False  # it has said that it is
+    ready: bool = False  # it has reported that it is
     fresh: bool = True  # it has had no batch yet
 
 
@@ -113,7 +113,7 @@ class _Pool(Generic[Item, Result]):
         numbered = enumerate(batches)
         answered: list[Answer[Result]] = []
         while not stop.is_set():
-            # Workers go on before the caller, who saves what it gets, has the answers.
+            # Workers get new batches before the caller spends time on saving the answers.
             for place, batch in islice(numbered, self._count - len(self._busy)):
                 self._employ(place, batch)
             yield from answered
@@ -131,11 +131,11 @@ class _Pool(Generic[Item, Result]):
         worker = self._idle.pop() if self._idle else self._start()
         worker.place, worker.batch = place, batch
         self._busy.append(worker)
-        if worker.there:
+        if worker.ready:
             self._send(worker)
 
     def _start(self) -> _Worker:
-        """A new process. The server that it is forked from is renewed where it has died."""
+        """A new process; retried, since the server that it is forked from may have to restart."""
         for trial in range(_MOST_STARTS):
             ours, theirs = self._context.Pipe()
             process = self._context.Process(
@@ -147,7 +147,7 @@ class _Pool(Generic[Item, Result]):
             except (EOFError, OSError) as error:
                 ours.close()
                 log.warning("a worker process could not be started: %r", error)
-                time.sleep(_AGAIN_S * (trial + 1))
+                time.sleep(_RETRY_S * (trial + 1))
                 continue
             finally:
                 theirs.close()
@@ -158,39 +158,39 @@ class _Pool(Generic[Item, Result]):
         )
 
     def _send(self, worker: _Worker) -> None:
-        """Give a worker that waits its batch."""
+        """Send a waiting worker its batch."""
         first_s = _FIRST_S if worker.fresh else 0.0
         worker.until = time.monotonic() + first_s + self._timeout_s * len(worker.batch)
         worker.fresh = False
-        with contextlib.suppress(OSError):  # it died: seen when its answer is taken
+        with contextlib.suppress(OSError):  # a dead worker is noticed when its answer is read
             worker.pipe.send(list(worker.batch))
 
     def _ready(self) -> list[_Worker]:
-        """Workers with something to say, dead ones, and those whose time is over."""
+        """Workers that have answered, have died or are past their deadline."""
         heard = wait([worker.pipe for worker in self._busy], timeout=_LOOK_S)
         now = time.monotonic()
         return [worker for worker in self._busy if worker.pipe in heard or now > worker.until]
 
     def _hear(self, worker: _Worker) -> Answer[Result] | None:
-        """What a worker says of its batch; ``None`` where it only says that it is there."""
+        """The worker's answer for its batch; ``None`` where it only reported that it is ready."""
         try:
-            said = worker.pipe.recv() if worker.pipe.poll() else None
+            message = worker.pipe.recv() if worker.pipe.poll() else None
         except (EOFError, OSError):
-            said = None
-        except Exception as error:  # an answer that cannot be made out here is one all the same
-            said = (), failure_of(error)
-        if said is not None and not worker.there:
-            worker.there, self._failed_starts = True, 0
+            message = None
+        except Exception as error:  # an answer that cannot be unpickled is a failure of its batch
+            message = (), failure_of(error)
+        if message is not None and not worker.ready:
+            worker.ready, self._failed_starts = True, 0
             self._send(worker)
             return None
         self._busy.remove(worker)
-        if said is not None:
+        if message is not None:
             self._idle.append(worker)
-            results, failure = said
+            results, failure = message
             return Answer(place=worker.place, results=results, failure=failure)
-        failure = self._why_nothing(worker)
+        failure = self._failure_of(worker)
         _end(worker)
-        if worker.there:
+        if worker.ready:
             return Answer(place=worker.place, failure=failure)
         self._failed_starts += 1
         if self._failed_starts >= _MOST_STARTS:
@@ -201,8 +201,8 @@ class _Pool(Generic[Item, Result]):
         self._employ(worker.place, worker.batch)
         return None
 
-    def _why_nothing(self, worker: _Worker) -> Failure:
-        worker.process.join(timeout=0.2)  # it may be dying just now
+    def _failure_of(self, worker: _Worker) -> Failure:
+        worker.process.join(timeout=0.2)  # it may be about to end
         code = worker.process.exitcode
         if code is None:
             return Failure(reason=f"no result after {self._timeout_s:g} s")
@@ -225,14 +225,14 @@ def _serve(
     work: Callable[[Sequence[Any]], Sequence[Any]],
     environment: Mapping[str, str],
 ) -> None:
-    """A worker's life: batches in, results out, until the pipe is closed."""
-    # Both may go to the whole group; ending in order is the parent's to decide, and what it is
-    # doing when it is told shall not look like a fault of the valve.
+    """The main function of a worker: receives batches, sends results, ends with the pipe."""
+    # Both signals may go to the whole process group. The parent ends its workers in order; a worker
+    # that died of the signal would look like a fault of the valve.
     begin_child(ignore=(signal.SIGINT, signal.SIGTERM))
     take_environment(environment)
     one_thread()
     logs_as_parent("worker")
-    with contextlib.suppress(EOFError, OSError):  # the other end is gone
+    with contextlib.suppress(EOFError, OSError):  # the parent has closed the pipe
         pipe.send(True)
         while True:
             batch = pipe.recv()
@@ -240,17 +240,17 @@ def _serve(
             try:
                 answer = list(work(batch)), None
             except Exception as error:
-                answer = (), _that_travels(failure_of(error))
+                answer = (), _picklable(failure_of(error))
             try:
                 pipe.send(answer)
             except OSError:
                 raise
-            except Exception as error:  # results that cannot travel
-                pipe.send(((), _that_travels(failure_of(error))))
+            except Exception as error:  # results that cannot be pickled
+                pipe.send(((), _picklable(failure_of(error))))
 
 
-def _that_travels(failure: Failure) -> Failure:
-    """The failure with its error where that survives the way, else with its words alone."""
+def _picklable(failure: Failure) -> Failure:
+    """The failure, without its exception where that cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(failure.error))
     except Exception:

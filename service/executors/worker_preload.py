@@ -1,7 +1,7 @@
-"""What every worker needs, imported once: workers are forked from the process that did.
+"""Imports what every worker needs, in the server process that workers are forked from.
 
-Imported for its effect alone, by the fork server of ``children.worker_context``. Importing takes
-seconds of a core; a worker that is forked afterwards begins at once, and shares the memory.
+Loaded by the fork server of ``process_lifecycle.worker_context`` only for this effect. Importing
+takes seconds; a worker that is forked afterwards starts at once and shares the memory.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from importlib import import_module
 
 from stemwatch.service.executors.executor import one_thread
 
-# What is told to the whole group is the parent's to answer; this process ends with it. It is kept
-# waiting, not ignored: a worker that is told to end before it looks must hear it then.
+# This process ends with its parent, so SIGTERM to the whole group is held back. It is blocked and
+# not ignored, because a worker forked from here must receive it once it has its handlers.
 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
-one_thread()  # before numpy is loaded: its libraries look once
+one_thread()  # before numpy is loaded, since its libraries read the environment once
 for _module in ("stemwatch.models.screening", "stemwatch.models.narx.training"):
     import_module(_module)
 import_module("stemwatch.service.run.task")

@@ -1,7 +1,7 @@
-"""The live demo: a simulated plant, a service that watches it, a catcher for its mails.
+"""``stemwatch demo --live``: a simulated plant, the service that watches it, and a mail catcher.
 
-Nothing in it is staged: a valve wears in the physics of the plant, is polled over Modbus, screened
-on schedule, raises an alert, and is repaired when somebody records the work.
+The demo uses the product itself: a valve wears in the simulation, is polled over Modbus, screened
+on schedule, raises an alert, and is repaired when maintenance is recorded.
 """
 
 from stemwatch.service.live_demo.demo import LiveDemo as LiveDemo

@@ -1,4 +1,4 @@
-"""``LiveDemo``: everything of the demo started in order, and stopped in order."""
+"""``LiveDemo``: starts and stops all parts of the demo in order."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from stemwatch.service.live_demo.folder import DemoFolder
 from stemwatch.service.live_demo.loops import WEARING, live_loops
-from stemwatch.service.live_demo.mail_catcher import Caught, MailCatcher
+from stemwatch.service.live_demo.mail_catcher import CaughtMail, MailCatcher
 from stemwatch.service.live_demo.plant_file import demo_toml
 from stemwatch.service.live_demo.service_process import ServiceProcess
 from stemwatch.service.live_demo.technician import (
@@ -26,9 +26,9 @@ T = TypeVar("T")
 
 
 class LiveDemo:
-    """The demo in ``out`` with ``timing``, its pages on ``port`` (0 takes a free one).
+    """The demo in the folder ``out`` with its pages on ``port`` (0 takes a free one).
 
-    ``say`` gets lines for people, ``ready`` the address of the pages once they are served.
+    ``say`` gets lines for the terminal, ``ready`` the address of the pages once they are served.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class LiveDemo:
         where the service ends by itself."""
         folder = DemoFolder(self._out)
         try:
-            # First, since opening it would keep the plant from answering for a while.
+            # Opened before the plant is started, which could not answer meanwhile.
             with open_store(folder.database) as store:
                 await self._run(folder, store, stop)
         finally:
@@ -59,7 +59,7 @@ class LiveDemo:
         async with MailCatcher(folder.mails, told=self._mail_came) as mails:
             self._say(f"Mails are kept in {mails.list_file}")
             loops = live_loops()
-            # The first stretch is simulated in a process of its own, which takes seconds.
+            # In a thread, since simulating the first minutes takes seconds.
             plant = await asyncio.to_thread(LivePlant, loops, seed=self._seed)
             async with PlantServer(plant, speed=self._timing.speed) as server:
                 self._say(f"The simulated plant answers Modbus on 127.0.0.1:{server.port}")
@@ -76,7 +76,7 @@ class LiveDemo:
     async def _watch(
         self, folder: DemoFolder, store: Store, server: PlantServer, stop: asyncio.Event
     ) -> None:
-        """Let the service watch the plant, and repair what it is told."""
+        """Run the service on the plant, wear its valve, and repair valves with recorded work."""
         async with ServiceProcess(folder.plant_file, self._port, folder.log, self._say) as service:
             address = await _first(service.address(), stop)
             if address is None:
@@ -106,11 +106,11 @@ class LiveDemo:
     def _repaired(self, tag: str) -> None:
         window = self._timing.window_s / 60.0
         self._say(
-            f"The fitter has been at {tag}: its simulated valve is as new. The first run that sees "
-            f"nothing but what came after says so, in {window:.1f} minutes or a little more."
+            f"{tag} has been repaired: its simulated valve is as new. The first run whose window "
+            f"begins after the repair shows it, in {window:.1f} minutes or a little more."
         )
 
-    def _mail_came(self, mail: Caught) -> None:
+    def _mail_came(self, mail: CaughtMail) -> None:
         self._say(f"A mail arrived ({mail.file}): {mail.subject}")
 
     def _story(self, address: str) -> list[str]:
@@ -118,14 +118,14 @@ class LiveDemo:
             f"1. All valves are screened every {self._timing.schedule_s:g} s. Once {WEARING} has a "
             "baseline it wears, until it sticks.",
             f"2. When the mail has come, acknowledge the alert: {address}alerts",
-            f"3. Record maintenance: {address}valve?id={WEARING} - a fitter then repairs it.",
+            f"3. Record maintenance: {address}valve?id={WEARING} - the valve is then repaired.",
             "4. Look there again: a note says, with both intervals, whether it helped.",
             "Ctrl-C ends the demo.",
         ]
 
 
 async def _first(work: Coroutine[Any, Any, T], stop: asyncio.Event) -> T | None:
-    """What ``work`` gives, or ``None`` where ``stop`` came first."""
+    """The result of ``work``, or ``None`` where ``stop`` was set before."""
     working, stopping = asyncio.create_task(work), asyncio.create_task(stop.wait())
     try:
         await asyncio.wait((working, stopping), return_when=asyncio.FIRST_COMPLETED)

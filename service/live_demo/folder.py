@@ -1,4 +1,4 @@
-"""``DemoFolder``: where the demo keeps what it makes, and makes room for itself."""
+"""``DemoFolder``: the folder with all files of the live demo."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ ABOUT = "about.txt"
 PLANT_FILE, LOG_FILE, DATABASE = "plant.toml", "service.log", "stemwatch.db"
 SPOOL, REPORTS, MAILS = "stemwatch-spool", "stemwatch-reports", "mails"
 _FILES = (PLANT_FILE, LOG_FILE, DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm")
-_SAYS = (
+_ABOUT_TEXT = (
     "Made by `stemwatch demo --live`. The next live demo in this folder begins anew and removes\n"
     "plant file, database, samples, reports, mails and log of this one.\n"
 )
 
 
 class DemoFolder:
-    """The demo's folder at ``path``, made where there is none and held until ``release``.
+    """The demo's folder at ``path``, created where missing and locked until ``release``.
 
-    The simulated plant begins with a new valve at every start, so what an earlier demo left is
-    removed. Raises ``FileExistsError`` for a folder that holds something and is no demo's, and
-    ``BlockingIOError`` where a demo runs in it.
+    The simulated plant starts with a new valve each time, so the files of an earlier demo are
+    removed. Raises ``FileExistsError`` for a folder that holds other files, and
+    ``BlockingIOError`` where a demo is running in it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -40,7 +40,7 @@ class DemoFolder:
             raise BlockingIOError(
                 f"a live demo is running in {path}; end it, or name another folder with --out"
             ) from None
-        about.write_text(_SAYS, encoding="utf-8", newline="\n")
+        about.write_text(_ABOUT_TEXT, encoding="utf-8", newline="\n")
         self._clear()
 
     @property
@@ -64,7 +64,7 @@ class DemoFolder:
         return f"sqlite:///{self.path / DATABASE}"
 
     def release(self) -> None:
-        """Let another demo have the folder."""
+        """Unlock the folder."""
         self._lock.release()
 
     def _clear(self) -> None:

@@ -1,4 +1,4 @@
-"""Which control loops the live demo has."""
+"""The control loops of the live demo."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _FLOW = PvRange(unit="t/h", low=0.0, high=40.0)
 
 
 def live_loops() -> list[PlantLoop]:
-    """Three quick loops with healthy valves. The first one's will wear; the third one oscillates
-    all along, because of what flows and not because of its valve."""
+    """Three fast loops with healthy valves. The valve of the first will wear; the third oscillates
+    because of a disturbance, not because of its valve."""
     load = Load(kind=LoadKind.COLOURED, size=1.6, time_s=8.0)
     wave = Load(kind=LoadKind.OSCILLATING, size=4.0, time_s=25.0, drift_rad=0.25)
     return [

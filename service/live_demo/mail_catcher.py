@@ -1,5 +1,4 @@
-"""``MailCatcher``: a mail server on this machine that keeps what it is sent and passes nothing
-on."""
+"""``MailCatcher``: a local mail server that stores mails in files and forwards none."""
 
 from __future__ import annotations
 
@@ -27,8 +26,8 @@ _SHOWN = 100  # the newest mails that the list shows
 
 
 @dataclass(frozen=True, kw_only=True)
-class Caught:
-    """A mail that arrived: when, in which file, from whom to whom, about what."""
+class CaughtMail:
+    """A mail that arrived, and the file it is stored in."""
 
     at: datetime
     file: str
@@ -39,15 +38,15 @@ class Caught:
 
 
 class MailCatcherMissing(OSError):
-    """The package that takes the mails is not installed; the sentence says how to install it."""
+    """The package aiosmtpd is not installed; the text says how to install it."""
 
 
 class MailCatcher:
-    """Takes mails by SMTP on loopback, keeps each as ``0001.eml`` and so on in ``folder``, and
-    lists them in ``index.html`` there, the newest first.
+    """Receives mails by SMTP on loopback, stores each as ``0001.eml`` and so on in ``folder``, and
+    lists them in ``index.html`` there, newest first.
 
-    Use it with ``async with``; ``port`` 0 takes a free one, which ``port`` then tells. ``told`` is
-    called with each mail. A mail of more than 1 MiB is refused. Raises ``MailCatcherMissing`` where
+    Use it with ``async with``; with ``port`` 0 it takes a free one and sets ``port``. ``told`` is
+    called with each mail. Mails of more than 1 MiB are refused. Raises ``MailCatcherMissing`` where
     the extra ``live-demo`` is not installed.
     """
 
@@ -55,10 +54,10 @@ class MailCatcher:
         self,
         folder: Path,
         port: int = 0,
-        told: Callable[[Caught], object] = lambda mail: None,
+        told: Callable[[CaughtMail], object] = lambda mail: None,
     ) -> None:
         self.folder, self.port = folder, port
-        self.caught: list[Caught] = []
+        self.caught: list[CaughtMail] = []
         self._told = told
         self._server: asyncio.Server | None = None
 
@@ -90,7 +89,7 @@ class MailCatcher:
         name = f"{len(self.caught) + 1:04d}.eml"
         (self.folder / name).write_bytes(content)
         mail = message_from_bytes(content, policy=policy.default)
-        caught = Caught(
+        caught = CaughtMail(
             at=datetime.now().astimezone(),
             file=name,
             sender=str(mail.get("From", "")),
@@ -105,7 +104,7 @@ class MailCatcher:
     def _write_list(self) -> None:
         from jinja2 import Environment, FileSystemLoader
 
-        # What is in a mail comes from the plant: text, whatever is written in it.
+        # Mails contain text from the plant, which must be escaped.
         pages = Environment(loader=FileSystemLoader(Path(__file__).parent), autoescape=True)
         text = pages.get_template(TEMPLATE).render(
             mails=self.caught[::-1][:_SHOWN], count=len(self.caught)
@@ -116,13 +115,13 @@ class MailCatcher:
 
 
 class _Handler:
-    """What the mail server does with a mail."""
+    """The handler of received mails for aiosmtpd."""
 
     def __init__(self, keep: Callable[[bytes], None]) -> None:
         self._keep = keep
 
     async def handle_DATA(self, server: object, session: object, envelope: Any) -> str:
-        """Keep the mail; the name of this method is the library's."""
+        """Store the mail; aiosmtpd prescribes the name of this method."""
         content = envelope.original_content or b""
         self._keep(content)
         return "250 kept"

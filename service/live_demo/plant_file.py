@@ -1,4 +1,4 @@
-"""The plant file of the live demo's service."""
+"""``demo_toml``: the plant file of the live demo."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def demo_toml(
     mail_port: int,
     pages_port: int = 0,
 ) -> str:
-    """A whole ``plant.toml``: the simulated device and its valves, a schedule, a mailbox.
+    """The ``plant.toml`` of the demo: simulated device, valves, a schedule, a mail notifier.
 
-    The plant's name says on every page that it is simulated and how fast. Mails link to the pages
-    where ``pages_port`` is known beforehand.
+    The plant's name, which every page shows, says that it is simulated and how fast. Mails have
+    links to the pages only where ``pages_port`` is not 0.
     """
     fast = "" if timing.speed == 1.0 else f", {timing.speed:g} times as fast as the clock"
     plant = plant_toml(
@@ -51,7 +51,7 @@ def _service(timing: DemoTiming, mail_port: int, pages_port: int) -> str:
     return f"""
 [limits]
 min_duration_s = {timing.shortest_s}
-# A baseline of minutes has seen less than one of a day; what follows it a little worse is no news.
+# A baseline of minutes covers less than one of a day, so a somewhat larger ratio is normal.
 baseline_ratio_watch = {_BASELINE_RATIO}
 
 [service]

@@ -14,23 +14,20 @@ from typing import Any
 _ADDRESS = re.compile(r"^Serving (http://\S+)")
 _END_S = 60.0
 # Ctrl-C in a terminal is for the demo, which then ends the service in order.
-_OF_ITS_OWN: dict[str, Any] = {}
+_OWN_GROUP: dict[str, Any] = {}
 if sys.platform == "win32":
-    _OF_ITS_OWN["creationflags"] = subprocess.CREATE_NEW_PROCESS_GROUP
+    _OWN_GROUP["creationflags"] = subprocess.CREATE_NEW_PROCESS_GROUP
 else:
-    _OF_ITS_OWN["process_group"] = 0
+    _OWN_GROUP["process_group"] = 0
 
 
 class ServiceEnded(OSError):
-    """The service ended although nobody asked it to."""
+    """The service ended without being asked to."""
 
 
 class ServiceProcess:
-    """The service for ``plant_file`` on loopback, its log in ``log``.
-
-    ``say`` gets each line that it prints for people: its address, and how to sign in first. Use it
-    with ``async with``.
-    """
+    """The service for ``plant_file`` on loopback with its log in the file ``log``; use it with
+    ``async with``. ``say`` gets each line that it prints: its address, and how to sign in first."""
 
     def __init__(self, plant_file: Path, port: int, log: Path, say: Callable[[str], None]) -> None:
         self._file, self._port, self._log, self._say = plant_file, port, log, say
@@ -50,7 +47,7 @@ class ServiceProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=log,
-                **_OF_ITS_OWN,
+                **_OWN_GROUP,
             )
         self._address = asyncio.get_running_loop().create_future()
         self._reading = asyncio.create_task(self._pass_on())
@@ -72,7 +69,7 @@ class ServiceProcess:
             await self._reading
 
     async def address(self) -> str:
-        """Where the pages are, as soon as they are served. Raises ``ServiceEnded``."""
+        """The address of the pages, once they are served. Raises ``ServiceEnded``."""
         assert self._address is not None
         return await asyncio.shield(self._address)
 
@@ -92,7 +89,7 @@ class ServiceProcess:
                 self._address.set_result(match[1])
         if not self._address.done():
             self._address.set_exception(self._sentence(await self._process.wait()))
-            self._address.exception()  # somebody may have left without waiting for it
+            self._address.exception()  # marks it as seen, in case nobody awaits the address
 
     def _sentence(self, status: int) -> ServiceEnded:
         return ServiceEnded(f"the service ended with status {status}; its log is {self._log}")

@@ -1,4 +1,4 @@
-"""What the demo does to its valves: one begins to wear, and what is recorded as done is done."""
+"""Wear and repair of the demo's valves: one wears, and recorded maintenance repairs its valve."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _LOOK_S = 0.5
 
 
 class Technician:
-    """Sees in ``store`` which of ``valves`` somebody has newly recorded maintenance of.
+    """Finds out in ``store`` which of ``valves`` have newly recorded maintenance.
 
-    What was recorded before the fitter came is not done again. Raises ``StoreError``.
+    What was recorded before this object was created does not count. Raises ``StoreError``.
     """
 
     def __init__(self, store: Store, valves: Iterable[str]) -> None:
@@ -26,34 +26,34 @@ class Technician:
         self._done = {valve: len(store.maintenance(valve)) for valve in valves}
 
     def look(self) -> list[str]:
-        """The valves with maintenance that is new since the last look. Raises ``StoreError``."""
-        worn = []
+        """The valves with maintenance that is new since the last call. Raises ``StoreError``."""
+        to_repair = []
         for valve, done in self._done.items():
             recorded = len(self._store.maintenance(valve))
             if recorded > done:
-                worn.append(valve)
+                to_repair.append(valve)
             self._done[valve] = recorded
-        return worn
+        return to_repair
 
     async def calls(self) -> AsyncIterator[str]:
-        """The valves that have to be repaired, for ever; while the database is away it waits."""
+        """Valves with new maintenance, without end; database errors are logged and retried."""
         while True:
             await asyncio.sleep(_LOOK_S)
             try:
-                worn = await asyncio.to_thread(self.look)
+                to_repair = await asyncio.to_thread(self.look)
             except StoreError as error:
                 log.warning("recorded maintenance cannot be read: %s", error)
                 continue
-            for valve in worn:
+            for valve in to_repair:
                 yield valve
 
 
 async def repair_what_is_recorded(
     technician: Technician, server: PlantServer, told: Callable[[str], object]
 ) -> None:
-    """Repair each valve of ``server`` that ``technician`` is called to, for ever.
+    """Repair each valve of ``server`` with newly recorded maintenance, without end.
 
-    A repaired valve wears no more. ``told`` is called with its tag.
+    A repaired valve no longer wears. ``told`` is called with its tag.
     """
     async for tag in technician.calls():
         server.repair(tag, lasting=True)
@@ -63,10 +63,10 @@ async def repair_what_is_recorded(
 async def wear_once_known(
     store: Store, server: PlantServer, tag: str, wear: Wear, told: Callable[[str], object]
 ) -> None:
-    """Let the valve ``tag`` wear as soon as ``store`` has a baseline of it, however long the
-    service takes for its first verdict: what it wears from has to be known.
+    """Start the wear of valve ``tag`` once ``store`` has a baseline of it, which the drift is
+    measured against.
 
-    ``told`` is called with its tag when it begins. Raises ``StoreError``.
+    ``told`` is called with the tag when the wear starts. Raises ``StoreError``.
     """
     while await asyncio.to_thread(store.baseline, tag) is None:
         await asyncio.sleep(_LOOK_S)

@@ -1,4 +1,4 @@
-"""``DemoTiming``: how often the demo polls and screens, and when its valve wears."""
+"""``DemoTiming``: intervals of polls and runs, windows, and wear of the demo."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 from stemwatch.service.modbus_plant import Wear
 
-FASTEST = 4.0  # at 4 the plant is polled every 0.1 s, and no device is polled faster
+FASTEST = 4.0  # at 4 the plant is polled every 0.1 s, the shortest interval allowed
 _EVERY_S, _WINDOW_S, _SCHEDULE_S, _SHORTEST_S = 0.4, 150.0, 60.0, 140.0
 _SHORTEST_SCHEDULE_S = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class DemoTiming:
-    """The demo's times. ``speed`` is how many seconds of the plant pass in one of the clock.
+    """The demo's times. ``speed`` is the simulated time per real time.
 
-    At 1 the loops are as quick as they would be; only the wear is not, which takes minutes and not
-    months. In seconds of the plant everything but the schedule is the same at every speed. Raises
-    ``ValueError`` for a speed that is not from 1 to 4.
+    At 1 the loops run in real time; only wear takes minutes instead of months. In simulated seconds
+    everything but the schedule is the same at every speed. Raises ``ValueError`` for a speed
+    outside 1 to 4.
     """
 
     speed: float = 1.0
@@ -30,31 +30,30 @@ class DemoTiming:
 
     @property
     def every_s(self) -> float:
-        """Seconds of the clock between two polls."""
+        """Real seconds between two polls."""
         return round(_EVERY_S / self.speed, 3)
 
     @property
     def window_s(self) -> float:
-        """Seconds of the clock that a run looks at."""
+        """Length of a run's window in real seconds."""
         return _WINDOW_S / self.speed
 
     @property
     def schedule_s(self) -> float:
-        """Seconds of the clock from one run to the next."""
+        """Real seconds from one run to the next."""
         return max(_SCHEDULE_S / self.speed, _SHORTEST_SCHEDULE_S)
 
     @property
     def shortest_s(self) -> float:
-        """Seconds of the clock that a verdict needs at least."""
+        """Shortest recording for a verdict, in real seconds."""
         return _SHORTEST_S / self.speed
 
     @property
     def wear(self) -> Wear:
-        """How the valve wears, in seconds of the plant: from a stem that follows to one that
-        sticks."""
+        """The wear of the valve, in simulated seconds: from healthy to sticking."""
         return Wear(S_percent=5.0, J_percent=2.0, over_s=240.0)
 
     @property
     def alert_after_s(self) -> float:
-        """Seconds of the plant from the beginning of the wear to the alert, as a rule."""
+        """Usual time from the start of wear to the alert, in simulated seconds."""
         return _WINDOW_S + 2.0 * _SCHEDULE_S

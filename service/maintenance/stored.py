@@ -4,6 +4,7 @@ came before them."""
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -44,9 +45,16 @@ def facts_of(
 ) -> dict[str, ValveFacts]:
     """What plant file and store say of the valves, and what was found of them before."""
     known = {valve.id: valve for valve in store.valves()}
+    weeks = store.trends([screening.valve for screening in screenings])
     return {
-        screening.valve: _facts(
-            known.get(screening.valve), plant, screening.valve, store.previous_finding(screening)
+        screening.valve: replace(
+            _facts(
+                known.get(screening.valve),
+                plant,
+                screening.valve,
+                store.previous_finding(screening),
+            ),
+            weeks=weeks.get(screening.valve),
         )
         for screening in screenings
     }

@@ -8,6 +8,7 @@ from typing import Protocol
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite
 from stemwatch.service.presenter.work_decision import verdict_before
 
@@ -46,10 +47,16 @@ class HasSize(Protocol):
 
 
 def change_since_last_run(
-    now: HasSize, verdict: Verdict | None, before: PreviousFinding | None
+    now: HasSize,
+    verdict: Verdict | None,
+    before: PreviousFinding | None,
+    weeks: TrendOverWeeks | None = None,
 ) -> Change:
     """The change from ``before`` to ``now``, whose verdict on the valve is ``verdict``: by verdict,
-    else by S, else by severity."""
+    else by the trend of S over ``weeks`` where it has one, else by S, else by severity.
+
+    S that rises by less than its interval from run to run still rises over weeks.
+    """
     if before is None:
         return Change(direction="new", words="first look")
     was = verdict_before(before)
@@ -61,6 +68,9 @@ def change_since_last_run(
             direction="worse" if worse else "better",
             words=f"{'worse' if worse else 'better'}, was {was.value}",
         )
+    if weeks is not None and weeks.is_change:
+        direction = "worse" if weeks.per_month > 0.0 else "better"
+        return Change(direction=direction, words=f"{direction}, {weeks.words}")
     return _within_a_verdict(now, before)
 
 

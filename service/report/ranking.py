@@ -119,7 +119,9 @@ class Ranking(Sequence[RankedValve]):
             anchor=self._anchors[at],
             screening=screening,
             facts=facts,
-            trend=change_since_last_run(screening, said.decision.verdict, facts.previous),
+            trend=change_since_last_run(
+                screening, said.decision.verdict, facts.previous, facts.weeks
+            ),
             said=said,
             stands=self.discovered.standing[at],
             plots=partial(self._evidence, place),

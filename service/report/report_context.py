@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 
 
 def software_name() -> str:
@@ -22,6 +23,7 @@ class ValveFacts:
     """What the plant says of a valve: its service, where it is, how much hangs on it.
 
     ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
+    ``previous`` is what was said of it before, ``weeks`` how its S changes.
     """
 
     description: str = ""
@@ -29,6 +31,7 @@ class ValveFacts:
     criticality: str = ""
     stroke: str = ""
     previous: PreviousFinding | None = None
+    weeks: TrendOverWeeks | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

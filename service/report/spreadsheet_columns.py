@@ -20,6 +20,7 @@ STATES = (
     "cannot be judged; no work"
 )
 STEM = "what S and J alone say of the stem; the column verdict of versions before 2"
+TREND = "rate of S over weeks with its 95 % interval, else the change since the run before"
 STANDING = {True: "yes", False: "held back", None: None}
 BEYOND_CHANCE = (
     f"yes: of the effects so marked, at most {LEVEL_PERCENT} are expected to be due to chance "
@@ -100,7 +101,12 @@ def _finding() -> list[SpreadsheetColumn]:
         ),
         _text("reason", "what was found", lambda v: v.said.reason, 60),
         _text("advice", "what to do next", lambda v: v.said.next_step, 60),
-        _text("trend", "change since the run before", lambda v: v.trend.words, 20),
+        _text(
+            "trend",
+            TREND,
+            lambda v: v.trend.words,
+            20,
+        ),
         _text("stem verdict", STEM, lambda v: v.screening.verdict.value, 14),
         _text("shape", "form of the OP-MV loop", lambda v: _shape(v.screening), 12),
         _text("data grade", "A clean to D no verdict", lambda v: v.screening.quality.grade, 10),

@@ -1,6 +1,6 @@
-"""One engine for every run: what is asked becomes tasks, tasks become results, results a report.
+"""One engine for every run: a request becomes tasks, tasks become results, results a report.
 
-``plan`` says which valve is read where, ``execute`` has it screened in any executor and saves it as
-it comes, ``finish`` decides what stands and writes report and work list. ``engine`` shows it on one
-page; ``queue_worker`` does the runs of the queue with it.
+``plan`` decides which valve is read from where, ``execute`` screens in any executor and saves each
+result, ``finish`` controls false discoveries and writes report and work list. ``engine`` puts them
+together; ``queue_worker`` processes the queue.
 """

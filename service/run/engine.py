@@ -1,11 +1,11 @@
-"""One engine for every run, on one page.
+"""The engine of every run, on one page.
 
     request -> plan -> execute (in any executor) -> finish
                tasks   saved as they come           report, work list, alerts
 
-The command line asks for a run here (``screen_now``); schedules, watched folders, pages and API ask
-through the queue of the store (``QueueWorker``). Nothing here knows how a file is read or how a
-valve is judged, and only results without samples and plots travel between processes.
+The command line starts a run here (``screen_now``); schedules, pages and API put runs into the
+queue of the store, which ``QueueWorker`` processes. Between processes travel only plots and results
+without samples.
 """
 
 from __future__ import annotations
@@ -26,9 +26,16 @@ from stemwatch.service.executors import Executor
 from stemwatch.service.process_lifecycle import Terminated, process_name
 from stemwatch.service.report import ReportFiles
 from stemwatch.service.report.ranking import light
-from stemwatch.service.run.execute import Executed, Over, Run, Told, add_unsaved, execute
+from stemwatch.service.run.execute import (
+    Executed,
+    OnScreened,
+    OnValveDone,
+    Run,
+    add_unsaved,
+    execute,
+)
 from stemwatch.service.run.finish import NotRead, finish
-from stemwatch.service.run.plan import Plan, Request, look_with, make_plan
+from stemwatch.service.run.plan import Plan, Request, make_plan, read_tags_with
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
@@ -38,23 +45,23 @@ MOST_REASONS = 5  # of a run in which nothing could be read
 
 @dataclass(frozen=True, kw_only=True)
 class RunNow:
-    """What a run of the command line needs beside its request."""
+    """The settings of a run of the command line beside its request."""
 
     store: Store
     executor: Executor
     out: Path
     limits: Limits = field(default_factory=Limits)
     command: tuple[str, ...] = ()
-    new_baseline: bool = False  # make this window each valve's baseline, whatever there was
+    new_baseline: bool = False  # make this window each valve's baseline, replacing any other
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """What came out, of at least one valve.
+    """The results of a run of the command line, of at least one valve that was read.
 
-    ``screenings`` are those of the tasks in their order, without their samples (an excerpt is left
-    of valves that need work); they are read from a disk when they are asked for. ``brief`` are the
-    same in memory, with as much as a line of text needs.
+    ``screenings`` are in the order of the tasks and without samples (valves that need work keep an
+    excerpt); they are read from a temporary file on access. ``brief`` holds the same screenings in
+    memory, reduced to what a line of text needs.
     """
 
     screenings: Sequence[Screening]
@@ -65,24 +72,26 @@ class RunResult:
 
 
 class NothingScreened(ConnectorError):
-    """No source of a run could be read as it was asked for. The text has each reason once."""
+    """No source of a run could be read as requested. The text has each reason once."""
 
     @classmethod
     def of(cls, screenings: Sequence[Screening], not_read: NotRead) -> NothingScreened:
-        """The error of a run with these results, none of which saw a recording."""
+        """The error of a run none of whose sources could be read."""
         reasons = [screening.S.reason or screening.reason for screening in screenings]
         reasons += [f"{place}: {reason}" for place, reason in not_read]
-        every = [reason.rstrip(".") for reason in dict.fromkeys(reasons)]
-        more = len(every) - MOST_REASONS
-        said = [*every[:MOST_REASONS], *([f"and {more} more reasons"] if more > 0 else [])]
-        return cls(f"nothing could be screened: {'; '.join(said) or 'no valve was asked for'}.")
+        unique = [reason.rstrip(".") for reason in dict.fromkeys(reasons)]
+        more = len(unique) - MOST_REASONS
+        listed = [*unique[:MOST_REASONS], *([f"and {more} more reasons"] if more > 0 else [])]
+        return cls(f"nothing could be screened: {'; '.join(listed) or 'no valve was asked for'}.")
 
 
-def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> RunResult:
-    """Screen everything a request names, as a run of its own.
+def screen_now(
+    request: Request, how: RunNow, on_screened: OnScreened = lambda *_: None
+) -> RunResult:
+    """Screen everything that a request names, as a run of its own.
 
-    Where nothing could be read, ``NothingScreened`` is raised and an earlier report stays as it is.
-    Raises ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
+    Raises ``NothingScreened`` where nothing could be read (an earlier report is then kept),
+    ``UnreadableSource``, ``ExecutorUnavailable``, ``StoreError`` and ``ReportNotWritten``.
     """
     plant, started = request.plant, datetime.now(UTC)
     planned = make_plan(request)
@@ -106,7 +115,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     try:
         if plant is not None:
             how.store.save_valves(plant.valves.values())
-        executed = execute(run, planned.tasks, threading.Event(), tell=tell)
+        executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
         brief = tuple(in_brief(result) for result in executed.results)
         if not any(screening.was_read for screening in brief):
             raise NothingScreened.of(brief, planned.not_read)
@@ -114,7 +123,7 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     except BaseException as error:
         _note_end(run, error)
         raise
-    assert report is not None  # a run of the command line has one, or an error
+    assert report is not None  # a run of the command line writes one or raises
     return RunResult(
         screenings=executed.results,
         brief=brief,
@@ -124,36 +133,38 @@ def screen_now(request: Request, how: RunNow, tell: Told = lambda *_: None) -> R
     )
 
 
-def work_off(
-    run: Run, request: Request, stop: threading.Event, over: Over
+def continue_queued(
+    run: Run, request: Request, stop: threading.Event, on_valve_done: OnValveDone
 ) -> tuple[Executed, NotRead]:
-    """Do ``request``, which is what is left of a queued run of a plant, until ``stop``.
+    """Screen ``request``, the pending part of a queued run, until ``stop`` is set.
 
-    What an earlier process did of it and the report shows is then screened again without being
-    saved: its samples are gone.
+    Valves that the report shows but an earlier process screened are screened again without being
+    saved, because their plots were lost with that process.
     """
-    look = look_with(run.executor, stop)
-    planned = make_plan(request, look) if request.valves else Plan(tasks=())
-    executed = execute(run, planned.tasks, stop, over=over)
+    read_tags = read_tags_with(run.executor, stop)
+    planned = make_plan(request, read_tags) if request.valves else Plan(tasks=())
+    executed = execute(run, planned.tasks, stop, on_valve_done=on_valve_done)
     shown = run.store.worst_of_run(run.number, run.shown or 0)
     known = run.plant.valves if run.plant else {}
-    gone = tuple(valve for valve in shown if valve not in executed.previous and valve in known)
-    if gone and not stop.is_set():
-        again = make_plan(replace(request, valves=gone), look)
+    without_plots = tuple(
+        valve for valve in shown if valve not in executed.previous and valve in known
+    )
+    if without_plots and not stop.is_set():
+        again = make_plan(replace(request, valves=without_plots), read_tags)
         add_unsaved(run, executed, again.tasks, stop)
     return executed, planned.not_read
 
 
 def in_brief(screening: Screening) -> Screening:
-    """As much of a result as its rank and a line of text need: some KB."""
-    nothing: dict[str, Residual | None] = {}
-    return replace(light(screening), residuals=nothing, network=None)
+    """The screening reduced to what its rank and a line of text need, some KB."""
+    no_residuals: dict[str, Residual | None] = {}
+    return replace(light(screening), residuals=no_residuals, network=None)
 
 
 def _note_end(run: Run, error: BaseException) -> None:
-    """A run of the command line that an error or Ctrl-C ends is not left as one that goes on.
+    """Store that an error, Ctrl-C or SIGTERM ended the run, so that it does not remain as running.
 
-    One whose process is killed is found by whoever uses the store next (``end_lost``).
+    A run whose process was killed is ended by the next use of the store (``end_lost``).
     """
     by_hand = isinstance(error, KeyboardInterrupt)
     state = RunState.CANCELLED if by_hand else RunState.FAILED

@@ -1,4 +1,4 @@
-"""Tasks to results: screened in any executor, kept on a disk, saved as they come."""
+"""Tasks to results: screened in any executor, saved one by one, kept in a temporary file."""
 
 from __future__ import annotations
 
@@ -20,70 +20,71 @@ from stemwatch.service.report.html_page import MOST_PLOTTED
 from stemwatch.service.run.saving import (
     PlacedScreening,
     Saving,
-    with_what_was_found,
+    with_stored_context,
 )
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import Task, given_up, screen_packed
 from stemwatch.service.store.store import Store
 
-PER_WORKER = 3  # shares of what is left for each worker
+PER_WORKER = 3  # chunks per worker into which the remaining items are divided
 
 T = TypeVar("T")
 
-# Valves that one worker takes at a time. Their networks train together, which is quicker; but every
-# worker should have some, and progress should be seen.
+# Valves that one worker takes at a time, at most. Their networks train together, which is quicker;
+# but every worker should have some, and progress should be visible.
 CHUNK = 16
-# So many valves take far longer to fit than a worker to start and a file of so many bytes to parse.
-WORTH_PARTING, PARTED_UP_TO = 8, 32 * 2**20
+# From this many valves on fitting takes far longer than parsing a file up to this many bytes again.
+SPLIT_FROM_VALVES, SPLIT_UP_TO_BYTES = 8, 32 * 2**20
 
-Told = Callable[[Screening, int, int], None]  # a screening is there: it, how many done, of how many
-Over = Callable[[str, str], None]  # all of a valve is saved: it, and why it was given up if it was
+OnScreened = Callable[[Screening, int, int], None]  # (screening, how many are done, of how many)
+OnValveDone = Callable[[str, str], None]  # (valve, why it was given up; empty where it was not)
 
 
 def make_chunks(
     items: Sequence[T],
     workers: int,
     most: int,
-    parsed: Callable[[T], str | None] = lambda _: None,
+    file_of: Callable[[T], str | None] = lambda _: None,
 ) -> list[tuple[T, ...]]:
-    """``items`` in order, dealt so that ``workers`` end at nearly the same time.
+    """``items`` in order, divided into chunks so that ``workers`` finish at nearly the same time.
 
-    Each share is a part of what is left, one in ``PER_WORKER`` times ``workers``, and ``most`` at
-    most: guided self-scheduling (Polychronopoulos and Kuck, 1987). Equal shares would leave all but
-    one worker idle while the last one is done. ``parsed`` names what has to be parsed as a whole
-    for an item, if anything: neighbours of one name go to one worker where ``most`` allows it.
+    Each chunk has the number of remaining items divided by ``PER_WORKER * workers``, rounded up and
+    at most ``most``: guided self-scheduling (Polychronopoulos and Kuck, 1987). With equal chunks
+    all but one worker could idle during the last one. ``file_of`` names the file that has to be
+    parsed for an item, if any: neighbours of one file go to one worker where ``most`` allows it.
     """
-    names = [parsed(item) for item in items]
-    dealt: list[tuple[T, ...]] = []
+    files = [file_of(item) for item in items]
+    chunks: list[tuple[T, ...]] = []
     begin = 0
     while begin < len(items):
         end = begin + min(most, -(-(len(items) - begin) // (PER_WORKER * workers)))
-        end = _where_parting_is_cheap(names, begin, end, most)
-        dealt.append(tuple(items[begin:end]))
+        end = _between_files(files, begin, end, most)
+        chunks.append(tuple(items[begin:end]))
         begin = end
-    return dealt
+    return chunks
 
 
-def _where_parting_is_cheap(names: Sequence[str | None], begin: int, end: int, most: int) -> int:
-    """``end``, or the nearest end of what is parsed as a whole: after it within ``most``, else
-    before it; ``end`` itself where all of it is one."""
+def _between_files(files: Sequence[str | None], begin: int, end: int, most: int) -> int:
+    """``end``, moved to the nearest boundary between two files: after it within ``most`` items of
+    ``begin``, else before it; unchanged where there is none."""
 
-    def parts(place: int) -> bool:
-        inside = 0 < place < len(names) and names[place] is not None
-        return inside and names[place - 1] == names[place]
+    def splits_file(place: int) -> bool:
+        inside = 0 < place < len(files) and files[place] is not None
+        return inside and files[place - 1] == files[place]
 
-    after = next((p for p in range(end, begin + most + 1) if not parts(p)), None)
+    after = next((p for p in range(end, begin + most + 1) if not splits_file(p)), None)
     if after is not None:
-        return min(after, len(names))
-    return next((p for p in range(end - 1, begin, -1) if not parts(p)), end)
+        return min(after, len(files))
+    return next((p for p in range(end - 1, begin, -1) if not splits_file(p)), end)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """A run that has a number in the store: who works on it, and what becomes of it.
+    """A run with its number in the store, its executor and its settings.
 
-    ``queued``: it comes from the queue, so it lies while the database is away, raises alerts and
-    tells people. ``shown`` is how many valves its report shows, the worst; all where ``None``.
+    ``queued``: it comes from the queue of the service, so it pauses while the database is not
+    available, raises alerts and sends messages. ``shown`` is how many valves, the worst, the report
+    shows; ``None`` shows all.
     """
 
     store: Store
@@ -102,8 +103,8 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Executed:
-    """What came of the tasks: ``results`` in their order, without samples (an excerpt is left of
-    valves that may need work); ``previous`` is what was found of each valve before."""
+    """The results of the tasks in their order, without samples (valves that may need work keep an
+    excerpt); ``previous`` is each valve's result in the window before."""
 
     results: ResultSpill
     previous: dict[str, PreviousFinding | None]
@@ -115,16 +116,16 @@ def execute(
     tasks: Sequence[Task],
     stop: threading.Event,
     *,
-    tell: Told = lambda *_: None,
-    over: Over = lambda *_: None,
+    on_screened: OnScreened = lambda *_: None,
+    on_valve_done: OnValveDone = lambda *_: None,
 ) -> Executed:
-    """A screening for each task, in the tasks' order, whatever order they were done in.
+    """Screen the tasks; the results are in their order, whatever order they were done in.
 
-    Each is saved and its samples let go as soon as it is there, so that memory does not grow with
-    the valves and a run that is cut short loses what was not begun, no more. A task on which
-    workers hung or died has a screening with that reason. Ends early when ``stop`` is set.
+    Each result is saved and its samples released as soon as it arrives, so that memory does not
+    grow with the number of valves and an interrupted run loses only what was not done. A task whose
+    worker hung or died gets a screening with that reason. Ends early when ``stop`` is set.
     """
-    tasks = with_what_was_found(tasks, run.store)
+    tasks = with_stored_context(tasks, run.store)
     results = ResultSpill(MOST_PLOTTED)
     saving = Saving(
         run.store,
@@ -133,24 +134,24 @@ def execute(
         tasks,
         new_baseline=run.new_baseline,
         must_save=run.queued,
-        over=over,
+        on_valve_done=on_valve_done,
     )
     for done in _screened(run, tasks, stop):
         arrived = [_put(results, outcome) for outcome in done]
         saving.take(arrived, results)
         for nth, result in enumerate(arrived, start=len(results) - len(arrived) + 1):
-            tell(result.screening, nth, len(tasks))
+            on_screened(result.screening, nth, len(tasks))
     return Executed(results=results, previous=saving.previous, not_saved=tuple(saving.not_saved))
 
 
 def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:
-    """Screen tasks again whose results are in the store, for their plots; nothing is saved."""
+    """Screen tasks again for their plots, whose results are in the store; nothing is saved."""
     first = len(executed.results)
-    for done in _screened(run, with_what_was_found(tasks, run.store), stop):
+    for done in _screened(run, with_stored_context(tasks, run.store), stop):
         for outcome in done:
             result = _put(executed.results, outcome, first)
-            before = run.store.previous_finding(result.screening, run.started)
-            executed.previous[result.screening.valve] = before
+            previous = run.store.previous_finding(result.screening, run.started)
+            executed.previous[result.screening.valve] = previous
 
 
 def _screened(
@@ -161,28 +162,29 @@ def _screened(
 
 
 def make_batches(tasks: Sequence[Task], workers: int) -> list[tuple[Task, ...]]:
-    """``tasks`` as they are dealt to ``workers``: valves of one file to one of them, unless others
-    would have nothing to do meanwhile."""
-    whole = not _worth_parting(tasks, workers)
-    return make_chunks(tasks, workers, CHUNK, lambda task: task.text_file if whole else None)
+    """``tasks`` divided among ``workers``: valves of one file go to one worker, unless others would
+    idle meanwhile."""
+    keep_files_whole = not _worth_splitting(tasks, workers)
+    file_of = (lambda task: task.text_file) if keep_files_whole else (lambda task: None)
+    return make_chunks(tasks, workers, CHUNK, file_of)
 
 
-def _worth_parting(tasks: Sequence[Task], workers: int) -> bool:
-    """Whether several workers had better parse the same files: many valves in fewer files than
-    there are workers, each soon read and small enough to be in the memory of every worker."""
+def _worth_splitting(tasks: Sequence[Task], workers: int) -> bool:
+    """Whether several workers should parse the same files: many valves in fewer files than there
+    are workers, and files that are quick to parse and small enough for every worker's memory."""
     files = {task.text_file for task in tasks}
-    if len(tasks) < WORTH_PARTING or len(files) >= workers:
+    if len(tasks) < SPLIT_FROM_VALVES or len(files) >= workers:
         return False
     try:
-        return sum(Path(file).stat().st_size for file in files if file) <= PARTED_UP_TO
-    except OSError:  # whoever reads it says why
+        return sum(Path(file).stat().st_size for file in files if file) <= SPLIT_UP_TO_BYTES
+    except OSError:  # reported by the worker that reads the file
         return False
 
 
 def _put(
     results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
 ) -> PlacedScreening:
-    """The outcome of a task on the disk, and what is saved of it."""
+    """Put the outcome of a task into ``results``; return what is saved in the store."""
     place = first + outcome.place
     if outcome.result is None:
         screening, evidence = plots_instead_of_samples(given_up(outcome.item, outcome.reason))

@@ -1,6 +1,6 @@
-"""A run whose valves are done: what stands among them, alerts, report, work list, messages.
+"""The end of a run: false-discovery control, alerts, report, work list, messages.
 
-All of it may be done again without doing anything twice.
+Each step can be repeated after an interruption without raising or sending anything twice.
 """
 
 from __future__ import annotations
@@ -30,23 +30,21 @@ NotRead = Sequence[tuple[str, str]]
 
 
 def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
-    """Mark what ``run_id`` named and what does not stand among its valves; all that was tested.
+    """Control false discoveries over the run: mark named effects that do not stand among all its
+    valves. Returns every screening that was tested.
 
-    Doing it again changes nothing. Raises ``StoreError``.
+    Repeating the call changes nothing. Raises ``StoreError``.
     """
     tested = store.tested_of_run(run_id)
-    stood = significant([tested.p_value for tested in tested])
-    named = sum(tested.named and stand for tested, stand in zip(tested, stood, strict=True))
-    held = [
-        tested.screening
-        for tested, stand in zip(tested, stood, strict=True)
-        if tested.named and not stand
-    ]
+    standing = significant([screening.p_value for screening in tested])
+    pairs = list(zip(tested, standing, strict=True))
+    named = sum(screening.named and stands for screening, stands in pairs)
+    held = {screening.screening for screening, stands in pairs if screening.named and not stands}
     remark = Discoveries(standing=(), tested=len(tested), named=named, held_back=len(held)).remark
     marks = {
-        tested.screening: remark if tested.screening in set(held) else ""
-        for tested in tested
-        if tested.named
+        screening.screening: remark if screening.screening in held else ""
+        for screening in tested
+        if screening.named
     }
     store.note_held_back(run_id, marks)
     return tested
@@ -55,16 +53,16 @@ def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
 def p_elsewhere(
     tested: Sequence[TestedScreening], shown: Sequence[str]
 ) -> tuple[float | None, ...]:
-    """The p values of the valves that a report of ``shown`` leaves out."""
-    there = set(shown)
-    return tuple(tested.p_value for tested in tested if tested.valve not in there)
+    """The p values of the valves that are not ``shown`` in the report."""
+    in_report = set(shown)
+    return tuple(screening.p_value for screening in tested if screening.valve not in in_report)
 
 
 def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles | None:
-    """Decide what stands, raise alerts, write the report and the work list, queue the messages.
+    """Control false discoveries, raise alerts, write report and work list, queue messages.
 
-    Where the run is of the queue, files that cannot be written cost themselves only, as the alerts
-    are worth more; else ``ReportNotWritten`` is raised. ``None``: there is no report.
+    For a queued run, files that cannot be written are only logged, since alerts matter more; for a
+    run of the command line ``ReportNotWritten`` is raised. Returns ``None`` without a report.
     """
     tested = hold_back(run.store, run.number)
     if run.plant is not None and run.queued:
@@ -95,7 +93,7 @@ def _write(
         files = _write_worst(run, executed.results.worst(run.shown), context, tested)
     try:
         _write_work_list(run, executed, context)
-    except Exception:  # the alerts and the run's own report are worth more
+    except Exception:  # alerts and the report itself matter more
         if not run.queued:
             raise
         text = "run %d: the maintenance report could not be written"
@@ -106,7 +104,7 @@ def _write(
 def _write_worst(
     run: Run, worst: Worst, context: ReportContext, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
-    """The report of the worst valves only, which says what it leaves out."""
+    """The report of the worst valves only, with a note on how many it leaves out."""
     shown = [screening.valve for screening in worst]
     notes = context.sources_not_read
     more = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(shown))
@@ -119,22 +117,21 @@ def _write_worst(
 
 
 def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> None:
-    """Pages and work orders of all valves of the run. Valves that an earlier process did before it
-    ended come as they are stored."""
+    """Pages and work orders of all valves of the run; those that an earlier process screened are
+    taken from the store."""
     background = background_of(run.store, run.plant, run.number)
-    every: Sequence[Screening] = executed.results
+    screenings: Sequence[Screening] = executed.results
     if run.queued:
-        here = executed.previous
         rest = [
             screening
             for screening in run.store.screenings_of_run(run.number)
-            if screening.valve not in here
+            if screening.valve not in executed.previous
         ]
         if rest:
-            every = [*executed.results, *rest]
+            screenings = [*executed.results, *rest]
             facts = stored_maintenance.facts_of(run.store, run.plant, rest)
             context = replace(context, valves={**context.valves, **facts})
-    write_maintenance(every, context, run.out, background)
+    write_maintenance(screenings, context, run.out, background)
 
 
 def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
@@ -148,6 +145,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
             SourceNotRead(source=str(problem.file), reason=str(problem))
             for problem in plant.problems
         ]
+    weeks = run.store.trends(list(executed.previous))
     return ReportContext(
         started=run.started,
         plant=plant.name if plant else "",
@@ -155,14 +153,15 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         command=run.command,
         settings_digest=plant.settings_digest if plant else "",
         valves={
-            valve: facts_of(plant, valve, before) for valve, before in executed.previous.items()
+            valve: replace(facts_of(plant, valve, before), weeks=weeks.get(valve))
+            for valve, before in executed.previous.items()
         },
         sources_not_read=tuple(notes),
     )
 
 
 def facts_of(plant: Plant | None, valve: str, previous: PreviousFinding | None) -> ValveFacts:
-    """What a report says of a valve beside its screening."""
+    """The valve's description in the plant file and its previous result, for a report."""
     entry = plant.valves.get(valve) if plant else None
     if entry is None:
         return ValveFacts(previous=previous)

@@ -1,4 +1,4 @@
-"""From what a user typed to tasks: which files, which valves in each, which tags."""
+"""From a request to tasks: which files, which valves in each, which tags."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ from stemwatch.service.run.task import (
     tags_of_files,
 )
 
-MOST_NAMED = 12  # tags of a file that are listed
+MOST_NAMED = 12  # tags of a file that a message lists
 NO_VALVE = (
     "no controller output was recognised in this file; say which tags are meant with --op and "
     "--mv, or in a plant.toml (`stemwatch inspect` shows the tags)."
 )
 
-Looked = frozenset[str] | str  # the tags in a file, or why it cannot be read
-Look = Callable[[Sequence[TextFile]], Sequence[Looked]]
-HEAD_BYTES = 1_000_000
-LINES = 12
+TagsOrReason = frozenset[str] | str  # the tags in a file, or why it cannot be read
+ReadTags = Callable[[Sequence[TextFile]], Sequence[TagsOrReason]]
+HEADER_BYTES = 1_000_000
+HEADER_LINES = 12
 _SEPARATORS = re.compile(r"[,;\t|]")
 _UNIT = re.compile(r"\s*[\[(][^\[\]()]*[\])]$")
-# A row of a narrow export names one tag; a header of a wide one names several.
-FEWEST = 2
+# A header of a wide export names several tags; a row of a narrow one names a single tag.
+FEWEST_TAGS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What to screen: sources, and either a plant or tags or neither (then valves are proposed).
+    """What to screen: sources, with a plant, with tags, or with neither (then valves are proposed).
 
-    Without sources those of the plant, of its ``valves`` or of all where none are named.
-    ``live_window`` is for valves whose samples are in the store; without one ``window`` is.
+    Without sources: ``valves`` of the plant, or all of them. ``live_window`` applies to valves
+    whose samples are in the store; by default ``window`` applies to them too.
     """
 
     sources: Sequence[str] = ()
@@ -67,56 +67,57 @@ class Request:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Tasks in order, and (source, reason) for what is no recording at all."""
+    """Tasks in order, and (source, reason) for sources that are not recordings."""
 
     tasks: tuple[Task, ...]
     not_read: tuple[tuple[str, str], ...] = ()
 
 
-def look_here(files: Sequence[TextFile]) -> Sequence[Looked]:
-    """Parse the files in this process, which keeps them for whoever reads them next."""
+def read_tags_here(files: Sequence[TextFile]) -> Sequence[TagsOrReason]:
+    """Parse the files in this process, which caches them for reading the recordings."""
     return tags_of_files(os.getcwd(), files)
 
 
-def look_with(executor: Executor, stop: threading.Event) -> Look:
-    """Parse files where the work is done: one that hangs or ends its process harms nobody."""
+def read_tags_with(executor: Executor, stop: threading.Event) -> ReadTags:
+    """Parse files in the executor's workers, so that a file that hangs or kills its process does
+    not affect this one."""
 
-    def look(files: Sequence[TextFile]) -> Sequence[Looked]:
+    def read_tags(files: Sequence[TextFile]) -> Sequence[TagsOrReason]:
         work = partial(tags_of_files, os.getcwd())
-        looked: dict[int, Looked] = {}
+        answers: dict[int, TagsOrReason] = {}
         for (outcome,) in outcomes(executor, work, [[file] for file in files], stop):
             why = f"{outcome.item.path}: {outcome.reason}"
-            looked[outcome.place] = why if outcome.result is None else outcome.result
-        return [looked.get(place, "it was not looked at") for place in range(len(files))]
+            answers[outcome.place] = why if outcome.result is None else outcome.result
+        return [answers.get(place, "it was not looked at") for place in range(len(files))]
 
-    return look
+    return read_tags
 
 
-def make_plan(request: Request, look: Look = look_here) -> Plan:
+def make_plan(request: Request, read_tags: ReadTags = read_tags_here) -> Plan:
     """The tasks of a request, with the curves from OP to stroke that the plant file gives.
 
-    Raises ``UnreadableSource`` where a source names nothing.
+    Raises ``UnreadableSource`` where a source matches nothing.
     """
-    plan = _plan(request, look)
+    plan = _plan(request, read_tags)
     valves = {} if request.plant is None else request.plant.valves
     given = {valve.id: valve.given_curve for valve in valves.values()}
     tasks = [replace(task, given_curve=given.get(task.tags.valve)) for task in plan.tasks]
     return replace(plan, tasks=tuple(tasks))
 
 
-def _plan(request: Request, look: Look) -> Plan:
+def _plan(request: Request, read_tags: ReadTags) -> Plan:
     if request.plant is not None and not request.sources:
-        return _of_plant(request, request.plant, look)
+        return _of_plant(request, request.plant, read_tags)
     archives, others = split_archives(request.sources)
     sources = find_sources(others)
     tasks = [task for path in archives for task in _of_archive(request, path)]
     for path in sources.paths:
-        tasks += _of_file(request, str(path), look)
+        tasks += _of_file(request, str(path), read_tags)
     skipped = tuple((str(path), reason) for path, reason in sources.skipped)
     return Plan(tasks=tuple(tasks), not_read=skipped)
 
 
-def _of_plant(request: Request, plant: Plant, look: Look) -> Plan:
+def _of_plant(request: Request, plant: Plant, read_tags: ReadTags) -> Plan:
     """Every valve in every file of its source that has its OP tag."""
     wanted = [plant.valves[valve] for valve in request.valves or plant.valves]
     live_window = request.live_window or request.window
@@ -133,7 +134,7 @@ def _of_plant(request: Request, plant: Plant, look: Look) -> Plan:
             not_read.append((source.name, f"no file matches {source.path} beside {plant.file}"))
         options = ReadOptions(**plant.read_options(source))
         paths = [str(path) for path in files]
-        tasks += tasks_of_files(valves, paths, options, request.window, look)
+        tasks += tasks_of_files(valves, paths, options, request.window, read_tags)
     return Plan(tasks=tuple(tasks), not_read=tuple(not_read))
 
 
@@ -145,7 +146,7 @@ def live_task(plant: Plant, valve: str, window: Window) -> Task:
 
 
 def archive_task(plant: Plant, valve: str, window: Window) -> Task:
-    """The task of a valve that is read from an archive, by whoever does the work."""
+    """The task of a valve that the worker reads from an archive."""
     address = plant.archive_of(valve)
     return Task(path=str(address), tags=plant.valve_tags(valve), archive=address, window=window)
 
@@ -155,92 +156,95 @@ def tasks_of_files(
     files: Sequence[str],
     options: ReadOptions,
     window: Window,
-    look: Look = look_here,
+    read_tags: ReadTags = read_tags_here,
 ) -> list[Task]:
-    """One task for each file that holds a valve's OP; a valve that no file holds says so."""
+    """One task for each file that holds a valve's OP; a valve that no file holds gets a task with
+    the reason."""
     tasks: list[Task] = []
-    seen: set[str] = set()
-    broken: list[str] = []
-    for path, there in zip(files, _tags_in(valves, files, options, look), strict=True):
-        if isinstance(there, str):
-            broken.append(there)
+    in_a_file: set[str] = set()
+    unreadable: list[str] = []
+    for path, tags in zip(files, _tags_in(valves, files, options, read_tags), strict=True):
+        if isinstance(tags, str):
+            unreadable.append(tags)
             continue
         for valve in valves:
-            if valve.tags[Role.OP].tag in there:
-                seen.add(valve.valve)
-                tasks.append(_task(path, _present(valve, there), options, window))
+            if valve.tags[Role.OP].tag in tags:
+                in_a_file.add(valve.valve)
+                tasks.append(_task(path, _present(valve, tags), options, window))
     for valve in valves:
-        if valve.valve not in seen:
+        if valve.valve not in in_a_file:
             reason = f"the OP tag {valve.tags[Role.OP].tag} is in none of the source's files"
-            reason = ". ".join([reason, *broken])
+            reason = ". ".join([reason, *unreadable])
             where = files[0] if len(files) == 1 else ", ".join(files[:3]) or "no file"
             tasks.append(Task(path=where, tags=valve, window=window, reason=reason))
     return tasks
 
 
 def _tags_in(
-    valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, look: Look
-) -> list[Looked]:
-    """The tags in each file: from its header where that tells them, else by parsing it."""
+    valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, read_tags: ReadTags
+) -> list[TagsOrReason]:
+    """The tags in each file: from its header where that names them, else by parsing the file."""
     wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
     if not valves:
         return [frozenset() for _ in files]
-    tags: dict[str, Looked] = {}
+    tags: dict[str, TagsOrReason] = {}
     for path in files:
         if named := header_tags(path, wanted):
             tags[path] = frozenset(named)
     unknown = [path for path in files if path not in tags]
-    parsed = look([TextFile(path=path, options=options) for path in unknown])
+    parsed = read_tags([TextFile(path=path, options=options) for path in unknown])
     tags |= dict(zip(unknown, parsed, strict=True))
     return [tags[path] for path in files]
 
 
-def _present(valve: ValveTags, there: Set[str]) -> ValveTags:
+def _present(valve: ValveTags, tags_in_file: Set[str]) -> ValveTags:
     """The valve without the optional tags that a file does not have.
 
-    A missing position stays asked for: the reading then says that it is not there, which is worth
-    more than a verdict of "no position".
+    A missing MV tag is kept: reading then reports it as missing, which tells more than the verdict
+    "no position".
     """
     kept = {
         role: mapping
         for role, mapping in valve.tags.items()
-        if role in (Role.OP, Role.MV) or mapping.tag in there
+        if role in (Role.OP, Role.MV) or mapping.tag in tags_in_file
     }
     return replace(valve, tags=kept)
 
 
-def _of_file(request: Request, path: str, look: Look) -> list[Task]:
-    """The tasks of one file: by the plant, by the tags given, or by what the file itself tells."""
+def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
+    """The tasks of one file: by the plant, by given tags, or by the roles of its own tags."""
     stem = Path(path.removesuffix(".gz")).stem
     options, window = request.read_options, request.window
     if request.plant is not None:
         valves = [request.plant.valve_tags(v) for v in request.plant.valves.values()]
         options = _plant_options(request.plant, path, options)
-        tasks = [t for t in tasks_of_files(valves, [path], options, window, look) if not t.reason]
-        return tasks or [_hopeless(path, stem, f"{path}: none of the plant's OP tags is in it")]
+        tasks = tasks_of_files(valves, [path], options, window, read_tags)
+        readable = [task for task in tasks if not task.reason]
+        reason = f"{path}: none of the plant's OP tags is in it"
+        return readable or [_not_readable(path, stem, reason)]
     if request.tags:
         tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
         return [_task(path, ValveTags(valve=request.valve or stem, tags=tags), options, window)]
     try:
         proposed = propose_valves(open_file(path, options))
     except ConnectorError as error:
-        return [_hopeless(path, stem, str(error))]
+        return [_not_readable(path, stem, str(error))]
     if not proposed:
-        return [replace(_hopeless(path, stem, NO_VALVE), seen=_columns(path, options))]
+        return [replace(_not_readable(path, stem, NO_VALVE), seen=_columns(path, options))]
     return [_task(path, valve, options, window) for valve in proposed]
 
 
 def _of_archive(request: Request, path: str) -> list[Task]:
-    """The tasks of Parquet files: by the plant, by the tags given, or by what they tell."""
+    """The tasks of Parquet files: by the plant, given tags, or the roles of their own tags."""
     options = request.read_options
     if request.plant is not None:
         options = _plant_options(request.plant, path, options)
     address = ParquetAddress(path, options)
     try:
         if request.plant is not None:
-            there = {info.tag for info in open_archive(address).tags()}
+            in_archive = {info.tag for info in open_archive(address).tags()}
             tagged = [request.plant.valve_tags(valve) for valve in request.plant.valves.values()]
-            valves = [valve for valve in tagged if valve.tags[Role.OP].tag in there]
+            valves = [valve for valve in tagged if valve.tags[Role.OP].tag in in_archive]
             reason = f"{path}: none of the plant's OP tags is in it"
         elif request.tags:
             tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
@@ -248,16 +252,16 @@ def _of_archive(request: Request, path: str) -> list[Task]:
         else:
             valves, reason = propose_valves(open_archive(address)), NO_VALVE
     except ConnectorError as error:
-        return [_hopeless(path, Path(path).stem, str(error))]
+        return [_not_readable(path, Path(path).stem, str(error))]
     if not valves:
-        return [_hopeless(path, Path(path).stem, reason)]
+        return [_not_readable(path, Path(path).stem, reason)]
     return [Task(path=path, tags=tags, archive=address, window=request.window) for tags in valves]
 
 
 def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
-    """How the plant says its exports are written, with what the command line says laid over it.
+    """The reading options of the plant's source, overridden by those of the command line.
 
-    The source is the one whose pattern matches the file, or the only one.
+    The source is the one whose pattern matches the file, or the plant's only one.
     """
     wanted = Path(path).resolve()
     sources = [
@@ -269,16 +273,16 @@ def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
         ReadOptions(**plant.read_options(sources[0])) if sources else ReadOptions(zone=plant.zone)
     )
     default = ReadOptions()
-    said = {
+    overrides = {
         field.name: getattr(given, field.name)
         for field in fields(given)
         if getattr(given, field.name) != getattr(default, field.name)
     }
-    return replace(base, **said)
+    return replace(base, **overrides)
 
 
 def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:
-    """What a readable file without a recognised valve holds, and why no tag was taken for OP."""
+    """The tags of a readable file without a recognised valve, and why none was taken for OP."""
     infos = open_file(path, options).tags()
     names = ", ".join(info.tag for info in infos[:MOST_NAMED])
     more = f" and {len(infos) - MOST_NAMED} more" if len(infos) > MOST_NAMED else ""
@@ -290,27 +294,27 @@ def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> T
     return Task(path=path, tags=tags, read_options=options, window=window)
 
 
-def _hopeless(path: str, valve: str, reason: str) -> Task:
+def _not_readable(path: str, valve: str, reason: str) -> Task:
     tags = ValveTags(valve=valve, tags={Role.OP: TagMapping(tag="")})
     return Task(path=path, tags=tags, reason=reason)
 
 
 def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
-    """What the header of the text file ``path`` names, or ``None`` where only reading all of it
-    can tell: where none of its first lines names two of the tags that are ``wanted``.
+    """The names in the header of the text file ``path``; ``None`` where no line near its top names
+    two of the ``wanted`` tags, so that the whole file has to be parsed.
 
-    Names are given as they stand and without a unit in brackets behind them.
+    Each name is given as written and without a trailing unit in brackets.
     """
     if path.endswith(".gz"):
         return None
     try:
         with Path(path).open("rb") as file:
-            head = file.read(HEAD_BYTES)
+            head = file.read(HEADER_BYTES)
     except OSError:
-        return None  # reading it will say what is wrong
-    for line in head.decode("utf-8-sig", "replace").splitlines()[:LINES]:
+        return None  # reading the file reports the error
+    for line in head.decode("utf-8-sig", "replace").splitlines()[:HEADER_LINES]:
         cells = {cell.strip().strip("\"'").strip() for cell in _SEPARATORS.split(line)}
         named = cells | {_UNIT.sub("", cell) for cell in cells}
-        if len(named & wanted) >= FEWEST:
+        if len(named & wanted) >= FEWEST_TAGS:
             return named
     return None

@@ -1,7 +1,6 @@
-"""``QueueWorker``: takes runs from the queue and works on them, one at a time, until it is stopped.
+"""``QueueWorker``: processes the runs of the queue, one at a time.
 
-What is to be kept is in the store alone: a process that dies at any moment leaves a queue from
-which the next one goes on.
+All state is in the store: after a crash at any moment the next process continues from the queue.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from stemwatch.connectors.connector import Window
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, ExecutorUnavailable, choose_executor
 from stemwatch.service.process_lifecycle import process_name
-from stemwatch.service.run.engine import work_off
+from stemwatch.service.run.engine import continue_queued
 from stemwatch.service.run.execute import Run
 from stemwatch.service.run.finish import finish
 from stemwatch.service.run.plan import Request
@@ -30,16 +29,16 @@ from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
 
-BEAT_S = SILENT_AFTER.total_seconds() / 6
+HEARTBEAT_S = SILENT_AFTER.total_seconds() / 6
 UNKNOWN = "the plant file does not describe this valve (any more)"
-_LOOK_S = 5.0  # for runs that another process queued
-_AWAY_S = 5.0
-_MOST_TRIALS = 12  # of a run whose executor cannot work, before it has failed
+_LOOK_S = 5.0  # between looks for runs that another process queued
+_RETRY_S = 5.0  # while the database is not available
+_MOST_TRIALS = 12  # of a run whose executor cannot work, before it fails
 _PREFIX = "run-"
 
 
 class QueueWorker:
-    """Works on the queue in ``store`` for ``plant``.
+    """Processes the queue in ``store`` for ``plant``.
 
     A run whose worker has been silent for ``silent_after``, or is known to have ended, is taken
     over. Stopped in the middle of
@@ -53,57 +52,57 @@ class QueueWorker:
         plant: Plant,
         *,
         silent_after: timedelta = SILENT_AFTER,
-        beat_s: float = BEAT_S,
+        heartbeat_s: float = HEARTBEAT_S,
     ) -> None:
         self._store, self._plant = store, plant
-        self._silent_after, self._beat_s = silent_after, beat_s
+        self._silent_after, self._heartbeat_s = silent_after, heartbeat_s
         self.owner = process_name()
         self._trials = Counter[int]()
         self._more = threading.Event()
 
     def wake(self) -> None:
-        """Something was queued: look at once."""
+        """Look into the queue at once, since something was queued."""
         self._more.set()
 
     def work(self, stop: threading.Event) -> None:
-        """Work until ``stop`` is set."""
+        """Process runs until ``stop`` is set."""
         while not stop.is_set():
             try:
                 worked = self.once(stop)
             except StoreError as error:
                 log.error("the queue cannot be reached: %s", error)
-                stop.wait(_AWAY_S)
+                stop.wait(_RETRY_S)
                 continue
             if not worked:
                 self._more.wait(_LOOK_S)
                 self._more.clear()
 
     def once(self, stop: threading.Event) -> bool:
-        """Work on the next run, if there is one; whether there was and its executor could work."""
+        """Process the next run; false where there is none or its executor cannot work now."""
         stored = self._store.queue.claim(self.owner, silent_after=self._silent_after)
         if stored is None:
             return False
         done = f" ({stored.done} valves are done)" if stored.done else ""
         log.info("run %d begins%s", stored.id, done, extra={"run": stored.id})
         halt = threading.Event()
-        heart = _Heart(self._store, stored.id, self.owner, halt, self._beat_s)
+        heart = _Heartbeat(self._store, stored.id, self.owner, halt, self._heartbeat_s)
         following = threading.Thread(target=_follow, args=(stop, halt), daemon=True)
         following.start()
         try:
             self._work_on(stored, halt, heart)
         except StoreError:
-            raise  # the store is away: the run lies until it is back
+            raise  # the run continues when the database is available again
         except ExecutorUnavailable as error:
             return self._put_back(stored, error)
         except Exception as error:
             log.exception("run %d failed", stored.id, extra={"run": stored.id})
             self._fail(stored, error)
         finally:
-            heart.rest()
+            heart.end()
             halt.set()
         return True
 
-    def _work_on(self, stored: StoredRun, halt: threading.Event, heart: _Heart) -> None:
+    def _work_on(self, stored: StoredRun, halt: threading.Event, heart: _Heartbeat) -> None:
         run = Run(
             store=self._store,
             number=stored.id,
@@ -118,8 +117,8 @@ class QueueWorker:
             shown=self._plant.service.report_valves,
         )
 
-        def over(valve: str, given_up: str) -> None:
-            """Noted when all of it is saved: killed in between, it is done again in its place."""
+        def on_valve_done(valve: str, given_up: str) -> None:
+            """Only now that all is saved: a valve interrupted before is simply screened again."""
             state = ValveState.SET_ASIDE if given_up else ValveState.DONE
             if given_up:
                 about = {"run": stored.id, "valve": valve}
@@ -127,7 +126,7 @@ class QueueWorker:
                 log.warning(text, stored.id, valve, given_up, extra=about)
             self._store.queue.mark(stored.id, valve, state, given_up)
 
-        executed, not_read = work_off(run, self._left(stored), halt, over)
+        executed, not_read = continue_queued(run, self._pending(stored), halt, on_valve_done)
         if halt.is_set():
             self._stopped(stored, heart)
             return
@@ -140,23 +139,23 @@ class QueueWorker:
         log.info(text, stored.id, done.total, done.set_aside, extra={"run": stored.id})
 
     def _executor(self) -> Executor:
-        """Where ``[service] executor`` says. What this process does itself could end the service,
-        so it does nothing."""
+        """The executor of ``[service]``; isolated, since work in this process could end the
+        service."""
         service = self._plant.service
         workers = service.workers or max(1, (os.cpu_count() or 2) - 1)
         timeout_s = service.valve_timeout_s
         return choose_executor(workers, service.executor, item_timeout_s=timeout_s, isolated=True)
 
-    def _left(self, stored: StoredRun) -> Request:
-        """What is left of the run, as a request: the same for every process that works on it.
+    def _pending(self, stored: StoredRun) -> Request:
+        """The pending valves of the run as a request; the same in every process.
 
-        Where the run says no window, whole files, and of the store as much as ``[service]
-        window_s`` says.
+        A run without a window reads whole files, and samples in the store as far back as
+        ``[service] window_s`` says.
         """
         plant, store = self._plant, self._store
         store.save_valves(plant.valves.values())
-        left = store.queue.plan(stored.id, self._valves(stored), plant.settings_digest)
-        for valve in left:
+        pending = store.queue.plan(stored.id, self._valves(stored), plant.settings_digest)
+        for valve in pending:
             if valve not in plant.valves:
                 store.queue.mark(stored.id, valve, ValveState.SET_ASIDE, UNKNOWN)
         start, stop = stored.window
@@ -164,13 +163,13 @@ class QueueWorker:
         since = start or until - timedelta(seconds=plant.service.window_s)
         return Request(
             plant=plant,
-            valves=tuple(valve for valve in left if valve in plant.valves),
+            valves=tuple(valve for valve in pending if valve in plant.valves),
             window=Window() if start is None else Window(start=start, stop=stop),
             live_window=Window(start=since, stop=until),
         )
 
     def _valves(self, stored: StoredRun) -> list[str]:
-        """The valves that the run is about: those asked for, else its schedule's, else all."""
+        """The valves of the run: the requested ones, else its schedule's, else all."""
         if stored.asked:
             return list(stored.asked)
         kept = {
@@ -185,8 +184,8 @@ class QueueWorker:
             if valve.area in schedule.areas or valve.id in schedule.valves
         ]
 
-    def _stopped(self, stored: StoredRun, heart: _Heart) -> None:
-        """A run that was cancelled is over; any other goes on later or elsewhere."""
+    def _stopped(self, stored: StoredRun, heart: _Heartbeat) -> None:
+        """Finish a cancelled run; release any other for a later start or another process."""
         if heart.cancelled_by:
             now = self._store.run(stored.id)
             reason = f"cancelled by {heart.cancelled_by} after {now.done} of {now.total} valves"
@@ -199,7 +198,7 @@ class QueueWorker:
             self._store.queue.leave(stored.id, self.owner)
 
     def _put_back(self, stored: StoredRun, error: ExecutorUnavailable) -> bool:
-        """Try a run again whose executor cannot work, and give it up after a while."""
+        """Release a run whose executor cannot work, to retry it; after some trials it fails."""
         self._trials[stored.id] += 1
         if self._trials[stored.id] >= _MOST_TRIALS:
             self._fail(stored, error)
@@ -215,17 +214,15 @@ class QueueWorker:
 
 
 @dataclass
-class _Heart:
-    """Says every few seconds that a run is worked on, and hears whether it shall end.
-
-    ``stop`` is set when the run was cancelled or another process has taken it over.
-    """
+class _Heartbeat:
+    """Updates the heartbeat of a run every few seconds, and sets ``stop`` when the run was
+    cancelled or taken over by another process."""
 
     store: Store
     run_id: int
     owner: str
     stop: threading.Event
-    every_s: float = BEAT_S
+    every_s: float = HEARTBEAT_S
     cancelled_by: str = ""
     taken: bool = False
 
@@ -234,8 +231,8 @@ class _Heart:
         self._thread = threading.Thread(target=self._beat, name=f"run {self.run_id}", daemon=True)
         self._thread.start()
 
-    def rest(self) -> None:
-        """Say no more."""
+    def end(self) -> None:
+        """Stop the heartbeat."""
         self._over.set()
         self._thread.join()
 
@@ -245,7 +242,7 @@ class _Heart:
                 run = self.store.queue.beat(self.run_id, self.owner)
             except StoreError as error:
                 about = {"run": self.run_id}
-                text = "run %d: no sign of life can be given: %s"
+                text = "run %d: the heartbeat could not be updated: %s"
                 log.warning(text, self.run_id, error, extra=about)
                 continue
             if run is not None and run.cancel_asked_by is None:
@@ -257,14 +254,14 @@ class _Heart:
 
 
 def _follow(stop: threading.Event, halt: threading.Event) -> None:
-    """``halt`` a run when the service stops."""
+    """Set ``halt``, which ends the run, when the service's ``stop`` is set."""
     while not halt.wait(0.2):
         if stop.is_set():
             halt.set()
 
 
 def _remove_old(parent: Path, keep: int) -> None:
-    """Only folders that a run made are removed, whatever else lies there."""
+    """Remove all but the newest ``keep`` report folders; nothing else in ``parent`` is touched."""
     runs = sorted(
         path
         for path in parent.glob(f"{_PREFIX}*")

@@ -1,5 +1,4 @@
-"""What is kept of each valve as its results come: screening, network, baseline, and what was found
-of it before."""
+"""Saving each result as it arrives: screening, network and baseline of its valve."""
 
 from __future__ import annotations
 
@@ -16,12 +15,12 @@ from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import EarlierCurve
 from stemwatch.service.store.store import Store
 
-JUDGED = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
+WITH_VERDICT = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
 
 
-def with_what_was_found(tasks: Sequence[Task], store: Store) -> list[Task]:
+def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
     """Each task with its valve's baseline network, where the store has one, and with the curves
-    from OP to stroke of its last windows, where nobody gave one."""
+    from OP to stroke of its last windows, unless the plant file gives one."""
     curves: dict[str, tuple[EarlierCurve, ...]] = {}
     baselines: dict[str, StoredBaseline | None] = {}
     for task in tasks:
@@ -46,7 +45,7 @@ def with_what_was_found(tasks: Sequence[Task], store: Store) -> list[Task]:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedScreening:
-    """A screening at its place among the tasks; ``given_up`` is why the work on it was."""
+    """A screening and its place among the tasks; ``given_up`` says why it could not be done."""
 
     place: int
     screening: Screening
@@ -54,13 +53,13 @@ class PlacedScreening:
 
 
 class Saving:
-    """Saves what comes of ``tasks``, in whatever order it comes.
+    """Saves the results of ``tasks``, in whatever order they arrive.
 
-    Each screening is saved at once. A valve's networks and its trend go by the order of its
-    windows, so those of a later window wait until the earlier ones are there; ``over`` is told a
-    valve, and why a window of it was given up if one was, when all of it is saved. ``previous`` is
-    what was found of each valve before its last window. What cannot be saved is noted in
-    ``not_saved`` and the rest goes on; ``must_save``: unless the database is away, which is raised.
+    Each screening is saved at once. A valve's networks and its trend depend on the order of its
+    windows, so those of a later window wait for the earlier ones; ``on_valve_done`` is called when
+    all windows of a valve are saved, with the reason if one was given up. ``previous`` is each
+    valve's result before its last window. Failures to save are collected in ``not_saved``; with
+    ``must_save`` an unavailable database is raised instead.
     """
 
     def __init__(
@@ -72,10 +71,11 @@ class Saving:
         *,
         new_baseline: bool = False,
         must_save: bool = False,
-        over: Callable[[str, str], None] = lambda *_: None,
+        on_valve_done: Callable[[str, str], None] = lambda *_: None,
     ) -> None:
         self._store, self._number, self._started = store, number, started
-        self._new_baseline, self._must_save, self._over = new_baseline, must_save, over
+        self._new_baseline, self._must_save = new_baseline, must_save
+        self._on_valve_done = on_valve_done
         self._compared = {
             task.tags.valve: task.baseline.id
             for task in tasks
@@ -84,14 +84,14 @@ class Saving:
         self._to_come: dict[str, list[int]] = defaultdict(list)
         for place, task in enumerate(tasks):
             self._to_come[task.tags.valve].append(place)
-        self._waiting: set[int] = set()  # saved, and an earlier window is not there yet
+        self._waiting: set[int] = set()  # saved, but an earlier window has not arrived yet
         self._unsaved: set[int] = set()
         self._given_up: dict[str, str] = {}
         self.previous: dict[str, PreviousFinding | None] = {}
         self.not_saved: list[tuple[str, str]] = []
 
     def take(self, arrived: Sequence[PlacedScreening], spill: ResultSpill) -> None:
-        """Save screenings, which ``spill`` has at their places, and what they make complete."""
+        """Save screenings, which ``spill`` also holds, and the networks that are now due."""
         for result in arrived:
             if self._to_come[result.screening.valve][0] == result.place:
                 self._note_previous(result.screening)
@@ -100,7 +100,7 @@ class Saving:
         self._save(arrived)
         for result in arrived:
             self._waiting.add(result.place)
-            self._go_on(result, spill)
+            self._save_due_networks(result, spill)
 
     def _save(self, arrived: Sequence[PlacedScreening]) -> None:
         many = [result.screening for result in arrived]
@@ -109,15 +109,15 @@ class Saving:
         for result in arrived:
             reason = reasons.get(result.screening.valve, "")
             if reason and self._must_save:
-                self._store.run(self._number)  # raises while the database is away
+                self._store.run(self._number)  # raises while the database is not available
                 again = self._store.save_many([result.screening], self._number, self._compared)
                 reason = "".join(failure.reason for failure in again.failures)
             if reason:
                 self._unsaved.add(result.place)
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
-    def _go_on(self, result: PlacedScreening, spill: ResultSpill) -> None:
-        """What is due of the valve, in the order of its windows."""
+    def _save_due_networks(self, result: PlacedScreening, spill: ResultSpill) -> None:
+        """Save the valve's networks in the order of its windows, up to the first missing one."""
         valve = result.screening.valve
         to_come = self._to_come[valve]
         while to_come and to_come[0] in self._waiting:
@@ -130,7 +130,7 @@ class Saving:
             if first not in self._unsaved:
                 self._keep_network(screening)
         if not to_come:
-            self._over(valve, self._given_up.get(valve, ""))
+            self._on_valve_done(valve, self._given_up.get(valve, ""))
 
     def _note_previous(self, screening: Screening) -> None:
         self.previous[screening.valve] = self._store.previous_finding(screening, self._started)
@@ -149,12 +149,13 @@ class Saving:
 
 
 def keep_network(screening: Screening, store: Store, *, new_baseline: bool = False) -> None:
-    """Keep a valve's fitted network, and make it the baseline where one is due.
+    """Store a valve's fitted network, and make it the baseline where one is due.
 
-    A valve's first window with a network is its first baseline; a healthy one replaces a baseline
-    that was not, and maintenance or the user's word replaces any. A second time it changes nothing.
+    A valve's first window with a network is its first baseline; a healthy window replaces a
+    baseline that was not healthy, and the first window after maintenance or the user's request
+    replaces any. Repeating the call changes nothing.
     """
-    if screening.network is None or screening.verdict not in JUDGED:
+    if screening.network is None or screening.verdict not in WITH_VERDICT:
         return
     blob = screening.network.to_bytes()
     why = f"fitted to a window that was {screening.verdict.value}"
@@ -165,7 +166,7 @@ def keep_network(screening: Screening, store: Store, *, new_baseline: bool = Fal
 
 
 def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
-    """Why this window becomes the valve's baseline, or nothing."""
+    """Why this window becomes the valve's baseline; empty where it does not."""
     state = screening.verdict.value
     if new_baseline:
         return f"window chosen by the user ({state})"

@@ -1,4 +1,4 @@
-"""``ResultSpill``: the results of a run on a disk, so that memory does not grow with the valves."""
+"""``ResultSpill``: the results of a run in a temporary file, so that memory stays bounded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stemwatch.service.report.ranking import RankKey, worst_first
 
 
 class _Worse:
-    """A rank that compares the other way round, so that a heap has the least bad on top."""
+    """A rank with reversed order, so that the heap has the least severe result on top."""
 
     __slots__ = ("key",)
 
@@ -27,15 +27,15 @@ class _Worse:
 
 
 class ResultSpill(Sequence[Screening]):
-    """Screenings by their place in the run, read from a temporary file when they are asked for.
+    """The screenings of a run by their place, read from a temporary file on access.
 
-    ``plotted`` is for how many of the worst the plots are kept: those that a page shows. The file
-    has no name and goes with the spill; what is in it was written by this process only.
+    Plots are kept for the ``plotted`` worst results only, which pages show. The file has no name,
+    is written by this process only, and is deleted with the object.
     """
 
     def __init__(self, plotted: int) -> None:
         self._file = tempfile.TemporaryFile(prefix="stemwatch-")  # noqa: SIM115  # see below
-        weakref.finalize(self, self._file.close)  # the space comes back with the last reader
+        weakref.finalize(self, self._file.close)  # frees the disk space with the last reference
         self._plotted = plotted
         self._where: dict[int, int] = {}  # place -> offset of the screening
         self._plots: dict[int, int] = {}  # place -> offset of its plots
@@ -44,16 +44,16 @@ class ResultSpill(Sequence[Screening]):
         self._order: list[int] | None = None
 
     def add(self, place: int, screening: Screening, evidence: ValvePlots) -> None:
-        """Keep the screening at ``place``; its plots while it is among the worst."""
+        """Store the screening at ``place``, and its plots while it is among the worst."""
         self._where[place] = self._write(screening)
         self._badness[place] = (-screening.severity, screening.valve)
         self._order = None
         heapq.heappush(self._worst, (_Worse(worst_first(screening)), place))
-        gone = heapq.heappop(self._worst)[1] if len(self._worst) > self._plotted else None
-        if gone != place:
+        dropped = heapq.heappop(self._worst)[1] if len(self._worst) > self._plotted else None
+        if dropped != place:
             self._plots[place] = self._write(evidence)
-        if gone is not None:
-            self._plots.pop(gone, None)
+        if dropped is not None:
+            self._plots.pop(dropped, None)
 
     def evidence(self, at: int) -> ValvePlots | None:
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
@@ -70,7 +70,7 @@ class ResultSpill(Sequence[Screening]):
         return None if offset is None else self._read(offset)
 
     def worst(self, limit: int) -> Worst:
-        """The ``limit`` most severe screenings, the worst first, read when they are asked for."""
+        """The ``limit`` most severe screenings, the worst first, read on access."""
         return Worst(self, sorted(self._badness, key=self._badness.__getitem__)[:limit])
 
     def __len__(self) -> int:
@@ -105,7 +105,7 @@ class ResultSpill(Sequence[Screening]):
 
 
 class Worst(Sequence[Screening]):
-    """Some places of a spill as a sequence of their own, with their plots."""
+    """Selected screenings of a spill as a sequence, with their plots."""
 
     def __init__(self, spill: ResultSpill, places: list[int]) -> None:
         self._spill, self._places = spill, places

@@ -1,4 +1,4 @@
-"""``Task``: one valve in one file, small enough to travel to another process, and how to do it."""
+"""``Task``: one valve in one source, small enough to send to another process, and its screening."""
 
 from __future__ import annotations
 
@@ -35,10 +35,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredBaseline:
-    """A valve's baseline network as bytes, with the sentence that says which one it is.
-
-    ``id`` is its number in the store.
-    """
+    """A valve's baseline network as bytes; ``note`` describes it in a sentence, ``id`` is its
+    number in the store."""
 
     network: bytes
     note: str
@@ -48,7 +46,7 @@ class StoredBaseline:
 
 @dataclass(frozen=True, kw_only=True)
 class InStore:
-    """A source whose samples are in a store, as a worker process opens it."""
+    """A source whose samples are in the store, with the address at which a worker opens it."""
 
     address: DatabaseUrl
     source: str
@@ -56,10 +54,10 @@ class InStore:
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """Screen ``tags`` as read from ``path``; ``reason`` is set where that is already hopeless.
+    """Screen the valve of ``tags``, read from ``path``.
 
-    Where ``stored`` or ``archive`` is given the samples come from there, and ``path`` only names
-    the source.
+    With ``stored`` or ``archive`` the samples come from there, and ``path`` only names the source.
+    ``reason`` is set where it is already known that the valve cannot be screened.
     """
 
     path: str  # as the user gave it
@@ -69,20 +67,20 @@ class Task:
     read_options: ReadOptions = field(default_factory=ReadOptions)
     window: Window = WHOLE
     baseline: StoredBaseline | None = None
-    given_curve: KnownCurve | None = None  # from OP to stroke, by the plant file
-    earlier_curves: tuple[EarlierCurve, ...] = ()  # found in the valve's last windows
+    given_curve: KnownCurve | None = None  # from OP to stroke, as the plant file gives it
+    earlier_curves: tuple[EarlierCurve, ...] = ()  # from OP to stroke, found in earlier windows
     reason: str = ""  # why there is nothing to screen, and what to do about it
-    seen: tuple[str, ...] = ()  # what can be said of a readable file all the same
+    seen: tuple[str, ...] = ()  # sentences about a readable file in which no valve was recognised
 
     @property
     def text_file(self) -> str | None:
-        """The file that has to be parsed as a whole for it, if any."""
+        """The text file that has to be parsed for the task, if any."""
         return self.path if self.stored is None and self.archive is None else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TextFile:
-    """A text export whose tags are to be told by parsing it."""
+    """A text export whose tags are wanted."""
 
     path: str
     options: ReadOptions = field(default_factory=ReadOptions)
@@ -90,16 +88,16 @@ class TextFile:
 
 @lru_cache(maxsize=2)
 def _open(path: str, options: ReadOptions, written: tuple[int, int]) -> HistorianFile:
-    """A wide export holds many valves: it is parsed once, not once a valve."""
+    """Cached, so that an export with many valves is parsed once."""
     return HistorianFile(path, options)
 
 
 def open_file(path: str, options: ReadOptions) -> HistorianFile:
-    """The file, parsed at most once while its valves are screened, and anew when it was changed."""
+    """The file, parsed at most once while its valves are screened, and again after a change."""
     try:
         state = Path(path).stat()
     except OSError:
-        return HistorianFile(path, options)  # reading it will say what is wrong
+        return HistorianFile(path, options)  # reading it reports the error
     return _open(path, options, (state.st_mtime_ns, state.st_size))
 
 
@@ -107,7 +105,7 @@ def open_file(path: str, options: ReadOptions) -> HistorianFile:
 def _open_store(address: DatabaseUrl) -> Store:
     """The store, opened once in each process.
 
-    A worker makes none: where a SQLite file is not, it is on another machine.
+    A missing SQLite file is not created: it is on another machine than this worker.
     """
     from stemwatch.service.store.database.engine import existing_engine
     from stemwatch.service.store.store import open_store
@@ -124,12 +122,12 @@ def _open_store(address: DatabaseUrl) -> Store:
 
 @lru_cache(maxsize=4)
 def open_archive(address: ArchiveAddress) -> ArchiveConnector:
-    """The archive, opened once in each process: its footers are read once."""
+    """The archive, opened once in each process, so that its metadata is read once."""
     return address.open()
 
 
 def _recording(task: Task) -> Recording:
-    """What the task's source has of its valve, read in this process, next to the data."""
+    """The recording of the task, read from its source in this process."""
     if task.archive is None:
         return _connector(task).read(task.tags, task.window)
     archive = open_archive(task.archive)
@@ -148,24 +146,25 @@ def _connector(task: Task) -> Connector:
 def screen_packed(
     limits: Limits, folder: str, tasks: Sequence[Task]
 ) -> list[tuple[Screening, ValvePlots]]:
-    """What ``screen_tasks`` finds, as it travels: plots instead of samples.
+    """``screen_tasks`` with plots instead of samples in the results, which makes them small enough
+    to send to another process.
 
-    ``folder`` is where relative paths begin, for a worker that was started elsewhere.
+    ``folder`` is the working directory of the caller, to which relative paths refer.
     """
     from stemwatch.service.report.charts.valve_plots import plots_instead_of_samples
 
-    _stand_in(folder)
+    _change_to(folder)
     screenings = screen_tasks(tasks, limits)
     screened = []
-    while screenings:  # the samples of one are let go before the next is drawn
+    while screenings:  # releases the samples of one valve before plotting the next
         screened.append(plots_instead_of_samples(screenings.pop(0)))
     return screened
 
 
 def tags_of_files(folder: str, files: Sequence[TextFile]) -> list[frozenset[str] | str]:
-    """The tags in each file, or the reason why it cannot be read: what a worker looks up for a
-    plan, as parsing a file may take long and may end the process."""
-    _stand_in(folder)
+    """The tags in each file, or the reason why it cannot be read. Done by a worker, since parsing a
+    file may take long and may kill the process."""
+    _change_to(folder)
     headers: list[frozenset[str] | str] = []
     for file in files:
         try:
@@ -179,17 +178,17 @@ def tags_of_files(folder: str, files: Sequence[TextFile]) -> list[frozenset[str]
     return headers
 
 
-def _stand_in(folder: str) -> None:
-    """Relative paths mean to a worker what they mean to who asked: the worker of a cluster was
-    started anywhere. A folder that is not on its machine changes nothing."""
+def _change_to(folder: str) -> None:
+    """Change to the caller's working directory, so that relative paths mean the same here: workers
+    of a cluster were started elsewhere. A folder that does not exist here is ignored."""
     if os.getcwd() != folder and os.path.isdir(folder):
         os.chdir(folder)
 
 
 def screen_tasks(tasks: Sequence[Task], limits: Limits) -> list[Screening]:
-    """A screening for each task, in order; what cannot be read is a screening with the reason.
+    """A screening for each task, in order; for one that cannot be read, with the reason.
 
-    The files of tasks that are done together are opened once, and their networks train together.
+    The networks of tasks that are done together are trained together.
     """
     from stemwatch.models.screening import Case, Options, screen
 
@@ -205,20 +204,20 @@ def screen_tasks(tasks: Sequence[Task], limits: Limits) -> list[Screening]:
 
 
 def given_up(task: Task, reason: str) -> Screening:
-    """The screening of a task that could not be done: its worker hung, died or failed on it."""
+    """The screening of a task whose worker hung, died or raised an error."""
     from stemwatch.models.screening import failed
 
     advice = (
         "Screen this valve alone: a shorter window or a larger valve_timeout_s may do. The other "
         "valves are not affected."
     )
-    said = f"the work on it was given up: {reason}"
-    return failed(task.tags.valve, said, advice, Provenance(source=task.path))
+    why = f"the work on it was given up: {reason}"
+    return failed(task.tags.valve, why, advice, Provenance(source=task.path))
 
 
 def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
-    """The recording of a task with its valve's baseline; a screening with the reason where it
-    cannot be read."""
+    """The recording of a task with its valve's baseline, as ``Case``; a ``Screening`` with the
+    reason where it cannot be read."""
     from stemwatch.models.screening import Case
 
     if task.reason:
@@ -251,13 +250,17 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
 
 
 def known_curve(task: Task, recording: Recording) -> KnownCurve | None:
-    """What is known of OP and stroke: what the plant file says, else the curve of the window before
-    this one. A recording without dates has none before it."""
+    """The curve from OP to stroke that the plant file gives, else that of the window before this
+    one. A recording without dates has no earlier window."""
     if task.given_curve is not None or recording.start is None or recording.end is None:
         return task.given_curve
-    before = [one for one in task.earlier_curves if one.end <= recording.end]
-    others = [one for one in before if (one.start, one.end) != (recording.start, recording.end)]
-    last = max(others, key=lambda one: one.end, default=None)
+    window = (recording.start, recording.end)
+    earlier = [
+        curve
+        for curve in task.earlier_curves
+        if curve.end <= recording.end and (curve.start, curve.end) != window
+    ]
+    last = max(earlier, key=lambda curve: curve.end, default=None)
     return None if last is None else KnownCurve(last.curve)
 
 

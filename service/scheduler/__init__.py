@@ -1,7 +1,7 @@
-"""When what is screened: ``Scheduler`` queues a run for each instant that a schedule is due.
+"""``Scheduler`` queues a run for each instant at which a schedule is due.
 
-``instants`` says which those are, the same for every process; APScheduler's cron trigger tells the
-readings of the clock on the wall (``plantfile.cron``). Runs are worked on by ``run.queue_worker``.
+``instants`` computes these instants, identically in every process; cron expressions are evaluated
+by APScheduler's trigger (``config.cron``). ``run.queue_worker`` processes the queued runs.
 """
 
 from stemwatch.service.scheduler.scheduler import Scheduler as Scheduler

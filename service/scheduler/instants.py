@@ -1,4 +1,4 @@
-"""The instants of a schedule: the same for every process, whenever it started."""
+"""The due instants of a schedule; they do not depend on when the process was started."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 # Intervals are counted from a fixed midnight, so that a restart does not shift them.
 _ANCHOR = datetime(2000, 1, 3)
-# Looking back further than this takes longer than it is worth for a schedule of every minute.
+# Counting the instants of a schedule of every minute further back than this takes too long.
 _LOOK_BACK = timedelta(days=32)
 _MOST = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Missed:
-    """The instants of a schedule in a stretch of time: the last one, and how many there were.
+    """The instants of a schedule in an interval: the last one and their number.
 
-    ``at_least`` says that the stretch was too long to count them all.
+    With ``at_least`` the interval was too long to count them all.
     """
 
     last: datetime
@@ -30,7 +30,7 @@ class Missed:
 
 
 def next_due(schedule: ScreeningSchedule, after: datetime, zone: str) -> datetime | None:
-    """The first instant later than ``after``, in UTC; ``None`` where there is none any more."""
+    """The first instant later than ``after``, in UTC; ``None`` where there is none."""
     if schedule.every_s is not None:
         number = _number(schedule, after, zone)
         return _instant(schedule, number + 1, zone)
@@ -51,29 +51,28 @@ def due_between(
     if begin > after:
         if missed is not None:
             return Missed(last=missed.last, count=missed.count, at_least=True)
-        return _count(schedule, after, until, zone)  # a schedule as rare as that is soon counted
+        return _count(schedule, after, until, zone)  # rare enough to be counted in full
     return missed
 
 
 def jitter(schedule: ScreeningSchedule, due: datetime) -> timedelta:
-    """How long after ``due`` the run begins: from 0 to ``jitter_s``, spread evenly over names and
-    instants, and the same in every process."""
+    """How long after ``due`` the run starts: 0 to ``jitter_s``, uniformly distributed over names
+    and instants, and the same in every process."""
     digest = hashlib.sha256(f"{schedule.name}|{due.timestamp():.6f}".encode()).digest()
-    share = int.from_bytes(digest[:8], "big") / 2**64
-    return timedelta(seconds=share * schedule.jitter_s)
+    fraction = int.from_bytes(digest[:8], "big") / 2**64
+    return timedelta(seconds=fraction * schedule.jitter_s)
 
 
 def _count(
     schedule: ScreeningSchedule, after: datetime, until: datetime, zone: str
 ) -> Missed | None:
     times = _cron(schedule, zone)
-    last, count, place = None, 0, after
+    last, count = None, 0
     while count < _MOST:
-        fire = times.after(place)
-        if fire is None or fire > until:
+        instant = times.after(after if last is None else last)
+        if instant is None or instant > until:
             break
-        last, count = fire, count + 1
-        place = fire
+        last, count = instant, count + 1
     if last is None:
         return None
     return Missed(last=last, count=count, at_least=count == _MOST)

@@ -1,4 +1,4 @@
-"""``Scheduler``: a run in the queue for each instant that a schedule is due; one loop."""
+"""``Scheduler``: queues a run for each instant at which a schedule is due."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
 
-LOOK_AGAIN_S = 20.0  # for schedules that were changed, and for a clock that was set
+LOOK_AGAIN_S = 20.0  # at the latest, since schedules may change and the clock may be set
 _SOON_S, _LONG_S = 0.05, 3600.0
 
 
 class Scheduler:
-    """Queues what is due by the schedules in ``store``, in ``zone``; ``queued`` is called then.
+    """Queues runs for the schedules in ``store``, whose cron times are in ``zone``; calls
+    ``queued`` after queueing.
 
-    It sleeps until the next instant, and at most for ``look_again_s``. Several processes may do so:
-    the store takes each instant of a schedule once. What was missed while no service ran is made
-    up for by one run, for the last instant missed.
+    It sleeps until the next instant, at most ``look_again_s``. Several processes may do this at the
+    same time, since the store accepts each instant of a schedule once. If instants were missed
+    while no service was running, one run is queued, for the last of them.
     """
 
     def __init__(
@@ -40,31 +41,31 @@ class Scheduler:
         self._store, self._zone, self._queued = store, zone, queued
         self._look_again_s = look_again_s
         self._looked_s: float | None = None
-        self._said = ""
+        self._logged = ""
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Make up for what was missed, and queue what is due from now on."""
+        """Queue a run for missed instants, and from now on for each due instant."""
         sleep_s = self._turn()
         self._thread = threading.Thread(target=self._loop, args=(sleep_s,), name="scheduler")
         self._thread.start()
 
     def stop(self) -> None:
-        """Queue no more. What is queued stays queued."""
+        """Stop queueing. Queued runs remain in the queue."""
         self._over.set()
         if self._thread is not None:
             self._thread.join()
 
     @property
     def silent_s(self) -> float | None:
-        """Seconds since the schedules were last looked at without an error, ``None`` before the
-        first time; three times ``look_again_s`` is a fault."""
+        """Seconds since the schedules were last evaluated without an error, ``None`` before the
+        first time."""
         looked_s = self._looked_s
         return None if looked_s is None else time.monotonic() - looked_s
 
     def look(self, now: datetime | None = None) -> list[int]:
-        """Queue every schedule's run that is due and not queued; the numbers of the new runs."""
+        """Queue the runs that are due and not queued yet; return their numbers."""
         now = now or datetime.now(UTC)
         runs = [self._plan(kept, now) for kept in self._store.schedules.all()]
         queued = [number for number in runs if number is not None]
@@ -78,18 +79,19 @@ class Scheduler:
             sleep_s = self._turn()
 
     def _turn(self) -> float:
-        """Look once; seconds until the next look. What goes wrong is said once, and tried again."""
+        """Call ``look`` once; return the seconds until the next time. The same error is logged
+        once, and the next turn tries again."""
         try:
             self.look()
             coming = [kept.next_due for kept in self._store.schedules.all()]
-        except Exception as error:  # it must not end for ever
-            if str(error) != self._said:
+        except Exception as error:  # whatever it is, the thread must go on
+            if str(error) != self._logged:
                 known = isinstance(error, StoreError)
                 text = "the schedules could not be looked at: %s"
                 log.error(text, error, exc_info=None if known else error)
-            self._said = str(error)
+            self._logged = str(error)
             return self._look_again_s
-        self._said = ""
+        self._logged = ""
         now = datetime.now(UTC)
         until = [(instant - now).total_seconds() for instant in coming if instant is not None]
         return min(max(min(until, default=_LONG_S), _SOON_S), self._look_again_s)
@@ -100,7 +102,7 @@ class Scheduler:
         coming = next_due(schedule, now, self._zone) if schedule.enabled else None
         missed = due_between(schedule, since, now, self._zone)
         if not schedule.enabled:
-            # What passes while a schedule rests is no debt when it is woken.
+            # Instants that pass while a schedule is disabled are not made up for later.
             self._store.schedules.note(schedule.name, now if missed else None, None)
             return None
         if missed is None:

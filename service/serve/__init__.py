@@ -1,5 +1,4 @@
-"""The service: collector, scheduler, watched folders, alerts and pages, started and stopped
-together."""
+"""``stemwatch serve``: collector, scheduler, watched folders, alerts and pages in one service."""
 
 from stemwatch.service.serve.service import ListenAddress as ListenAddress
 from stemwatch.service.serve.service import Service as Service

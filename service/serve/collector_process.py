@@ -1,4 +1,4 @@
-"""The collector in a process of its own, so that pages and fits cost no poll its time."""
+"""The collector in a process of its own, so that pages and fits do not delay polls."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 import multiprocessing
 import signal
 import threading
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -20,20 +20,20 @@ from stemwatch.service.logs import set_up_logs
 from stemwatch.service.process_lifecycle import quiet_start, take_signals
 from stemwatch.service.serve.plant_secrets import hide_secrets
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.samples.instants import EPOCH
 from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.samples.tables import instant_of
 from stemwatch.service.store.store import Store, open_store
 
 log = logging.getLogger(__name__)
 
-SAY_S = 5.0  # how often the states of the devices are noted
-_AGAIN_S = 5.0
+STATES_S = 5.0  # between two updates of the devices' states in the store
+_RESTART_S = 5.0
 _END_S = 20.0
 
 
 class StoreWhenReady:
-    """A ``SampleSink`` that opens the store when it is first needed, and again where it was not
-    there: samples wait in the spool meanwhile."""
+    """A ``SampleSink`` that opens the store on first use and retries while it is not available;
+    samples wait in the spool meanwhile."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
@@ -41,7 +41,7 @@ class StoreWhenReady:
         self._guard = threading.Lock()
 
     def store(self) -> Store:
-        """The store. Raises ``StoreError`` while it is away."""
+        """The store. Raises ``StoreError`` while it is not available."""
         with self._guard:
             if self._store is None:
                 store = open_store(self._plant.storage)
@@ -52,19 +52,19 @@ class StoreWhenReady:
             return self._store
 
     def write(self, batch: SampleBatch) -> None:
-        """Store the samples."""
+        """Store the samples. Raises ``StoreError``."""
         self.store().samples.write(batch)
 
 
 class CollectorProcess:
-    """Keeps the collector's process alive while ``watch`` runs."""
+    """Starts the collector's process, and restarts it when it ends."""
 
     def __init__(self, plant_file: Path, *, logs_as_json: bool = False) -> None:
         self._file, self._json = plant_file, logs_as_json
         self.restarts = 0
 
     def watch(self, stop: threading.Event) -> None:
-        """Start the process, start it again when it ends, and end it when ``stop`` is set."""
+        """Start the process, restart it when it ends, and end it when ``stop`` is set."""
         context = multiprocessing.get_context("spawn")
         while not stop.is_set():
             ours, theirs = context.Pipe()
@@ -75,7 +75,7 @@ class CollectorProcess:
                 process.start()
             theirs.close()
             _until_over(process, stop)
-            ours.close()  # tells it to end
+            ours.close()  # the signal to end
             process.join(timeout=_END_S)
             if process.is_alive():
                 log.error("the collector did not end in %g s and is killed", _END_S)
@@ -83,31 +83,31 @@ class CollectorProcess:
                 process.join()
             if not stop.is_set():
                 self.restarts += 1
-                log.error("the collector ended with status %s; again", process.exitcode)
-                stop.wait(_AGAIN_S)
+                log.error("the collector ended with status %s and is restarted", process.exitcode)
+                stop.wait(_RESTART_S)
 
 
 def run_collector(plant_file: Path, parent: Connection, logs_as_json: bool) -> None:
-    """The life of the collector's process: collect until the parent closes its end or dies."""
-    take_signals(ignore=(signal.SIGINT, signal.SIGTERM))  # the parent says when to end
+    """The main function of the collector's process: collect until the parent closes its end of the
+    pipe or dies."""
+    take_signals(ignore=(signal.SIGINT, signal.SIGTERM))  # the parent decides when to end
     set_up_logs(as_json=logs_as_json, process="collector")
     plant = load_plant(plant_file)
     hide_secrets(plant)
-    late = StoreWhenReady(plant)
+    sink = StoreWhenReady(plant)
     stop = threading.Event()
     threading.Thread(target=_until_closed, args=(parent, stop), daemon=True).start()
     spool = Spool(plant.beside(plant.service.spool))
     try:
-        collector = Collector(plant.devices.values(), late, spool)
-        saying = threading.Thread(target=_say_states, args=(collector, late, stop), daemon=True)
-        saying.start()
+        collector = Collector(plant.devices.values(), sink, spool)
+        threading.Thread(target=_report_states, args=(collector, sink, stop), daemon=True).start()
         collect(collector, stop)
     finally:
         spool.close()
 
 
 def state_of(device: DeviceState, collector: Collector) -> SourceState:
-    """A device's state as the store keeps it."""
+    """A device's state as it is stored."""
     figures: dict[str, float] = {
         "polls": device.polls,
         "good": device.good,
@@ -127,7 +127,7 @@ def state_of(device: DeviceState, collector: Collector) -> SourceState:
         kind="modbus",
         address=device.link,
         updated=datetime.now(UTC),
-        last_good=None if last is None else EPOCH + timedelta(microseconds=last),
+        last_good=None if last is None else instant_of(last),
         connected=device.connected,
         fault=device.fault,
         figures=figures,
@@ -145,11 +145,11 @@ def _until_closed(parent: Connection, stop: threading.Event) -> None:
     stop.set()
 
 
-def _say_states(collector: Collector, late: StoreWhenReady, stop: threading.Event) -> None:
-    while not stop.wait(SAY_S):
+def _report_states(collector: Collector, sink: StoreWhenReady, stop: threading.Event) -> None:
+    while not stop.wait(STATES_S):
         try:
-            store = late.store()
+            store = sink.store()
             for device in collector.states:
                 store.sources.note(state_of(device, collector))
         except StoreError as error:
-            log.warning("the states of the devices are not noted: %s", error)
+            log.warning("the states of the devices could not be stored: %s", error)

@@ -1,10 +1,9 @@
-"""The HTTP server of the pages, which strangers can neither fill nor starve.
+"""The HTTP server of the pages, hardened against clients that hold connections open.
 
-Whoever reaches the port may open connections, say nothing on them, send a request letter by letter,
-or not read what is answered. Each of these costs a file descriptor, and descriptors are what
-collection and runs need as well. So a request has to arrive in a bounded time, an answer has to be
-taken in a bounded time, and the connections of the pages never use more than half of the
-descriptors that the process may open.
+A client may open connections and send nothing, send a request byte by byte, or not read the answer.
+Each connection costs a file descriptor, which collection and runs need as well. Therefore a request
+must arrive and an answer must be read within a bounded time, and connections of the pages use at
+most half of the descriptors that the process may open.
 """
 
 from __future__ import annotations
@@ -82,29 +81,29 @@ def _protocol_with(limit: int) -> type[BoundedConnection]:
 
 
 class BoundedConnection(H11Protocol):
-    """One connection, with an end to every wait for whoever is at the other end of it."""
+    """One connection with time limits for its client."""
 
     most = MOST_CONNECTIONS
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._awaited: str | None = None  # what is to come: a header, a body
+        self._awaited: str | None = None  # "header" or "body" of a request
         self._deadline: asyncio.TimerHandle | None = None
         self._stalled: asyncio.TimerHandle | None = None
-        self._unread = 0  # bytes of answers that waited when the reader was last looked at
+        self._unread = 0  # bytes in the write buffer when it was last checked
         self._since = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take the connection, in the place of the one that has waited longest if need be."""
+        """Accept the connection; at the limit close the one that has waited longest."""
         super().connection_made(transport)
-        transport.set_write_buffer_limits(high=0)  # whatever waits is known of
+        transport.set_write_buffer_limits(high=0)  # be told of every byte that waits
         self._since = self.loop.time()
         self._wait_for("header", HEADER_S)
         if len(self.connections) > self.most:
             self._make_room()
 
     def data_received(self, data: bytes) -> None:
-        """Read on, and set the time by which the rest must be here."""
+        """Read, and set the deadline for the rest of the request."""
         super().data_received(data)
         if self.conn.their_state is h11.IDLE:
             self._wait_for("header", HEADER_S)
@@ -115,30 +114,30 @@ class BoundedConnection(H11Protocol):
             self._wait_for(None, 0.0)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the deadlines."""
+        """Cancel the deadlines."""
         self._wait_for(None, 0.0)
         self._until_read(None)
         super().connection_lost(exc)
 
     def pause_writing(self) -> None:
-        """Something waits for the reader: not for ever."""
+        """The client is not reading: set a deadline."""
         super().pause_writing()
         self._unread = self.transport.get_write_buffer_size()
         self._until_read(self.loop.call_later(ANSWER_S, self._look_at_reader))
 
     def resume_writing(self) -> None:
-        """Everything is taken."""
+        """The client has read everything: cancel the deadline."""
         self._until_read(None)
         super().resume_writing()
 
     @property
     def waits(self) -> bool:
-        """Whether nothing is being worked on: no complete request has come."""
+        """Whether no complete request has arrived, so that nothing is being worked on."""
         return self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
 
     def _wait_for(self, what: str | None, seconds: float) -> None:
         if what == self._awaited:
-            return  # a letter more sets no new deadline
+            return  # more bytes of the same part do not extend the deadline
         if self._deadline is not None:
             self._deadline.cancel()
         self._awaited = what
@@ -162,7 +161,7 @@ class BoundedConnection(H11Protocol):
         self._close_with(_TOO_SLOW)
 
     def _make_room(self) -> None:
-        """Close the connection that has waited longest for a request; this one where all work."""
+        """Close the connection that has waited longest for a request; this one where none waits."""
         log.warning(
             "%d connections are open, the most that pages may have; the one that has waited "
             "longest for a request is closed for each new one",
@@ -181,7 +180,7 @@ class BoundedConnection(H11Protocol):
         min(waiting, key=lambda connection: connection._since)._close_with(_FULL)
 
     def _close_with(self, answer: bytes) -> None:
-        """Say why, where this connection has asked for nothing yet, and close."""
+        """Close; with ``answer`` where no request is being answered."""
         if self.cycle is None:
             self.transport.write(answer)
         self.connections.discard(self)

@@ -1,4 +1,4 @@
-"""The pages and the API on a socket of their own, in a thread of their own."""
+"""``PageServer``: serves the pages and the API in a thread."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_END_S = 10  # answers that are being made, and the end of the thread
+_END_S = 10  # for pending answers and the end of the thread
 
 
 class CannotListen(OSError):
-    """The address cannot be listened on; the text says why and what to do."""
+    """The service cannot listen on this address; the text says why and what to do."""
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens. Raises ``CannotListen``; warns where other machines reach it, since
-    what they send travels as it is."""
+    """A listening socket. Raises ``CannotListen``; warns where other machines can reach it, since
+    HTTP is not encrypted."""
     if not _is_loopback(host):
         log.warning(
-            "%s is reached by other machines, and passwords travel to it as they are: put a proxy "
+            "other machines can reach %s, and passwords are sent to it unencrypted: put a proxy "
             "with TLS before it, or listen on 127.0.0.1",
             host,
         )
@@ -88,11 +88,11 @@ class PageServer:
         self._thread = threading.Thread(target=self._run, name="pages")
 
     def start(self) -> None:
-        """Begin to serve."""
+        """Start serving."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Answer what was asked, then serve no more."""
+        """Finish pending answers, then stop serving."""
         self._server.should_exit = True
         self._thread.join(timeout=_END_S)
 
@@ -101,8 +101,8 @@ class PageServer:
 
 
 def address_of(listening: socket.socket, *, for_people: bool = False) -> str:
-    """Where the pages are; ``for_people`` by this machine's name where every address of it is
-    listened on."""
+    """The URL of the pages; with ``for_people`` it has this machine's name where the socket listens
+    on all addresses."""
     host, port = listening.getsockname()[:2]
     if for_people and ipaddress.ip_address(host).is_unspecified:
         host = socket.gethostname().lower()
@@ -119,8 +119,8 @@ def _is_loopback(host: str) -> bool:
 
 
 def recording_reader(plant: Plant, store: Store) -> Callable[[str, Window], Recording | None]:
-    """A function that gives the recording of a valve in a window, or ``None`` where there is
-    none. It raises ``ConnectorError`` for a valve that the plant file does not describe."""
+    """A function that reads the recording of a valve in a window, or returns ``None`` where there
+    is none. It raises ``ConnectorError`` for a valve that the plant file does not describe."""
 
     def read(valve: str, window: Window) -> Recording | None:
         if valve not in plant.valves:
@@ -149,7 +149,7 @@ def _archived(archive: ArchiveConnector, tags: ValveTags, window: Window) -> Rec
 
 
 def _in_files(plant: Plant, valve: str, window: Window) -> Recording | None:
-    """From the newest of the source's files that has samples in the window."""
+    """The recording from the newest of the source's files that has samples in the window."""
     source = plant.source_of(valve)
     options = ReadOptions(**plant.read_options(source))
     for path in reversed(plant.source_files(source)):

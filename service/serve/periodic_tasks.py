@@ -1,4 +1,4 @@
-"""What the service does beside screening: folders, silent sources, messages, old samples."""
+"""The periodic tasks of the service: watched folders, silent sources, messages, old samples."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PeriodicTask = Callable[[], object]
 
 
 def periodic_tasks(store: Store, plant: Plant, owner: str) -> list[tuple[str, float, PeriodicTask]]:
-    """(name, seconds between two times, what is done) of each task."""
+    """(name, interval in seconds, function) of each task."""
     sender = Sender(store, notifiers_of(plant))
     since = datetime.now(UTC)
     tasks: list[tuple[str, float, PeriodicTask]] = [
@@ -44,8 +44,8 @@ def periodic_tasks(store: Store, plant: Plant, owner: str) -> list[tuple[str, fl
 
 
 def repeat(name: str, every_s: float, task: PeriodicTask, stop: threading.Event) -> None:
-    """Do ``task`` at once and again, until ``stop``. What goes wrong is said once, and when it is
-    over."""
+    """Do ``task`` now and every ``every_s`` seconds until ``stop``. The same error is logged once,
+    and once more when it is over."""
     failing = ""
     while True:
         try:
@@ -53,7 +53,7 @@ def repeat(name: str, every_s: float, task: PeriodicTask, stop: threading.Event)
             if failing:
                 log.info("%s: works again", name)
             failing = ""
-        except Exception as error:  # one task must not end another, nor itself for ever
+        except Exception as error:  # the task is tried again, and the others must go on
             words = f"{type(error).__name__}: {error}"
             if words != failing:
                 known = isinstance(error, StoreError)
@@ -64,7 +64,7 @@ def repeat(name: str, every_s: float, task: PeriodicTask, stop: threading.Event)
 
 
 def remove_old(store: Store, plant: Plant, now: datetime | None = None) -> int:
-    """Remove days of samples older than ``[service] keep_samples_days``; how many samples."""
+    """Remove days of samples older than ``[service] keep_samples_days``; return how many."""
     oldest = (now or datetime.now(UTC)) - timedelta(days=plant.service.keep_samples_days)
     removed = store.samples.remove_before(oldest, whole_days=True)
     if removed:

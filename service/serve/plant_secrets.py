@@ -1,4 +1,4 @@
-"""The secrets that a plant file names, kept out of the logs of the service and its collector."""
+"""Masks the secrets that a plant file names in the logs of the service and the collector."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _TOKEN = "STEMWATCH_WEB_TOKEN"
 
 
 def hide_secrets(plant: Plant) -> None:
-    """Keep out of the logs what the plant file names as secret: the value of each key that ends
-    in ``_variable`` and the content of each ``secret_file``."""
+    """Mask in the logs what the plant file names as secret: the environment variable of each key
+    that ends in ``_variable``, and the content of each ``secret_file``."""
     hide([os.environ.get(_TOKEN), *_named(plant)])
 
 
@@ -32,4 +32,4 @@ def _named(plant: Plant) -> Iterator[str | None]:
                 try:
                     yield plant.beside(value).read_text(encoding="utf-8").strip()
                 except (OSError, UnicodeDecodeError):
-                    continue  # said where it is needed
+                    continue  # reported where the secret is used

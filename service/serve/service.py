@@ -1,7 +1,7 @@
-"""``Service``: all parts of the running program, started in order and stopped in order.
+"""``Service``: starts and stops all parts of ``stemwatch serve`` in order.
 
-Each part goes on without the others: while the database is away samples wait on disk and pages say
-so; a screening that hangs holds up no page; whatever is interrupted is finished by the next start.
+The parts are independent: while the database is not available, samples wait on disk and the pages
+say so; a screening that hangs delays no page; what is interrupted is continued at the next start.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from stemwatch.service.access.first_user import first_link
+from stemwatch.service.access.links import first_link
 from stemwatch.service.config import Plant
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.scheduler import Scheduler
-from stemwatch.service.serve.checks import checks
 from stemwatch.service.serve.collector_process import CollectorProcess
+from stemwatch.service.serve.health_checks import health_checks
 from stemwatch.service.serve.page_server import PageServer, address_of, listen
 from stemwatch.service.serve.periodic_tasks import LEASE, periodic_tasks, repeat
 from stemwatch.service.serve.startup_server import StartupServer
@@ -27,12 +27,12 @@ from stemwatch.service.store.store import Store, open_store
 
 log = logging.getLogger(__name__)
 
-_AGAIN_S = 5.0
+_RETRY_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class ListenAddress:
-    """Where the pages are served, and under which further names of this machine."""
+    """Host and port of the pages, and further host names under which browsers reach them."""
 
     host: str = "127.0.0.1"
     port: int = 8300
@@ -40,7 +40,7 @@ class ListenAddress:
 
 
 class Service:
-    """Everything that ``stemwatch serve`` runs for ``plant``."""
+    """The service for one plant, as ``stemwatch serve`` runs it."""
 
     def __init__(
         self, plant: Plant, where: ListenAddress | None = None, *, logs_as_json: bool = False
@@ -56,10 +56,10 @@ class Service:
         invite: Callable[[str], object] = lambda link: None,
     ) -> None:
         """Serve until ``stop`` is set; ``ready`` gets the address of the pages, ``invite`` the
-        one-time link for the first admin where nobody can sign in yet.
+        one-time link for the first admin where there is no user yet.
 
-        Raises ``CannotListen`` where the address is taken. A database that is away at the start is
-        waited for, while samples are collected already.
+        Raises ``CannotListen`` where the address is taken. If the database is not available at the
+        start the service waits for it and collects samples meanwhile.
         """
         listening = listen(self._where.host, self._where.port)
         try:
@@ -95,7 +95,7 @@ class Service:
             store,
             plant,
             listening,
-            checks=lambda: checks(store, plant, scheduler, working),
+            checks=lambda: health_checks(store, plant, scheduler, working),
             wake=worker.wake,
             hosts=self._where.hosts,
         )
@@ -127,16 +127,16 @@ class Service:
             _release_lease(store, worker.owner)
 
     def _open(self, stop: threading.Event) -> Store | None:
-        """The store, as soon as it is there; ``None`` where ``stop`` came first."""
-        said = ""
+        """The store, as soon as it is available; ``None`` where ``stop`` was set before."""
+        logged = ""
         while not stop.is_set():
             try:
                 return open_store(self._plant.storage)
             except StoreError as error:
-                if str(error) != said:
-                    log.error("%s; trying again every %g s", error, _AGAIN_S)
-                said = str(error)
-            stop.wait(_AGAIN_S)
+                if str(error) != logged:
+                    log.error("%s; trying again every %g s", error, _RETRY_S)
+                logged = str(error)
+            stop.wait(_RETRY_S)
         return None
 
     def _start(self, name: str, work: Callable[[], None]) -> None:
@@ -153,7 +153,7 @@ def _release_lease(store: Store, owner: str) -> None:
 
 
 def tell_systemd(state: str) -> None:
-    """Send ``state`` (``READY=1``, ``STOPPING=1``) to the socket in ``NOTIFY_SOCKET``, if any."""
+    """Send ``state`` (``READY=1``, ``STOPPING=1``) to systemd at ``NOTIFY_SOCKET``, if set."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address or not hasattr(socket, "AF_UNIX"):
         return
@@ -163,4 +163,4 @@ def tell_systemd(state: str) -> None:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link:
             link.sendto(state.encode(), address)
     except OSError:
-        pass  # nobody listens: then nobody waits for it
+        pass  # nothing listens on the socket

@@ -1,7 +1,7 @@
-"""What is answered while the database is not there yet, or is being brought to the newest schema.
+"""``StartupServer``: answers HTTP while the database is not available yet or is being upgraded.
 
-A supervisor that asks ``/health`` then hears that the process lives, and one that asks ``/ready``
-why it is not to be used; the pages come as soon as the store is open.
+``/health`` answers that the process is alive, everything else 503 with the reason, until the store
+is open and the pages take over.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 
 class StartupServer:
-    """Answers on ``listening`` inside a ``with`` block, and leaves the socket open behind it."""
+    """Answers on ``listening`` during a ``with`` block; the socket stays open afterwards."""
 
     def __init__(self, listening: socket.socket) -> None:
         from stemwatch.service.serve.http_server import http_server
 
         self._server = http_server(_answer, lifespan=False)
-        self._own = listening.dup()  # the server closes what it was given
+        self._own = listening.dup()  # the server closes its socket
         self._thread = threading.Thread(target=self._run, name="startup server")
 
     def __enter__(self) -> Self:
@@ -49,12 +49,12 @@ class StartupServer:
 
 
 async def _answer(scope: MutableMapping[str, Any], receive: object, send: _Send) -> None:
-    """``/health`` is well; everything else has to wait."""
+    """200 for ``/health``, 503 with the reason for everything else."""
     if scope["type"] != "http":
         return
     alive = scope["path"] == "/health"
     checks = [] if alive else [{"name": "database", "ok": False, "says": REASON}]
-    said = {"ok": alive, "version": __version__, "checks": checks}
+    body = {"ok": alive, "version": __version__, "checks": checks}
     headers = [
         (b"content-type", b"application/json"),
         (b"cache-control", b"no-store"),
@@ -65,4 +65,4 @@ async def _answer(scope: MutableMapping[str, Any], receive: object, send: _Send)
         headers.append((b"retry-after", b"5"))
     status = 200 if alive else 503
     await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": json.dumps(said).encode()})
+    await send({"type": "http.response.body", "body": json.dumps(body).encode()})

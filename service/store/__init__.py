@@ -1,7 +1,7 @@
-"""The store: what every screening found, kept in SQLite or PostgreSQL, migrated by Alembic.
+"""The store: results, samples, runs, alerts and users in SQLite or PostgreSQL.
 
-``Store`` and ``open_store`` are loaded when they are first used, so that reading a plant file,
-which only needs an ``DatabaseUrl``, does not load a database library.
+``Store`` and ``open_store`` are imported when first used, so that reading a plant file, which
+needs only ``DatabaseUrl``, does not load a database library.
 """
 
 from __future__ import annotations

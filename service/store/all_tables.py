@@ -1,4 +1,4 @@
-"""Every table of the store, known to one ``metadata``: for migrations, checks and backups."""
+"""All tables of the store in one ``metadata``, for migrations, checks and backups."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ from stemwatch.service.store.runs import tables as runs
 from stemwatch.service.store.samples import tables as samples
 from stemwatch.service.store.screenings import tables as screenings
 
-TABLES = (accounts, alerts, runs, samples, screenings)  # imported, so that their tables are known
+TABLES = (accounts, alerts, runs, samples, screenings)  # importing them registers their tables
 metadata = TableBase.metadata

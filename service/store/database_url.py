@@ -1,4 +1,4 @@
-"""Where the store is: a database URL whose password is never printed."""
+"""``DatabaseUrl``: the database's URL, shown only with its password masked."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ from stemwatch.connectors.secret import masked
 
 
 class DatabaseUrl:
-    """A database URL that shows itself with its password masked.
-
-    ``str``, ``repr`` and every format give the masked form; ``reveal()`` gives the URL itself, for
-    the one call that connects.
-    """
+    """A database URL. ``str``, ``repr`` and formatting mask the password; ``reveal()`` gives the
+    whole URL, for connecting only."""
 
     __slots__ = ("_url",)
 
@@ -18,7 +15,7 @@ class DatabaseUrl:
         self._url = url
 
     def reveal(self) -> str:
-        """The URL with its password. Not to be printed, logged or stored."""
+        """The URL with its password. Never print, log or store it."""
         return self._url
 
     def __str__(self) -> str:

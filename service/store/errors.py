@@ -1,4 +1,4 @@
-"""How the store fails."""
+"""``StoreError``: the one error that the store raises."""
 
 from __future__ import annotations
 

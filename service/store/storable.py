@@ -1,4 +1,4 @@
-"""Texts and numbers as every database stores them."""
+"""Texts and numbers in the form that both SQLite and PostgreSQL accept."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _NOT_STORABLE = re.compile("[\x00\ud800-\udfff]")
 
 
 def clean_text(text: str) -> str:
-    """``text`` with U+FFFD for each character that no database stores."""
+    """``text`` with U+FFFD in place of NUL and lone surrogates, which databases refuse."""
     return _NOT_STORABLE.sub("\ufffd", text)
 
 

@@ -1,4 +1,4 @@
-"""``Store``: the results of every run, and the only way to them."""
+"""``Store``: everything that is kept between runs, and the only access to it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions
-from stemwatch.service.store.accounts.login_attempts import Attempts
+from stemwatch.service.store.accounts.login_attempts import LoginAttempts
 from stemwatch.service.store.accounts.one_time_links import AccessLinks
 from stemwatch.service.store.accounts.users import Accounts
 from stemwatch.service.store.alerts.alerts import Alerts
@@ -30,13 +31,14 @@ from stemwatch.service.store.database.engine import (
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.leases import Leases, ServiceSettings
+from stemwatch.service.store.runs.leases import Leases
 from stemwatch.service.store.runs.queue import RunQueue, end_lost
 from stemwatch.service.store.runs.schedules import Schedules
 from stemwatch.service.store.samples.samples import SampleStore
 from stemwatch.service.store.samples.sources import Sources
 from stemwatch.service.store.screenings import (
     baselines,
+    daily_stiction,
     false_discoveries,
     history,
     ranking,
@@ -52,7 +54,6 @@ from stemwatch.service.store.screenings.records import (
     Baseline,
     DescribedValve,
     EarlierCurve,
-    Ranked,
     RecentOfValve,
     Remark,
     RunState,
@@ -62,17 +63,17 @@ from stemwatch.service.store.screenings.records import (
     StoredScreening,
     StoredValve,
     TrendPoint,
+    UtcWindow,
 )
 from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
-_Window = tuple[datetime | None, datetime | None]
-_GIVE_UP_AFTER = 3  # saves in a row for which the database did not answer
+_GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
 
 
 def open_store(url: str | DatabaseUrl) -> Store:
-    """The store at ``url``, its schema brought to the newest, created where there is none.
+    """Open the store at ``url``; its schema is created or upgraded where needed.
 
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
     version of the program.
@@ -90,10 +91,10 @@ def open_store(url: str | DatabaseUrl) -> Store:
 
 
 def open_existing_store(url: str | DatabaseUrl) -> Store:
-    """The store at ``url`` for commands that read: one that is not there yet is never made.
+    """Open an existing store, for commands that only read.
 
-    Raises ``StoreError`` where there is no database, where it holds no results of stemwatch, and
-    as ``open_store`` does.
+    Raises ``StoreError`` where there is no database or it holds no results of stemwatch, and as
+    ``open_store`` does.
     """
     from stemwatch.service.store.migrations.migrate import current_revision
 
@@ -113,13 +114,13 @@ def open_existing_store(url: str | DatabaseUrl) -> Store:
 
 
 class Store:
-    """The repository. Each method is one transaction; several threads and processes may write.
+    """Access to the database. Each method is one transaction; several threads and processes may
+    write at the same time.
 
-    Results stand here; what the running service needs stands in parts of its own: ``alerts``,
-    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules``, ``settings``, ``sources``;
-    and who may do what in ``accounts``, ``access_links``, ``web_sessions``, ``api_tokens``,
-    ``attempts``, ``audit``.
-    Times go in timezone aware and come out in UTC. Methods raise ``StoreError``.
+    The methods here are about valves, runs and screenings. The running service uses ``alerts``,
+    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and ``sources``; users and
+    sign-in are in ``accounts``, ``access_links``, ``web_sessions``, ``api_tokens``, ``attempts``
+    and ``audit``. Times must have a zone and are returned in UTC. Methods raise ``StoreError``.
     """
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
@@ -129,14 +130,13 @@ class Store:
         self.accounts = Accounts(transactions)
         self.alerts = Alerts(transactions)
         self.api_tokens = ApiTokens(transactions)
-        self.attempts = Attempts(transactions)
+        self.attempts = LoginAttempts(transactions)
         self.audit = AuditLog(transactions)
         self.deliveries = Deliveries(transactions)
         self.leases = Leases(transactions)
         self.queue = RunQueue(transactions)
         self.samples = SampleStore(transactions)
         self.schedules = Schedules(transactions)
-        self.settings = ServiceSettings(transactions)
         self.sources = Sources(transactions)
         self.web_sessions = WebSessions(transactions)
 
@@ -166,8 +166,8 @@ class Store:
         settings_digest: str = "",
         owner: str | None = None,
     ) -> int:
-        """Note that ``owner`` (its ``process_name``) has begun a run, and give its number. Secrets
-        in ``command`` are masked. Runs whose process was killed are ended."""
+        """Record the start of a run by ``owner`` (a ``process_name``) and return its number.
+        Secrets in ``command`` are masked. Runs whose process was killed are ended."""
         with self.transactions.writing("noting the run") as session:
             end_lost(session, database_now(session))
             run = RunRow(
@@ -185,7 +185,7 @@ class Store:
             return run.id
 
     def finish_run(self, run_id: int) -> StoredRun:
-        """Note that a run has ended, with how many of its screenings had each verdict."""
+        """Record the end of a run and count its screenings by verdict."""
         with self.transactions.writing("noting the run's end") as session:
             run = self._run(session, run_id)
             run.finished, run.state = datetime.now(UTC), RunState.DONE.value
@@ -193,14 +193,14 @@ class Store:
             return stored_run(run)
 
     def run(self, run_id: int) -> StoredRun:
-        """The run of this number."""
+        """The run with this number."""
         with self.transactions.reading() as session:
             return stored_run(self._run(session, run_id))
 
     def save(self, screening: Screening, run_id: int, baseline_id: int | None = None) -> int:
-        """Save one screening and give its row's number. The same valve and window again replaces
-        what is there, whichever of two writers comes last. ``baseline_id`` says which baseline
-        the screening was compared with."""
+        """Save one screening and return its number; raises where ``save_many``, which runs use,
+        reports. A screening of the same valve and window is replaced, by the last writer.
+        ``baseline_id`` is the baseline that the screening was compared with."""
         with self.transactions.writing(f"saving {screening.valve}") as session:
             return screenings.write_screening(session, screening, run_id, baseline_id)
 
@@ -210,10 +210,10 @@ class Store:
         run_id: int,
         baselines_of: Mapping[str, int] = MappingProxyType({}),
     ) -> SaveReport:
-        """Save each screening by itself; one that cannot be saved does not keep the others out.
+        """Save each screening in a transaction of its own, so that one failure costs only itself.
 
-        ``baselines_of`` is the number of the baseline that each valve was compared with. When the
-        database does not answer for several in a row, the rest is not tried.
+        ``baselines_of`` gives the number of the baseline that each valve was compared with. After
+        three saves in a row without an answer from the database the rest is not tried.
         """
         saved, unanswered = 0, 0
         failures: list[SaveFailure] = []
@@ -234,7 +234,7 @@ class Store:
         return SaveReport(saved=saved, failures=tuple(failures))
 
     def save_valves(self, valves: Iterable[DescribedValve]) -> None:
-        """Keep what the plant file says of the valves; valves it no longer names stay."""
+        """Store the valves as the plant file describes them; valves it no longer names are kept."""
         with self.transactions.writing("saving the valves") as session:
             screenings.write_valves(session, valves)
 
@@ -243,19 +243,14 @@ class Store:
         with self.transactions.reading() as session:
             return screenings.read_valves(session)
 
-    def latest(self, *, area: str | None = None, limit: int | None = None) -> list[Ranked]:
-        """Each valve's latest screening: by severity, then criticality, the worst first. Without
-        what was found beside S and J, which ``screenings`` has."""
-        with self.transactions.reading() as session:
-            return screenings.read_latest(session, area, limit)
-
     def screenings(self, valve: str, limit: int = 50) -> list[StoredScreening]:
         """The valve's last screenings, newest first."""
         with self.transactions.reading() as session:
             return screenings.read_last(session, valve, limit)
 
     def earlier_curves(self, valve: str, limit: int = 3) -> list[EarlierCurve]:
-        """How OP stroked the valve in its last windows that were fitted, newest first."""
+        """The curves from OP to stroke that were found in the valve's last fitted windows, newest
+        first."""
         with self.transactions.reading() as session:
             return screenings.read_curves(session, valve, limit)
 
@@ -265,12 +260,12 @@ class Store:
             return screenings.read_worst(session, run_id, limit)
 
     def valve(self, valve: str) -> StoredValve | None:
-        """The valve of this id."""
+        """The valve with this id, ``None`` where there is none."""
         with self.transactions.reading() as session:
             return screenings.read_valve(session, valve)
 
     def knows(self, valve: str) -> bool:
-        """Whether there is a valve of this id."""
+        """Whether there is a valve with this id."""
         with self.transactions.reading() as session:
             return screenings.is_known(session, valve)
 
@@ -290,7 +285,7 @@ class Store:
             return ranking.read_ranking(session, wanted)
 
     def screenings_of_run(self, run_id: int) -> list[Restored]:
-        """Every screening of a run, for reports. Raises ``StoreError`` for a run that is none."""
+        """Every screening of a run, for reports. Raises ``StoreError`` for an unknown run."""
         with self.transactions.reading("reading a run's screenings") as session:
             self._run(session, run_id)
             return restored.read_of_run(session, run_id)
@@ -301,19 +296,24 @@ class Store:
             return restored.read_latest_of_each(session)
 
     def recent(self, valves: Sequence[str], depth: int, indicator: str) -> dict[str, RecentOfValve]:
-        """The last ``depth`` screenings of each of some hundred valves, one indicator of theirs,
-        and what they are compared with."""
+        """For each valve (a few hundred at a time): its last ``depth`` screenings, the values of
+        one ``indicator``, S in the baseline's window, and the times of maintenance."""
         with self.transactions.reading() as session:
             return recent.read_recent(session, valves, depth, indicator)
 
+    def trends(self, valves: Sequence[str]) -> dict[str, TrendOverWeeks]:
+        """How S of each of ``valves`` changes over weeks, where that is known."""
+        with self.transactions.reading() as session:
+            return daily_stiction.read_trends(session, valves)
+
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
-        """The screenings of a run that could have shown an effect beside S and J."""
+        """The screenings of a run in which an effect beside S and J could have been found."""
         with self.transactions.reading() as session:
             return false_discoveries.read_tested(session, run_id)
 
     def note_held_back(self, run_id: int, remarks: Mapping[int, str]) -> None:
-        """Keep beside each of these screenings of a run, by number, why its named effects do not
-        stand; an empty remark takes one away."""
+        """Store, by screening number, why its named effects do not stand after false-discovery
+        control over the run; an empty remark removes an earlier one."""
         if remarks:
             with self.transactions.writing(f"marking what run {run_id} found") as session:
                 false_discoveries.write_remarks(session, remarks)
@@ -321,28 +321,20 @@ class Store:
     def previous_finding(
         self, screening: Screening, now: datetime | None = None
     ) -> PreviousFinding | None:
-        """What was said of the valve before this screening, for the trend; see
-        ``previous_findings``."""
+        """The result of the valve's previous window; see ``previous_findings``."""
         earlier = self.previous_findings(screening, limit=1, now=now)
         return earlier[0] if earlier else None
 
     def previous_findings(
         self, screening: Screening, *, limit: int, now: datetime | None = None
     ) -> list[PreviousFinding]:
-        """What was said of the valve in earlier windows, newest first.
+        """The results of the valve's earlier windows, newest first.
 
-        A screening without dates comes after all that was saved before ``now``, or where that is
-        not given before it was saved itself.
+        For a screening without dates, "earlier" means saved before ``now``, or, where ``now`` is
+        not given, before the screening itself was saved.
         """
         with self.transactions.reading() as session:
             return read_previous(session, screening, limit, now)
-
-    def history(
-        self, valve: str, indicator: str, since: datetime | None = None
-    ) -> list[TrendPoint]:
-        """One indicator of one valve over time, oldest first."""
-        with self.transactions.reading() as session:
-            return history.read_trend(session, valve, indicator, since)
 
     def indicators(self, screening_id: int) -> Mapping[str, TrendPoint]:
         """The indicators of one screening, by name."""
@@ -355,66 +347,61 @@ class Store:
             return history.read_history(session, valve, since)
 
     def baseline_marks(self, valve: str) -> list[BaselineMark]:
-        """Every baseline that the valve has or had, without its network, oldest first."""
+        """The valve's baselines, present and former, without their networks, oldest first."""
         with self.transactions.reading() as session:
             return history.read_baseline_marks(session, valve)
 
     def baseline(self, valve: str) -> Baseline | None:
-        """The network the valve is compared with, and what must be known about it."""
+        """The baseline network that the valve is compared with, its window and its reason."""
         with self.transactions.reading() as session:
             return baselines.read_network(session, valve, baselines.BASELINE)
 
-    def baselines(self, valve: str) -> list[Baseline]:
-        """Every baseline that the valve had, oldest first."""
-        with self.transactions.reading() as session:
-            return baselines.read_baselines(session, valve)
-
     def set_baseline(
-        self, valve: str, network: bytes, *, window: _Window = (None, None), reason: str
+        self, valve: str, network: bytes, *, window: UtcWindow = (None, None), reason: str
     ) -> None:
-        """Compare the valve with ``network`` from now on; the baseline before stays on record.
+        """Make ``network`` the valve's baseline; the former one is kept as inactive.
 
-        ``reason`` says why: "first healthy window", "first healthy window after maintenance".
+        ``reason`` is shown to people, such as "first healthy window after maintenance".
         """
         with self.transactions.writing(f"setting the baseline of {valve}") as session:
             baselines.write_network(session, valve, baselines.BASELINE, network, window, reason)
 
     def fitted(self, valve: str) -> Baseline | None:
-        """The network fitted to the valve last."""
+        """The network that was last fitted to the valve."""
         with self.transactions.reading() as session:
             return baselines.read_network(session, valve, baselines.FITTED)
 
     def set_fitted(
-        self, valve: str, network: bytes, *, window: _Window = (None, None), reason: str
+        self, valve: str, network: bytes, *, window: UtcWindow = (None, None), reason: str
     ) -> None:
-        """Keep the network fitted last, in place of the one before."""
+        """Store the last fitted network; the one before is deleted."""
         with self.transactions.writing(f"saving the network of {valve}") as session:
             baselines.write_network(session, valve, baselines.FITTED, network, window, reason)
 
     def record_maintenance(self, valve: str, at: datetime, note: str, who: str = "") -> None:
-        """Note work on a valve. ``baseline`` says from then on that the valve was changed, until
-        a baseline with a later window is set."""
+        """Record work on a valve. Until a baseline with a later window is set, ``baseline`` carries
+        this record, since it describes the valve before the work."""
         with self.transactions.writing(f"recording maintenance of {valve}") as session:
             remark = Remark(valve=valve, at=at, note=note, who=who)
             baselines.write_remark(session, MaintenanceRow, remark)
 
     def maintenance(self, valve: str) -> list[Remark]:
-        """Work on the valve, oldest first."""
+        """Recorded maintenance of the valve, oldest first."""
         with self.transactions.reading() as session:
             return baselines.read_remarks(session, MaintenanceRow, valve)
 
     def work_without_note(self, valves: Sequence[str], writer: str) -> list[str]:
-        """Those of ``valves`` whose last maintenance has no note of ``writer`` yet."""
+        """Those of ``valves`` whose last maintenance has no note by ``writer`` yet."""
         with self.transactions.reading() as session:
             return recent.read_work_without_note(session, valves, writer)
 
     def add_note(self, valve: str, at: datetime, note: str, who: str = "") -> None:
-        """Keep a remark about a valve."""
+        """Add a note about a valve."""
         with self.transactions.writing(f"adding a note to {valve}") as session:
             baselines.write_remark(session, NoteRow, Remark(valve=valve, at=at, note=note, who=who))
 
     def notes(self, valve: str) -> list[Remark]:
-        """Remarks about the valve, oldest first."""
+        """Notes about the valve, oldest first."""
         with self.transactions.reading() as session:
             return baselines.read_remarks(session, NoteRow, valve)
 

@@ -1,4 +1,4 @@
-"""Folders that exports are dropped into: each file is taken into the store once."""
+"""Watched folders: the samples of each export that is put there are stored once."""
 
 from stemwatch.service.watch.folder import WatchedFolder as WatchedFolder
 from stemwatch.service.watch.intake import take_in as take_in

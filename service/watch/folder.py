@@ -1,4 +1,4 @@
-"""``WatchedFolder``: looks at a folder, takes in what is whole, and clears it away."""
+"""``WatchedFolder``: stores the samples of each completely written file, then moves it away."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAME = ".stemwatch-attempts.json"
 log = logging.getLogger(__name__)
 DONE, REJECTED = "done", "rejected"
 QUIET = timedelta(seconds=5)  # how long a file is left alone after it last changed
-MOST_ATTEMPTS = 2  # that came to no end, before a file is rejected unread
+MOST_ATTEMPTS = 2  # that did not come to an end, before a file is rejected
 _NOTE = ".why.txt"
 _BEGUN_IN_VAIN = (
     f"it was begun {MOST_ATTEMPTS} times and the process that read it came to no end: the file may "
@@ -32,23 +32,23 @@ _BEGUN_IN_VAIN = (
 
 
 class FileAttempts:
-    """The attempts at files of one folder, by the files' digests."""
+    """Attempts to read files of a folder, by their digests, in a JSON file in the folder."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / NAME
 
     def unfinished(self, digest: str) -> int:
-        """How often the file was begun and not ended."""
+        """How many attempts at the file did not come to an end."""
         return self._read().get(digest, 0)
 
     def begin(self, digest: str) -> None:
-        """Note one more attempt, on disk, before it is made."""
+        """Record an attempt on disk before it is made."""
         noted = self._read()
         noted[digest] = noted.get(digest, 0) + 1
         self._write(noted)
 
     def end(self, digest: str) -> None:
-        """Forget the attempts: the file was read or rejected, and the process lived."""
+        """Delete the attempts: the file was read or rejected without killing the process."""
         noted = self._read()
         if noted.pop(digest, None) is not None:
             self._write(noted)
@@ -58,7 +58,7 @@ class FileAttempts:
             noted = json.loads(self._path.read_text(encoding="utf-8"))
             return {str(digest): int(count) for digest, count in noted.items()}
         except (OSError, ValueError, TypeError, AttributeError):
-            return {}  # not there, or damaged: nothing is known of any file
+            return {}  # missing or damaged: as if no file had been attempted
 
     def _write(self, noted: dict[str, int]) -> None:
         new = self._path.with_suffix(".new")
@@ -70,21 +70,21 @@ class FileAttempts:
 
 
 @dataclass(frozen=True)
-class _Looks:
-    """Size and time of change of a file: the same at two looks means that nobody writes to it."""
+class _FileState:
+    """Size and modification time of a file; unchanged between two looks, it is complete."""
 
     size: int
     changed_ns: int
 
 
 class WatchedFolder:
-    """The folder of one source. Each file is taken in once, whatever its name, and moved to
-    ``done``, or to ``rejected`` beside a note that says why.
+    """The folder of one source. Each file's samples are stored once, whatever its name, and the
+    file is moved to ``done``, or to ``rejected`` with a note that says why.
 
-    A file that is still growing waits. What was begun when a process died is begun once more (the
-    store takes no sample twice), and rejected where that too came to no end: it may be the file
-    that brings the process down. A file is read in a process of its own that may take
-    ``memory_bytes``, by default three quarters of what is free.
+    A file that is still growing is left for later. A file whose reading was interrupted is read
+    once more (samples are not stored twice), and rejected where that is interrupted too, since the
+    file itself may be the cause. A separate process reads it, with at most ``memory_bytes`` of
+    memory, by default three quarters of what is free.
     """
 
     def __init__(
@@ -103,41 +103,41 @@ class WatchedFolder:
         self._quiet = quiet
         self._memory_bytes = memory_bytes
         self._attempts = FileAttempts(self.folder)
-        self._before: dict[Path, _Looks] = {}
+        self._before: dict[Path, _FileState] = {}
         self._counts = {"taken": 0.0, "rejected": 0.0, "samples": 0.0}
         self._last: datetime | None = None
 
     def look(self) -> list[TakenFile]:
-        """Take in every file that is whole; what became of each. Raises ``StoreError`` where the
-        store is away: the files then stay where they are."""
+        """Store the samples of every complete file and return the files. Raises ``StoreError``
+        where the store is not available; the files then stay where they are."""
         fault = ""
         taken: list[TakenFile] = []
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            became = [self._take(path) for path in list(self._whole())]
-            taken += [file for file in became if file is not None]
+            results = [self._take(path) for path in list(self._complete())]
+            taken += [file for file in results if file is not None]
         except OSError as error:
             fault = f"{self.folder}: {error.strerror or error}"
             log.error("watched folder %s", fault)
-        self._say(fault, taken)
+        self._store_state(fault, taken)
         return taken
 
-    def _whole(self) -> Iterator[Path]:
-        """Files that have not changed since the last look, nor for a while."""
-        looks: dict[Path, _Looks] = {}
+    def _complete(self) -> Iterator[Path]:
+        """Files that have not changed since the last look, nor for ``quiet``."""
+        states: dict[Path, _FileState] = {}
         now = datetime.now(UTC)
         for path in sorted(self.folder.iterdir()):
             if path.name.startswith((".", "~")) or path.is_symlink() or not path.is_file():
                 continue
             stat = path.stat()
-            looks[path] = _Looks(stat.st_size, stat.st_mtime_ns)
+            states[path] = _FileState(stat.st_size, stat.st_mtime_ns)
             quiet = now - datetime.fromtimestamp(stat.st_mtime, UTC) >= self._quiet
-            if quiet and self._before.get(path) == looks[path]:
+            if quiet and self._before.get(path) == states[path]:
                 yield path
-        self._before = looks
+        self._before = states
 
     def _take(self, path: Path) -> TakenFile | None:
-        """What became of the file; ``None`` where it is tried once more at the next look."""
+        """The file as read or rejected; ``None`` where it is tried again at the next look."""
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         known = self._store.sources.taken(digest)
@@ -159,7 +159,7 @@ class WatchedFolder:
                 return None
             return self._reject(path, digest, f"{_BEGUN_IN_VAIN} ({error})")
         except Exception:
-            self._attempts.end(digest)  # the store is away, say: nothing against the file
+            self._attempts.end(digest)  # not the fault of the file: the store may be unavailable
             raise
         note = self._note(path, digest, accepted=True, samples=taken.samples, note=taken.note)
         self._attempts.end(digest)
@@ -181,7 +181,7 @@ class WatchedFolder:
             samples=samples,
             note=note,
         )
-        # First noted, then moved: in between it is known by its digest and only moved.
+        # Stored before moving: after an interruption its digest is known and it is only moved.
         self._store.sources.note_taken(file)
         self._move(path, DONE if accepted else REJECTED, "" if accepted else note)
         level = logging.INFO if accepted else logging.WARNING
@@ -197,7 +197,7 @@ class WatchedFolder:
             written.write_text(note + "\n", encoding="utf-8", errors="replace")
         os.replace(path, target)
 
-    def _say(self, fault: str, taken: list[TakenFile]) -> None:
+    def _store_state(self, fault: str, taken: list[TakenFile]) -> None:
         for file in taken:
             self._counts["taken" if file.accepted else "rejected"] += 1
             self._counts["samples"] += file.samples
@@ -216,9 +216,9 @@ class WatchedFolder:
 
 
 def _free(path: Path) -> Path:
-    """``path``, or the same with a number where something is there already."""
-    number, free = 1, path
-    while free.exists():
+    """``path``, or with a number added to its name where it exists already."""
+    number, candidate = 1, path
+    while candidate.exists():
         number += 1
-        free = path.with_name(f"{path.stem}-{number}{path.suffix}")
-    return free
+        candidate = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return candidate

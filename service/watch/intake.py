@@ -1,4 +1,4 @@
-"""From an export to samples in the store, by the tags that the plant's valves name."""
+"""``take_in``: store the samples of an export, of the tags that the plant's valves name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SHOWN = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Taken:
-    """What was taken: how many samples of which tags, and what to know about it."""
+    """The number of stored samples, their tags, and a note on tags that were not in the file."""
 
     samples: int
     tags: tuple[str, ...]
@@ -26,14 +26,12 @@ class Taken:
 def take_in(
     path: Path, plant: Plant, source: str, samples: SampleStore, memory_bytes: int | None = None
 ) -> Taken:
-    """Store what ``path`` holds of the tags that valves of ``source`` name.
+    """Store the samples in ``path`` of the tags that valves of ``source`` name.
 
-    Samples that are there already stay as they are, so a file may overlap others, and may be begun
-    again. It is read in a process of its own that may take ``memory_bytes``, see
-    ``limited_reading``.
-    Raises ``Rejected`` for a file that cannot be read, that has none of the tags, or whose times
-    have no zone; ``ReaderDied`` where the reading ended without a word; ``StoreError`` where the
-    store does not take the samples.
+    Existing samples are not changed, so a file may overlap others and may be read again. A separate
+    process reads it with at most ``memory_bytes`` of memory, see ``limited_reading``.
+    Raises ``Rejected`` for a file that cannot be read, has none of the tags, or whose times have no
+    zone; ``ReaderDied`` where the reading process was killed; ``StoreError``.
     """
     wanted = _wanted(plant, source)
     export = Export(

@@ -1,8 +1,7 @@
-"""Reading an export in a process of its own, whose memory is limited.
+"""Reading an export in a separate process with limited memory.
 
-A file that is dropped into a folder is somebody else's. What it unpacks to, or what its text takes
-to be read, may be more than this machine has; then the reading process fails, and the service goes
-on.
+A file in a watched folder comes from elsewhere. Unpacking or parsing it may need more memory than
+there is; then only the reading process fails, and the service goes on.
 """
 
 from __future__ import annotations
@@ -28,22 +27,22 @@ from stemwatch.service.process_lifecycle import begin_child, quiet_start, worker
 
 BATCH = 20_000  # samples in one message, and in one transaction of the store
 _SHARE = 0.75  # of the memory that is free now
-_LEAST = 256 << 20  # bytes; below this no export can be read
+_LEAST = 256 << 20  # bytes; with less no export can be read
 _SHOWN = 8
 _MB = 1 << 20
 
 
 class Rejected(Exception):
-    """The file cannot be taken in; the text says why and what to do."""
+    """The file cannot be stored; the text says why and what to do."""
 
 
 class ReaderDied(Exception):
-    """The reading process ended without a word, killed by the system or by somebody."""
+    """The reading process ended without an answer, killed by the system or a person."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """A file to read: the tags that are wanted, and whether each is a controller's mode."""
+    """A file to read, and the wanted tags, with whether each is a controller's mode."""
 
     path: Path
     options: ReadOptions
@@ -55,11 +54,11 @@ class Export:
 def limited_reading(
     export: Export, memory_bytes: int | None = None
 ) -> Iterator[tuple[Mapping[str, str], Iterator[SampleBatch]]]:
-    """The wanted tags that ``export`` has with their units, and their samples.
+    """The units of the wanted tags that are in ``export``, and an iterator over their samples.
 
-    ``memory_bytes`` is how much the reading may take; three quarters of what is free where left
-    out. Raises ``Rejected`` for a file that cannot be read or needs more, and ``ReaderDied``; both
-    may also come with the samples.
+    ``memory_bytes`` limits the memory of the reading process, by default to three quarters of what
+    is free. Raises ``Rejected`` for a file that cannot be read or needs more memory, and
+    ``ReaderDied``; the iterator may raise both as well.
     """
     limit = memory_bytes or max(_LEAST, int(_SHARE * free_memory()))
     context = worker_context()
@@ -88,8 +87,8 @@ def _received(ours: Connection, process: Any) -> Any:
 
 
 def _serve(theirs: Connection, export: Export, memory_bytes: int) -> None:
-    """What the reading process does: units, batches of samples, and ``None`` at the end; or a
-    sentence why the file is rejected."""
+    """The main function of the reading process: sends units, batches of samples, and ``None`` at
+    the end; or a sentence that says why the file is rejected."""
     begin_child()
     limit_memory(memory_bytes)
     try:
@@ -134,10 +133,10 @@ def _opened(export: Export) -> OpenedFile:
 def _columns(opened: OpenedFile, wanted: Mapping[str, bool]) -> Iterator[tuple[str, Column]]:
     for tag, as_mode in wanted.items():
         try:
-            there = find_tag(opened, tag)
+            column = find_tag(opened, tag)
         except UnknownTag:
             continue
-        yield tag, opened.column(there, as_mode=as_mode)
+        yield tag, opened.column(column, as_mode=as_mode)
 
 
 def _batches(source: str, tag: str, column: Column) -> Iterator[SampleBatch]:
@@ -156,20 +155,18 @@ def _batches(source: str, tag: str, column: Column) -> Iterator[SampleBatch]:
 
 
 def _no_tags(opened: OpenedFile, export: Export) -> str:
-    there = [column.tag for column in opened.table.columns]
+    tags = [column.tag for column in opened.table.columns]
     wanted = sorted(export.wanted)
     return (
         f"none of the {len(wanted)} tags that valves of {export.source!r} name is in it "
         f"({', '.join(wanted[:_SHOWN]) or 'no valve has this source'}); its tags are "
-        f"{', '.join(there[:_SHOWN])}{' ...' if len(there) > _SHOWN else ''}"
+        f"{', '.join(tags[:_SHOWN])}{' ...' if len(tags) > _SHOWN else ''}"
     )
 
 
 def limit_memory(more_bytes: int) -> None:
-    """Let this process take ``more_bytes`` beyond what it has; then there is a ``MemoryError``.
-
-    Not on Windows, which has no such limit, nor on macOS, which does not keep it.
-    """
+    """Limit this process to ``more_bytes`` beyond its present memory; above there is a
+    ``MemoryError``. Only on Linux: Windows has no such limit, and macOS does not enforce it."""
     if sys.platform != "linux":
         return
     import resource
@@ -182,9 +179,9 @@ def limit_memory(more_bytes: int) -> None:
 
 
 def free_memory() -> int:
-    """Bytes that this machine, or the group of processes that this one belongs to, has left."""
+    """Bytes of memory that are free on this machine and in this process's control group."""
     if sys.platform != "linux":
-        return 4 << 30  # of no consequence: nothing limits a process there
+        return 4 << 30  # not used: memory is limited on Linux only
     free = [_in_kilobytes(Path("/proc/meminfo"), "MemAvailable")]
     for group in _control_groups():
         try:
@@ -198,7 +195,8 @@ def free_memory() -> int:
 
 
 def _control_groups() -> Iterator[Path]:
-    """The control group of this process (version 2) and those above it, each of which may limit."""
+    """The control group of this process (version 2) and its parents, each of which may have a
+    limit."""
     root = Path("/sys/fs/cgroup")
     try:
         lines = Path("/proc/self/cgroup").read_text().splitlines()

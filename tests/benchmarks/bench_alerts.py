@@ -25,8 +25,8 @@ from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.tables import RunValveRow
-from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.screenings.tables import IndicatorRow, NetworkRow, ScreeningRow
 from stemwatch.service.store.store import Store, open_store
 

@@ -24,7 +24,7 @@ from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.access.sessions import begin_session
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
-from stemwatch.service.store.samples.instants import microseconds
+from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.screenings.tables import IndicatorRow, ScreeningRow
 from stemwatch.service.store.store import Store, open_store

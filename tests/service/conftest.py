@@ -34,15 +34,18 @@ _PLACES = {HEALTHY: 6, STICKY: 3, BLIND: 12}
 
 # Of the same kind as the product's, and made in no time.
 QUICK = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1, hash_len=32, salt_len=16)
-OURS, OUR_NOBODYS = passwords._HASHER, passwords.NOBODYS
+OURS, OUR_UNUSED_HASH = passwords._HASHER, passwords.UNUSED_HASH
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _quick_passwords() -> Iterator[None]:
     """Passwords are hashed cheaply in this process; ``real_passwords`` has them hashed as they
     are."""
-    nobodys = QUICK.hash("a password that nobody has")
-    with patch.object(passwords, "_HASHER", QUICK), patch.object(passwords, "NOBODYS", nobodys):
+    unused_hash = QUICK.hash("a password that nobody has")
+    with (
+        patch.object(passwords, "_HASHER", QUICK),
+        patch.object(passwords, "UNUSED_HASH", unused_hash),
+    ):
         yield
 
 
@@ -51,7 +54,7 @@ def real_passwords(_quick_passwords: None) -> Iterator[None]:
     """Passwords are hashed as the product does it, with all its memory and passes."""
     with (
         patch.object(passwords, "_HASHER", OURS),
-        patch.object(passwords, "NOBODYS", OUR_NOBODYS),
+        patch.object(passwords, "UNUSED_HASH", OUR_UNUSED_HASH),
     ):
         yield
 

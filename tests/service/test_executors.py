@@ -151,7 +151,7 @@ def test_a_dead_fork_server_is_renewed() -> None:
 
 def test_a_worker_that_cannot_be_started_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """After some trials the sentence says what to look for; nothing waits for ever."""
-    monkeypatch.setattr("stemwatch.service.executors.local_processes._AGAIN_S", 0.0)
+    monkeypatch.setattr("stemwatch.service.executors.local_processes._RETRY_S", 0.0)
 
     def refuse(*_: object) -> None:
         raise OSError(11, "Resource temporarily unavailable")

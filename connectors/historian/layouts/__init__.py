@@ -37,5 +37,9 @@ def layouts() -> tuple[Layout, ...]:
 
 def parse_source(source: LayoutInput) -> RawTable:
     """The table of ``source`` by the first layout that matches; the generic one always does."""
-    chosen = next(layout for layout in layouts() if layout.matches(source.head))
-    return chosen.parse(source)
+    return layout_of(source).parse(source)
+
+
+def layout_of(source: LayoutInput) -> Layout:
+    """The first layout that matches the first lines of ``source``."""
+    return next(layout for layout in layouts() if layout.matches(source.head))

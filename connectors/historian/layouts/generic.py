@@ -50,7 +50,7 @@ def parse_table(source: LayoutInput, layout: str = "", first: int = 0) -> RawTab
     rows = source.rows(separator, first)
     structure = find_structure(rows, source.options, source.name)
     header = column_names(structure).tags
-    where = _narrow_columns(source, rows, structure, header)
+    where = narrow_columns(source, rows, structure, header)
     if where is not None:
         body = table_body(source, rows, structure)
         return narrow_table(
@@ -62,13 +62,13 @@ def parse_table(source: LayoutInput, layout: str = "", first: int = 0) -> RawTab
             separator=separator,
             layout=layout or "narrow table: one row per sample",
         )
-    _refuse_text(source, rows, structure)
+    refuse_text(source, rows, structure)
     return wide_table(
         source, rows, structure, separator, layout or "wide table: one column per tag"
     )
 
 
-def _narrow_columns(
+def narrow_columns(
     source: LayoutInput, rows: Rows, structure: Structure, header: Sequence[str]
 ) -> NarrowColumns | None:
     """Which columns hold tag, value and quality; ``None`` for a wide table."""
@@ -111,7 +111,7 @@ def _by_content(rows: Rows, structure: Structure) -> tuple[int | None, int | Non
     return None, None
 
 
-def _refuse_text(source: LayoutInput, rows: Rows, structure: Structure) -> None:
+def refuse_text(source: LayoutInput, rows: Rows, structure: Structure) -> None:
     """A table of words, such as a list of labels or a readme, is no recording."""
     sample = [r for r in rows.cells[structure.first_row :][:500] if len(r) == structure.width]
     cells = [cell for row in sample for cell in row if cell.strip()]

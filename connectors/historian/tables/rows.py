@@ -114,9 +114,15 @@ def table_rows(rows: Rows, width: int, notes: ReadingNotes, *, ends_whole: bool 
             cells.append(row[:width])
             numbers.append(number)
         else:
-            cut = "" if ends_whole or number != rows.numbers[-1] else " (the file ends inside it)"
-            notes.problem(
-                f"line {number}: {len(row)} cells where {width} were expected{cut}; the row was "
-                f"left out: {'|'.join(row)[:_SHOWN]!r}"
-            )
+            cut = not ends_whole and number == rows.numbers[-1]
+            notes.problem(row_left_out(number, row, width, cut=cut))
     return Rows(cells, numbers)
+
+
+def row_left_out(number: int, row: Sequence[str], width: int, *, cut: bool) -> str:
+    """The sentence about a row of another width; ``cut`` where the file ends inside it."""
+    ends = " (the file ends inside it)" if cut else ""
+    return (
+        f"line {number}: {len(row)} cells where {width} were expected{ends}; the row was "
+        f"left out: {'|'.join(row)[:_SHOWN]!r}"
+    )

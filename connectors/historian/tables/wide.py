@@ -24,16 +24,22 @@ _STATUS = ("status", "quality", "qualität", "qualitaet", "qual", "qstatus", "op
 class Body:
     """The rows of data as columns of cells."""
 
-    columns: list[list[str]]
-    numbers: list[int]
+    columns: Sequence[Sequence[str]]
+    numbers: Sequence[int]
 
 
 def wide_table(
     source: LayoutInput, rows: Rows, structure: Structure, separator: str, layout: str
 ) -> RawTable:
     """The table of a file whose tags stand side by side."""
+    return wide_body(source, table_body(source, rows, structure), structure, separator, layout)
+
+
+def wide_body(
+    source: LayoutInput, body: Body, structure: Structure, separator: str, layout: str
+) -> RawTable:
+    """The table of a file whose rows of data are ``body``."""
     names = column_names(structure)
-    body = table_body(source, rows, structure)
     times, used = _times(body, structure, names, source)
     interval_s, skipped = _interval_column(body, names, used)
     used |= skipped | _row_numbers(body, names, used, source.notes)
@@ -54,7 +60,7 @@ def table_body(source: LayoutInput, rows: Rows, structure: Structure) -> Body:
     rest = Rows(rows.cells[structure.first_row :], rows.numbers[structure.first_row :])
     rest = _without_headers(rest, structure, notes)
     rest = table_rows(rest, structure.width, notes, ends_whole=document.ends_whole)
-    columns = [list(column) for column in zip(*rest.cells, strict=True)]
+    columns: list[Sequence[str]] = [list(column) for column in zip(*rest.cells, strict=True)]
     return Body(columns or [[] for _ in range(structure.width)], rest.numbers)
 
 

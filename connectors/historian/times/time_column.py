@@ -18,8 +18,10 @@ from stemwatch.connectors.historian.times.day_month_order import local_ns
 from stemwatch.connectors.historian.times.time_fields import NO_OFFSET, Ints, Order, take_apart
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
+from stemwatch.connectors.historian.values.stored_text import StoredText
 from stemwatch.models.recording import Bools, Floats
 
+_LOOKED_AT = 20_000  # rows of a large file that show whether it repeats its rows
 _SECOND_NS = 1_000_000_000
 _MAX_SECONDS = 4e9  # relative times beyond this are no seconds
 # Epoch times between 1980 and 2100, by their unit.
@@ -58,7 +60,8 @@ def read_instants(
 
 def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
     """The instants that the time column holds."""
-    texts = [text.strip() for text in table.times.texts or ()]
+    told = table.times.texts or ()
+    texts = told if isinstance(told, StoredText) else [text.strip() for text in told]
     instants = _numeric(texts, table, notes)
     if options.time_format is not None:
         instants = _by_format(texts, options.time_format, table, options, notes)
@@ -101,7 +104,11 @@ def _with_cut_stamps(
 
 def _repeated_rows(table: RawTable) -> bool:
     """Whether rows mostly say what the row before says: the file has each row several times."""
-    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    columns = [
+        cells.first(_LOOKED_AT) if isinstance(cells := column.cells, StoredText) else cells
+        for column in table.columns
+    ]
+    rows = list(zip(*columns, strict=True))
     same = sum(row == before for before, row in pairwise(rows))
     return same > 0.3 * len(rows)
 
@@ -206,12 +213,32 @@ def _by_format(
 def _dated(
     texts: Sequence[str], table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
 ) -> Instants:
+    if isinstance(texts, StoredText):
+        in_pieces = _in_pieces(texts, name, notes)
+        if in_pieces is not None:
+            return _placed(*in_pieces, table, options, notes)
+        texts = list(texts)
     fields = take_apart(texts)
     readable = np.flatnonzero(fields.order != Order.UNREADABLE)
     example = texts[int(readable[0])] if readable.size else ""
     day_first = table.times.day_first if options.day_first is None else options.day_first
     ns, ok = local_ns(fields, day_first, name, example, notes)
     return _placed(ns, ok, fields.offset_min, table, options, notes)
+
+
+def _in_pieces(
+    texts: StoredText, name: str, notes: ReadingNotes
+) -> tuple[Ints, Bools, Ints] | None:
+    """Local nanoseconds, which rows are dates, and offsets, piece by piece; ``None`` where the
+    order of day and month is for the whole column to tell."""
+    parts = []
+    for piece in texts.pieces():
+        fields = take_apart(piece)
+        if (fields.order == Order.NUMERIC).any():
+            return None
+        parts.append((*local_ns(fields, None, name, "", notes), fields.offset_min))
+    ns, ok, offsets = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return ns, ok, offsets
 
 
 def _placed(

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.values.stored_text import StoredText
 from stemwatch.connectors.historian.values.units import is_unit
 from stemwatch.models.recording import Floats
 
@@ -62,7 +63,9 @@ def parse_number(text: str, decimal: str) -> float | None:
 def parse_numbers(cells: Sequence[str], decimal: str) -> Floats:
     """(n,) numbers of ``cells``; NaN where a cell is none (or is too large for a float), and where
     its marks for thousands are not what the other cells write."""
-    quick = _quick(cells, decimal)
+    if isinstance(cells, StoredText):
+        return _of_stored(cells, decimal)
+    quick = quick_numbers(cells, decimal)
     if quick is not None:
         return quick
     known: dict[str, float] = {}
@@ -76,6 +79,21 @@ def parse_numbers(cells: Sequence[str], decimal: str) -> Floats:
         known.update(dict.fromkeys(doubtful, np.nan))
     values = np.fromiter((known[text] for text in cells), dtype=np.float64, count=len(cells))
     values[~np.isfinite(values)] = np.nan
+    return values
+
+
+def _of_stored(cells: StoredText, decimal: str) -> Floats:
+    """The same numbers, plain cells read as such by Arrow, which is as exact."""
+    quick = cells.plain_numbers() if decimal == "." else None
+    if quick is not None:
+        return quick
+    values, rows, texts = cells.numbers_and_rest(decimal)
+    distinct = dict.fromkeys(texts)
+    numbers = (text for text in distinct if parse_number(text, decimal) is not None)
+    if any(_may_be_two(text, decimal) for text in numbers):
+        return parse_numbers(list(cells), decimal)
+    if rows:
+        values[rows] = parse_numbers(texts, decimal)
     return values
 
 
@@ -105,7 +123,7 @@ def _writes_thousands_apart(
     return apart >= _HABIT * numbers or most >= _NEAR_MARK
 
 
-def _quick(cells: Sequence[str], decimal: str) -> Floats | None:
+def quick_numbers(cells: Sequence[str], decimal: str) -> Floats | None:
     """All cells at once, or ``None`` where a cell needs a closer look."""
     joined = "\n".join(cells)
     if not joined.isascii() or "_" in joined:
@@ -151,10 +169,10 @@ def _votes(columns: Iterable[Sequence[str]]) -> Counter[str]:
     for cells in columns:
         joined = "\n".join(cells)
         if "," not in joined:
-            votes["point"] += "." in joined and _quick(cells[:500], ".") is not None
+            votes["point"] += "." in joined and quick_numbers(cells[:500], ".") is not None
             continue
         certain = len(_CERTAIN_COMMA.findall(joined))
-        if certain and _quick(cells, ",") is not None:
+        if certain and quick_numbers(cells, ",") is not None:
             votes["comma"] += certain
             continue
         for text in dict.fromkeys(cells):

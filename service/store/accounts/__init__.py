@@ -1,1 +1,1 @@
-"""Who may do what: users, one-time links, browser sessions, tokens, and the audit log."""
+"""Users, one-time links, browser sessions, API tokens and the audit log, as stored."""

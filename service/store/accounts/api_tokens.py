@@ -1,4 +1,4 @@
-"""``ApiTokens``: what programs carry to be let in, in the name of a user."""
+"""``ApiTokens``: tokens with which programs use the API in the name of a user."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from stemwatch.service.store.database.transactions import Transactions
 
 
 class ApiTokens:
-    """Tokens by their digests. Methods raise ``StoreError``."""
+    """API tokens; only their digests are stored. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
@@ -30,7 +30,7 @@ class ApiTokens:
         now: datetime,
         expires: datetime | None,
     ) -> int:
-        """Keep a new token of ``user``, and give its number."""
+        """Store a new token of ``user`` and return its number."""
         with self._transactions.writing("adding a token") as session:
             row = TokenRow(
                 user_id=user,
@@ -48,13 +48,13 @@ class ApiTokens:
             return row.id
 
     def find(self, digest: str) -> ApiToken | None:
-        """The token of this digest, whether or not it still lets a program in."""
+        """The token with this digest, also where it is no longer valid."""
         with self._transactions.reading() as session:
             row = session.execute(_with_user().where(TokenRow.digest == digest)).one_or_none()
             return None if row is None else _token_of(*row)
 
     def get(self, token: int) -> ApiToken | None:
-        """The token of this number."""
+        """The token with this number."""
         with self._transactions.reading() as session:
             row = session.execute(_with_user().where(TokenRow.id == token)).one_or_none()
             return None if row is None else _token_of(*row)
@@ -68,12 +68,12 @@ class ApiTokens:
             return [_token_of(*row) for row in session.execute(statement)]
 
     def note_use(self, token: int, now: datetime) -> None:
-        """Note that a token was used."""
+        """Record when a token was last used."""
         with self._transactions.writing("noting a token's use") as session:
             session.execute(update(TokenRow).where(TokenRow.id == token).values(last_used=now))
 
     def revoke(self, token: int, now: datetime) -> None:
-        """Let nobody in by this token any more."""
+        """Make this token invalid from ``now`` on."""
         with self._transactions.writing("revoking a token") as session:
             session.execute(
                 update(TokenRow)

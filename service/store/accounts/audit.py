@@ -1,4 +1,4 @@
-"""``AuditLog``: who wanted what, and what became of it. It is added to and read, nothing else."""
+"""``AuditLog``: who did or tried what, and the outcome. Entries are never changed or removed."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, S
 from stemwatch.service.store.accounts.tables import AuditRow
 from stemwatch.service.store.database.transactions import Transactions
 
-LONGEST = 500  # characters of a field: what somebody sends must not fill the database
+LONGEST = 500  # characters of a field: texts from outside must not fill the database
 
 
 @dataclass(frozen=True, kw_only=True)
 class AuditFilter:
-    """Which entries are wanted; what is empty does not matter. ``before`` is an entry's number:
-    those older than it."""
+    """Which entries to read; empty fields do not filter. ``before`` is an entry's number: only
+    older entries are read."""
 
     who: str = ""
     action: str = ""
@@ -29,13 +29,13 @@ class AuditFilter:
 
 
 class AuditLog:
-    """The entries in the store. Methods raise ``StoreError``."""
+    """The stored entries. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
     def add(self, entry: AuditEntry) -> None:
-        """Keep an entry."""
+        """Add an entry."""
         with self._transactions.writing("writing the audit log") as session:
             session.add(
                 AuditRow(
@@ -69,7 +69,7 @@ class AuditLog:
             return [_entry_of(row) for row in session.scalars(statement)]
 
     def actions(self) -> list[str]:
-        """Every kind of action that there is an entry of, by name."""
+        """The actions that occur in the log, sorted."""
         with self._transactions.reading() as session:
             return list(session.scalars(select(AuditRow.action).distinct().order_by("action")))
 

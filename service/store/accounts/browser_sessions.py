@@ -1,4 +1,4 @@
-"""``WebSessions``: the browsers in which somebody signed in. A restart ends none of them."""
+"""``WebSessions``: browser sessions of signed-in users; they survive a restart."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stemwatch.service.store.database.transactions import Transactions
 
 
 class WebSessions:
-    """Sessions by the digest of their cookies. Methods raise ``StoreError``."""
+    """Sessions, found by the digest of their cookie. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
@@ -28,7 +28,7 @@ class WebSessions:
         address: str = "",
         agent: str = "",
     ) -> None:
-        """Keep a new session of ``user``."""
+        """Store a new session of ``user``."""
         with self._transactions.writing("beginning a session") as session:
             session.add(
                 SessionRow(
@@ -43,8 +43,8 @@ class WebSessions:
             )
 
     def find(self, digest: str, *, now: datetime, idle: timedelta) -> WebSession | None:
-        """The session of this digest, unless it has ended or its user may not sign in; one query
-        by the table's key."""
+        """The session with this digest; ``None`` where it has expired, was unused for ``idle``, or
+        its user is disabled."""
         statement = _with_user().where(
             SessionRow.digest == digest,
             SessionRow.expires > now,
@@ -56,12 +56,12 @@ class WebSessions:
             return None if row is None else _session_of(*row)
 
     def touch(self, digest: str, now: datetime) -> None:
-        """Note that a session is in use."""
+        """Record that a session was used at ``now``."""
         with self._transactions.writing("noting a session") as session:
             session.execute(update(SessionRow).where(SessionRow.digest == digest).values(seen=now))
 
     def of_user(self, user: int, *, now: datetime, idle: timedelta) -> list[WebSession]:
-        """The sessions of a user that go on, the one used last first."""
+        """The valid sessions of a user, the last used first."""
         statement = _with_user().where(
             SessionRow.user_id == user,
             SessionRow.expires > now,
@@ -77,14 +77,14 @@ class WebSessions:
             session.execute(delete(SessionRow).where(SessionRow.digest == digest))
 
     def end_others(self, user: int, kept: str = "") -> None:
-        """End every session of a user but ``kept``."""
+        """End all sessions of a user except ``kept``."""
         with self._transactions.writing("ending sessions") as session:
             session.execute(
                 delete(SessionRow).where(SessionRow.user_id == user, SessionRow.digest != kept)
             )
 
     def remove_ended(self, *, now: datetime, idle: timedelta) -> None:
-        """Forget sessions that have ended by themselves."""
+        """Delete sessions that have expired or were unused for ``idle``."""
         with self._transactions.writing("removing ended sessions") as session:
             ended = or_(SessionRow.expires <= now, SessionRow.seen <= now - idle)
             session.execute(delete(SessionRow).where(ended))

@@ -1,7 +1,7 @@
-"""``Attempts``: how often somebody tried to sign in in vain, counted across restarts and services.
+"""``LoginAttempts``: failed attempts to sign in, counted across restarts and processes.
 
-An attempt counts as failed from its beginning until it has succeeded, so that many at once are
-many failures.
+An attempt counts as failed from its start until it succeeds, so that parallel attempts are all
+counted.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from stemwatch.service.store.accounts.tables import AttemptRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 
-# How long to wait after so many failures.
+# From the number of failures to the time before the next attempt.
 Wait = Callable[[int], timedelta]
 
 
-class Attempts:
+class LoginAttempts:
     """Counts by key, such as a name or an address. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
@@ -29,8 +29,8 @@ class Attempts:
     def begin(
         self, waits: Mapping[str, Wait], *, now: datetime, forget: timedelta
     ) -> datetime | None:
-        """Count an attempt under each key; or, where one of them has to wait, count nothing and
-        give the instant until which. Counts older than ``forget`` begin anew."""
+        """Count an attempt under each key and return ``None``. Where a key has to wait, count
+        nothing and return the end of the wait. Counts older than ``forget`` restart at one."""
         with self._transactions.writing("counting an attempt to sign in") as session:
             rows = {key: _row(session, key, now) for key in sorted(waits)}
             waiting = [row.until for row in rows.values() if row.until > now]
@@ -53,8 +53,8 @@ class Attempts:
             return count
 
     def succeeded(self, forgotten: str, undone: Sequence[str]) -> None:
-        """An attempt has succeeded: the count under ``forgotten`` goes, those under ``undone``
-        lose this one attempt."""
+        """Record that an attempt succeeded: delete the count under ``forgotten``, and reduce those
+        under ``undone`` by this attempt."""
         with self._transactions.writing("noting a login") as session:
             session.execute(delete(AttemptRow).where(AttemptRow.key == forgotten))
             for row in session.scalars(
@@ -63,7 +63,7 @@ class Attempts:
                 row.count, row.until = max(0, row.count - 1), row.last
 
     def remove_old(self, before: datetime) -> None:
-        """Forget counts that nothing was added to since ``before``."""
+        """Delete counts whose last attempt was before ``before``."""
         with self._transactions.writing("forgetting attempts to sign in") as session:
             session.execute(delete(AttemptRow).where(AttemptRow.last < before))
 

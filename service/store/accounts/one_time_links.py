@@ -1,4 +1,4 @@
-"""``AccessLinks``: one-time links by which people choose their own passwords."""
+"""``AccessLinks``: one-time links with which people choose their own passwords."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from stemwatch.service.store.database.transactions import Transactions
 
 
 class AccessLinks:
-    """One-time links by their digests. Methods raise ``StoreError``.
+    """One-time links; only their digests are stored. Methods raise ``StoreError``.
 
-    A link is used up by ``Accounts``, in the transaction that adds or changes the user.
+    ``Accounts`` marks a link as used in the same transaction that adds or changes the user.
     """
 
     def __init__(self, transactions: Transactions) -> None:
@@ -33,8 +33,8 @@ class AccessLinks:
         user: int | None = None,
         note: str = "",
     ) -> OneTimeLink:
-        """Keep a one-time link. A link for the first admin, or for a password of ``user``, takes
-        the place of those before it."""
+        """Store a one-time link. A link for the first admin, or for a password of ``user``,
+        withdraws earlier ones of that kind."""
         with self._transactions.writing("making a one-time link") as session:
             if kind is OneTimeLinkKind.FIRST:
                 revoke(session, now, LinkRow.kind == kind.value)
@@ -57,25 +57,25 @@ class AccessLinks:
             return _link_of(row)
 
     def find(self, digest: str) -> OneTimeLink | None:
-        """The one-time link of this digest, whether or not it still lets somebody in."""
+        """The one-time link with this digest, also where it is no longer valid."""
         with self._transactions.reading() as session:
             row = session.scalar(select(LinkRow).where(LinkRow.digest == digest))
             return None if row is None else _link_of(row)
 
     def open(self, now: datetime) -> list[OneTimeLink]:
-        """One-time links that still let somebody in, the newest first."""
+        """Valid one-time links, newest first."""
         statement = select(LinkRow).where(*_open(now)).order_by(LinkRow.id.desc())
         with self._transactions.reading() as session:
             return [_link_of(row) for row in session.scalars(statement)]
 
     def revoke(self, link: int, now: datetime) -> bool:
-        """Withdraw a one-time link; whether there was one to withdraw."""
+        """Withdraw a one-time link; false where there was no valid one."""
         with self._transactions.writing("withdrawing a one-time link") as session:
             return revoke(session, now, LinkRow.id == link)
 
 
 def use_up(session: Session, digest: str, now: datetime) -> LinkRow | None:
-    """The link, used up by this one statement, so that only one of two can have it."""
+    """Mark the link as used and return it; in one statement, so that only one of two succeeds."""
     number = session.execute(
         update(LinkRow)
         .where(LinkRow.digest == digest, *_open(now))
@@ -86,7 +86,7 @@ def use_up(session: Session, digest: str, now: datetime) -> LinkRow | None:
 
 
 def revoke(session: Session, now: datetime, which: ColumnElement[bool]) -> bool:
-    """Withdraw the open links that ``which`` names; whether there were any."""
+    """Withdraw the valid links that meet ``which``; whether there were any."""
     done = session.execute(
         update(LinkRow).where(which, *_open(now)).values(revoked=now).returning(LinkRow.id)
     )

@@ -1,4 +1,4 @@
-"""The nouns of who may do what, as the store gives them."""
+"""Users, links, sessions, tokens and audit entries as the store returns them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import StrEnum
 
 
 class UserRole(StrEnum):
-    """What somebody is here. Each may do what the one before may, and more."""
+    """A user's role; each includes the rights of the one before."""
 
     VIEWER = "viewer"
     ENGINEER = "engineer"
@@ -16,12 +16,13 @@ class UserRole(StrEnum):
 
     @property
     def rank(self) -> int:
-        """0 for a viewer; the higher, the more may be done."""
+        """0 for a viewer, 2 for an admin."""
         return list(UserRole).index(self)
 
 
 class Scope(StrEnum):
-    """What a token is good for: what a viewer, an engineer or an admin may do beyond the last."""
+    """What a token allows: the rights of a viewer, those that an engineer has in addition, or
+    those that an admin has in addition."""
 
     READ = "read"
     ACT = "act"
@@ -29,7 +30,7 @@ class Scope(StrEnum):
 
 
 class OneTimeLinkKind(StrEnum):
-    """What a one-time link is for."""
+    """The purpose of a one-time link."""
 
     FIRST = "first"  # the first admin
     INVITATION = "invitation"  # a new user
@@ -37,16 +38,16 @@ class OneTimeLinkKind(StrEnum):
 
 
 class AuditOutcome(StrEnum):
-    """What became of what somebody wanted."""
+    """The outcome of an audited action."""
 
     DONE = "done"
-    REFUSED = "refused"  # the right was missing
-    FAILED = "failed"  # it could not be done
+    REFUSED = "refused"  # the user lacks the right
+    FAILED = "failed"  # the action raised an error
 
 
 @dataclass(frozen=True, kw_only=True)
 class User:
-    """Somebody who may sign in, without the password's hash."""
+    """A user, without the password hash."""
 
     id: int
     name: str
@@ -60,7 +61,7 @@ class User:
 
 @dataclass(frozen=True, kw_only=True)
 class OneTimeLink:
-    """A one-time link, without the link itself, which nobody can read again."""
+    """A one-time link, without its secret, of which only the digest is stored."""
 
     id: int
     kind: OneTimeLinkKind
@@ -74,13 +75,13 @@ class OneTimeLink:
     revoked: datetime | None
 
     def is_open(self, now: datetime) -> bool:
-        """Whether it still lets somebody in."""
+        """Whether it is valid at ``now``."""
         return self.used is None and self.revoked is None and now < self.expires
 
 
 @dataclass(frozen=True, kw_only=True)
 class WebSession:
-    """A browser in which somebody signed in; ``digest`` is that of its cookie."""
+    """A browser session of a user; ``digest`` is that of its cookie."""
 
     digest: str
     user: User
@@ -93,7 +94,7 @@ class WebSession:
 
 @dataclass(frozen=True, kw_only=True)
 class ApiToken:
-    """A token without itself; ``begins`` are the characters by which people know it again."""
+    """An API token without its secret; ``begins`` are its first characters, shown to people."""
 
     id: int
     user: User
@@ -106,14 +107,14 @@ class ApiToken:
     revoked: datetime | None
 
     def is_open(self, now: datetime) -> bool:
-        """Whether it still lets a program in."""
-        late = self.expires is not None and now >= self.expires
-        return self.revoked is None and not late and self.user.disabled is None
+        """Whether it is valid at ``now``."""
+        expired = self.expires is not None and now >= self.expires
+        return self.revoked is None and not expired and self.user.disabled is None
 
 
 @dataclass(frozen=True, kw_only=True)
 class AuditEntry:
-    """What the audit log keeps of one thing that somebody wanted."""
+    """One action in the audit log: when, who, signed in how, from which address, what, on what."""
 
     at: datetime
     who: str
@@ -127,6 +128,6 @@ class AuditEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredAuditEntry(AuditEntry):
-    """An entry with its number, by which the log is read page by page."""
+    """An entry with its number, which is used for paging."""
 
     id: int

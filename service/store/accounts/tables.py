@@ -1,7 +1,6 @@
-"""Tables of who may do what: users, one-time links, sessions, tokens, throttling, the audit log.
+"""Tables of users, one-time links, sessions, tokens, login attempts and the audit log.
 
-No secret stands in them: a password as its argon2 hash, everything else that lets somebody in as
-its SHA-256 digest.
+No secret is stored: passwords as argon2 hashes, links, cookies and tokens as SHA-256 digests.
 """
 
 from __future__ import annotations
@@ -15,12 +14,12 @@ from stemwatch.service.store.database.columns import TableBase
 
 
 def _of_user() -> Mapped[int]:
-    """A column that names the user a row belongs to, and goes with it."""
+    """The column of a row's user; the row is deleted with the user."""
     return mapped_column(ForeignKey("users.id", ondelete="CASCADE"))
 
 
 class UserRow(TableBase):
-    """Somebody who may sign in. ``name_key`` is the name as it is compared, ``name`` as shown."""
+    """A user. ``name_key`` is the name as it is compared, ``name`` as it is shown."""
 
     __tablename__ = "users"
     __table_args__ = (Index("uq_users_name_key", "name_key", unique=True),)
@@ -45,7 +44,7 @@ class LinkRow(TableBase):
 
     id: Mapped[int] = mapped_column(primary_key=True)
     digest: Mapped[str]
-    kind: Mapped[str]  # a ``LinkKind``
+    kind: Mapped[str]  # a ``OneTimeLinkKind``
     role: Mapped[str]  # a ``UserRole``
     user_id: Mapped[int | None] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"))
     note: Mapped[str]  # for whom it was made
@@ -57,7 +56,7 @@ class LinkRow(TableBase):
 
 
 class SessionRow(TableBase):
-    """A browser in which somebody signed in; ``digest`` is that of its cookie."""
+    """A browser session; ``digest`` is that of its cookie."""
 
     __tablename__ = "web_sessions"
     __table_args__ = (Index("ix_web_sessions_user_id", "user_id"),)
@@ -72,7 +71,7 @@ class SessionRow(TableBase):
 
 
 class TokenRow(TableBase):
-    """A token that a program carries in the name of its user."""
+    """An API token of a user."""
 
     __tablename__ = "api_tokens"
     __table_args__ = (
@@ -84,7 +83,7 @@ class TokenRow(TableBase):
     user_id: Mapped[int] = _of_user()
     name: Mapped[str]
     digest: Mapped[str]
-    begins: Mapped[str]  # its first characters, by which people know it again
+    begins: Mapped[str]  # its first characters, shown to people
     scopes: Mapped[list[str]]
     created: Mapped[datetime]
     expires: Mapped[datetime | None]
@@ -93,7 +92,7 @@ class TokenRow(TableBase):
 
 
 class AttemptRow(TableBase):
-    """Failed attempts to sign in under one name or from one address."""
+    """Failed attempts to sign in with one name or from one address."""
 
     __tablename__ = "login_attempts"
 
@@ -104,7 +103,7 @@ class AttemptRow(TableBase):
 
 
 class AuditRow(TableBase):
-    """One entry of the audit log. Written once; nothing in the program changes or removes it."""
+    """One entry of the audit log; nothing in the program changes or removes it."""
 
     __tablename__ = "audit"
     __table_args__ = (

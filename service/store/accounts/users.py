@@ -1,4 +1,4 @@
-"""``Accounts``: who may sign in, and as what."""
+"""``Accounts``: the users, their roles and password hashes."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from stemwatch.service.store.storable import clean_text
 
 
 class NameTaken(StoreError):
-    """There is a user of this name, whatever its capitals."""
+    """A user with this name exists already; upper and lower case do not differ."""
 
 
 class LastAdmin(StoreError):
-    """Nobody could change users any more if this were done."""
+    """The change would leave no enabled admin."""
 
 
 def name_key(name: str) -> str:
-    """What two spellings of one name have in common: signs, capitals and blanks do not count."""
+    """The name as it is compared: Unicode NFKC, case folded, blanks collapsed."""
     return " ".join(unicodedata.normalize("NFKC", clean_text(name)).casefold().split())
 
 
 class Accounts:
-    """Users in the store. Methods raise ``StoreError``."""
+    """The stored users. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
     def is_empty(self) -> bool:
-        """Whether nobody can sign in yet."""
+        """Whether there is no user yet."""
         with self._transactions.reading() as session:
             return session.scalar(select(UserRow.id).limit(1)) is None
 
@@ -47,31 +47,31 @@ class Accounts:
             return [user_of(row) for row in session.scalars(select(UserRow).order_by(UserRow.name))]
 
     def find(self, name: str) -> User | None:
-        """The user of this name."""
+        """The user with this name, ``None`` where there is none."""
         with self._transactions.reading() as session:
             row = _by_name(session, name)
             return None if row is None else user_of(row)
 
     def get(self, user: int) -> User | None:
-        """The user of this number."""
+        """The user with this number, ``None`` where there is none."""
         with self._transactions.reading() as session:
             row = session.get(UserRow, user)
             return None if row is None else user_of(row)
 
     def password_of(self, name: str) -> tuple[User, str] | None:
-        """A user with the password's hash."""
+        """A user and the password hash, ``None`` where there is no such user."""
         with self._transactions.reading() as session:
             row = _by_name(session, name)
             return None if row is None else (user_of(row), row.password)
 
     def add(self, name: str, role: UserRole, password: str, *, by: str, now: datetime) -> User:
-        """A new user; ``password`` is its hash. Raises ``NameTaken``."""
+        """Add a user; ``password`` is a hash. Raises ``NameTaken``."""
         with self._transactions.writing("adding a user") as session:
             return _add(session, name, role, password, by, now)
 
     def add_by_link(self, digest: str, name: str, password: str, now: datetime) -> User | None:
-        """A new user by a one-time link, used up in the same transaction; ``None`` where the link
-        lets nobody in. Raises ``NameTaken``, and the link stays as it was."""
+        """Add a user and mark the one-time link as used, in one transaction; ``None`` where the
+        link is not valid. Raises ``NameTaken``; the link then remains valid."""
         with self._transactions.writing("using a one-time link") as session:
             link = use_up(session, digest, now)
             if link is None or link.kind == OneTimeLinkKind.PASSWORD.value:
@@ -83,7 +83,7 @@ class Accounts:
             return _add(session, name, UserRole(link.role), password, by, now)
 
     def new_password_by_link(self, digest: str, password: str, now: datetime) -> User | None:
-        """A new password by a one-time link; every session of the user ends."""
+        """Set a password (a hash) by a one-time link; ends all sessions of the user."""
         with self._transactions.writing("using a one-time link") as session:
             link = use_up(session, digest, now)
             if link is None or link.kind != OneTimeLinkKind.PASSWORD.value or link.user_id is None:
@@ -91,32 +91,32 @@ class Accounts:
             return _set_password(session, link.user_id, password, now)
 
     def set_password(self, user: int, password: str, now: datetime) -> User:
-        """A new password, by its hash; every session of the user ends."""
+        """Set a password (a hash); ends all sessions of the user."""
         with self._transactions.writing("changing a password") as session:
             return _set_password(session, user, password, now)
 
     def note_login(self, user: int, now: datetime, rehashed: str | None = None) -> None:
-        """Note that somebody signed in; ``rehashed`` is the same password, hashed anew."""
+        """Record a sign-in; ``rehashed`` is the same password hashed with newer parameters."""
         with self._transactions.writing("noting a login") as session:
-            row = _need(session, user)
+            row = _locked_user(session, user)
             row.last_login = now
             if rehashed is not None:
                 row.password = rehashed
 
     def set_role(self, user: int, role: UserRole) -> User:
-        """Change what somebody is. Raises ``LastAdmin``."""
+        """Change a user's role. Raises ``LastAdmin``."""
         with self._transactions.writing("changing a role") as session:
-            row = _need(session, user)
+            row = _locked_user(session, user)
             if role is not UserRole.ADMIN:
                 _refuse_last_admin(session, row)
             row.role = role.value
             return user_of(row)
 
     def disable(self, user: int, now: datetime) -> User:
-        """Let somebody in no more; sessions end, links are withdrawn, tokens rest. Raises
-        ``LastAdmin``."""
+        """Disable a user: sessions end, links are withdrawn, tokens are invalid until the user is
+        enabled again. Raises ``LastAdmin``."""
         with self._transactions.writing("disabling a user") as session:
-            row = _need(session, user)
+            row = _locked_user(session, user)
             _refuse_last_admin(session, row)
             row.disabled = row.disabled or now
             session.execute(delete(SessionRow).where(SessionRow.user_id == user))
@@ -124,15 +124,15 @@ class Accounts:
             return user_of(row)
 
     def enable(self, user: int) -> User:
-        """Let somebody in again."""
+        """Allow a disabled user to sign in again."""
         with self._transactions.writing("enabling a user") as session:
-            row = _need(session, user)
+            row = _locked_user(session, user)
             row.disabled = None
             return user_of(row)
 
 
 def user_of(row: UserRow) -> User:
-    """The row as a plain value."""
+    """The row as a ``User``."""
     return User(
         id=row.id,
         name=row.name,
@@ -149,7 +149,7 @@ def _by_name(session: Session, name: str) -> UserRow | None:
     return session.scalar(select(UserRow).where(UserRow.name_key == name_key(name)))
 
 
-def _need(session: Session, user: int) -> UserRow:
+def _locked_user(session: Session, user: int) -> UserRow:
     row = session.scalar(select(UserRow).where(UserRow.id == user).with_for_update())
     if row is None:
         raise StoreError(f"there is no user {user}")
@@ -174,11 +174,11 @@ def _add(
     number = session.execute(statement).scalar_one_or_none()
     if number is None:
         raise NameTaken(f"there is a user {values['name']} already; choose another name")
-    return user_of(_need(session, number))
+    return user_of(_locked_user(session, number))
 
 
 def _set_password(session: Session, user: int, password: str, now: datetime) -> User:
-    row = _need(session, user)
+    row = _locked_user(session, user)
     row.password, row.password_changed = password, now
     session.execute(delete(SessionRow).where(SessionRow.user_id == user))
     revoke(session, now, LinkRow.user_id == user)

@@ -1,1 +1,1 @@
-"""What ``stemwatch db`` does: check, prune, back up, restore and copy a database."""
+"""Administration of a database: check, prune, back up, restore, copy, and counts for metrics."""

@@ -1,4 +1,4 @@
-"""Copying a database, backing it up and restoring it: one instant of it, and all or nothing."""
+"""Back up, restore and copy a database: a consistent snapshot, and all of it or nothing."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ from stemwatch.service.store.errors import StoreError
 
 
 def backup(address: DatabaseUrl, path: Path) -> dict[str, TableDigest]:
-    """Write the whole database to the archive ``path``; rows and digest of each table.
+    """Write the whole database to the archive ``path``; return rows and digest of each table.
 
-    Others may write meanwhile: the archive holds one instant. Raises ``StoreError`` for a database
-    that is not there or has no tables of stemwatch, and for a file that is there already.
+    Others may write meanwhile: the archive is a snapshot. Raises ``StoreError`` for a database
+    that does not exist or has no tables of stemwatch, and where the file exists already.
     """
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
         source = LiveDatabase(connection)
-        if source.shape.revision is None:
+        if source.schema.revision is None:
             raise StoreError(f"{address}: has no tables of stemwatch: there is nothing to back up")
         return write_archive(source, path, str(address))
 
 
 def restore(path: Path, address: DatabaseUrl) -> dict[str, TableDigest]:
-    """Bring what the archive ``path`` holds into an empty database, at the newest schema.
+    """Restore the archive ``path`` into an empty database and upgrade its schema.
 
-    Raises ``StoreError`` for a database that is not empty, and for a file that is no backup or is
-    damaged; the database is then as it was.
+    Raises ``StoreError`` for a database that is not empty, and for a file that is not a backup or
+    is damaged; the database is then unchanged.
     """
     with reading_archive(path) as source, disposing(make_engine(address)) as engine:
         return fill(engine, address, source)
 
 
 def copy(origin: DatabaseUrl, target: DatabaseUrl) -> dict[str, TableDigest]:
-    """Bring all that ``origin`` holds into the empty database ``target``, at the newest schema.
+    """Copy ``origin`` into the empty database ``target`` and upgrade the schema of ``target``.
 
-    ``origin`` stays as it is. Raises ``StoreError`` as ``backup`` and ``restore`` do.
+    ``origin`` is not changed. Raises ``StoreError`` as ``backup`` and ``restore`` do.
     """
     if origin == target:
         raise StoreError(f"{origin}: is the database itself; give another one to copy to")
     with (
-        disposing(existing_engine(origin)) as theirs,
-        one_instant(theirs, origin) as connection,
+        disposing(existing_engine(origin)) as origin_engine,
+        one_instant(origin_engine, origin) as connection,
         disposing(make_engine(target)) as engine,
     ):
         return fill(engine, target, LiveDatabase(connection))
@@ -60,7 +60,7 @@ def copy(origin: DatabaseUrl, target: DatabaseUrl) -> dict[str, TableDigest]:
 
 @contextmanager
 def disposing(engine: Engine) -> Iterator[Engine]:
-    """The engine, its connections closed at the block's end."""
+    """The engine; its connections are closed at the end of the block."""
     try:
         yield engine
     finally:
@@ -69,7 +69,7 @@ def disposing(engine: Engine) -> Iterator[Engine]:
 
 @contextmanager
 def one_instant(engine: Engine, address: DatabaseUrl) -> Iterator[Connection]:
-    """A connection that only reads, and sees the database as it was at one instant."""
+    """A read-only connection that sees a consistent snapshot of the database."""
     with store_errors(address, "reading the store"), engine.connect() as connection:
         if engine.dialect.name == "postgresql":
             connection = connection.execution_options(

@@ -1,8 +1,8 @@
-"""One file with a whole database in it, for either engine: a zip of Parquet files.
+"""The backup file: a zip of Parquet files with a whole database, from either engine.
 
-``manifest.json`` says the form, the schema, when and from what the archive was made, and of each
-table how many rows it has and their digest; ``tables/NAME.parquet`` holds the rows. Any program
-that reads Parquet reads it.
+``manifest.json`` holds the form of the file, the schema, the time, the database it was made from,
+and rows and digest of each table; ``tables/NAME.parquet`` holds the rows, readable by any program
+that reads Parquet.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from stemwatch.service.store.administration.schema import (
     DatabaseSchema,
     TableColumn,
     TableSchema,
-    shape_of,
+    schema_of,
 )
 from stemwatch.service.store.errors import StoreError
 
@@ -38,20 +38,20 @@ _MANIFEST = "manifest.json"
 
 @dataclass(frozen=True, kw_only=True)
 class TableDigest:
-    """What is known of a table that was carried: its rows and their digest."""
+    """How many rows of a table were copied, and their SHA-256."""
 
     rows: int
     digest: str
 
 
 class LiveDatabase:
-    """A database as a source, read within one transaction, so that all is of one instant."""
+    """A database as source of a backup or copy, read within one transaction."""
 
     def __init__(self, connection: Connection) -> None:
-        self.shape = shape_of(connection)
+        self.schema = schema_of(connection)
         self.promised: dict[
             str, TableDigest
-        ] = {}  # nothing is promised: the digest is made on the way
+        ] = {}  # not known beforehand: digests are computed while copying
         self._connection = connection
 
     def batches(self, table: TableSchema) -> Iterator[pa.RecordBatch]:
@@ -60,7 +60,8 @@ class LiveDatabase:
 
 
 class BackupFile:
-    """An archive as a source. Raises ``StoreError`` for a file that is none, or is damaged."""
+    """A backup file as source of a restore. Raises ``StoreError`` where it is not a backup or is
+    damaged."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -68,7 +69,7 @@ class BackupFile:
         manifest = self._manifest()
         self.made, self.made_by = str(manifest["made"]), str(manifest["software_version"])
         tables = manifest["tables"]
-        self.shape = DatabaseSchema(
+        self.schema = DatabaseSchema(
             revision=manifest["schema"], tables=tuple(_table(name, tables[name]) for name in tables)
         )
         self.promised = {
@@ -108,7 +109,7 @@ class BackupFile:
 
 @contextmanager
 def reading_archive(path: Path) -> Iterator[BackupFile]:
-    """The archive, closed at the block's end."""
+    """The archive; it is closed at the end of the block."""
     source = BackupFile(path)
     try:
         yield source
@@ -117,35 +118,35 @@ def reading_archive(path: Path) -> Iterator[BackupFile]:
 
 
 def write_archive(source: LiveDatabase, path: Path, described: str) -> dict[str, TableDigest]:
-    """Write all of ``source`` to ``path``, whole or not at all, for its owner's eyes only.
+    """Write ``source`` to ``path``, completely or not at all, readable by its owner only.
 
-    ``described`` says which database it was, without a password. Raises ``StoreError`` where there
-    is a file already, ``OSError`` for what the disk says.
+    ``described`` names the database, without a password. Raises ``StoreError`` where the file
+    exists already, ``OSError`` for errors of the disk.
     """
     if path.exists():
         raise StoreError(f"{path}: there is a file already; give another name, or move it away")
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{path.name}.part")
-    told: dict[str, TableDigest] = {}
+    part = path.with_name(f"{path.name}.part")
+    digests: dict[str, TableDigest] = {}
     try:
-        handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        handle = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(handle, "wb") as file:
-            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as into:
-                for table in source.shape.tables:
-                    told[table.name] = _write_table(source, table, into)
-                into.writestr(_MANIFEST, _manifest_text(source, told, described))
+            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+                for table in source.schema.tables:
+                    digests[table.name] = _write_table(source, table, archive)
+                archive.writestr(_MANIFEST, _manifest_text(source, digests, described))
             file.flush()
             os.fsync(file.fileno())
-        beside.replace(path)
+        part.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
-    return told
+        part.unlink(missing_ok=True)
+    return digests
 
 
-def _write_table(source: LiveDatabase, table: TableSchema, into: zipfile.ZipFile) -> TableDigest:
+def _write_table(source: LiveDatabase, table: TableSchema, archive: zipfile.ZipFile) -> TableDigest:
     digest = Digest(table)
     with (
-        into.open(_member(table.name), "w", force_zip64=True) as file,
+        archive.open(_member(table.name), "w", force_zip64=True) as file,
         pq.ParquetWriter(file, table.schema, compression="zstd") as writer,
     ):
         for batch in source.batches(table):
@@ -154,21 +155,21 @@ def _write_table(source: LiveDatabase, table: TableSchema, into: zipfile.ZipFile
     return TableDigest(rows=digest.rows, digest=digest.hexdigest())
 
 
-def _manifest_text(source: LiveDatabase, told: dict[str, TableDigest], described: str) -> str:
+def _manifest_text(source: LiveDatabase, digests: dict[str, TableDigest], described: str) -> str:
     manifest = {
         "form": FORM,
-        "schema": source.shape.revision,
+        "schema": source.schema.revision,
         "software_version": __version__,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "database": described,
         "tables": {
             table.name: {
-                "rows": told[table.name].rows,
-                "digest": told[table.name].digest,
+                "rows": digests[table.name].rows,
+                "digest": digests[table.name].digest,
                 "key": table.key,
                 "columns": {column.name: column.kind.value for column in table.columns},
             }
-            for table in source.shape.tables
+            for table in source.schema.tables
         },
     }
     return json.dumps(manifest, indent=1)

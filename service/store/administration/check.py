@@ -1,6 +1,6 @@
-"""What ``stemwatch db check`` looks at: schema, integrity, orphans, partitions, numbering, sizes.
+"""``stemwatch db check``: schema, integrity, dangling references, partitions, numbering, sizes.
 
-Nothing is changed; a database of any age is looked at as it is.
+Nothing is changed; databases of older schemas are checked as they are.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stemwatch.service.store.administration.row_batches import count_rows
 from stemwatch.service.store.administration.schema import (
     DatabaseSchema,
     links_of_metadata,
-    shape_of,
+    schema_of,
 )
 from stemwatch.service.store.database.engine import existing_engine
 from stemwatch.service.store.database_url import DatabaseUrl
@@ -37,7 +37,7 @@ _SERIAL = text("SELECT pg_get_serial_sequence(:name, 'id')")
 
 @dataclass(frozen=True, kw_only=True)
 class TableSize:
-    """A table, its rows, and its bytes on disk with indexes (SQLite does not tell them)."""
+    """A table, its rows, and its bytes on disk with indexes (``None`` for SQLite)."""
 
     name: str
     rows: int
@@ -46,7 +46,7 @@ class TableSize:
 
 @dataclass(frozen=True, kw_only=True)
 class DatabaseHealth:
-    """What was found. ``problems`` need somebody; ``notes`` are good to know."""
+    """The result of a check. ``problems`` need action; ``notes`` are for information."""
 
     engine: str
     schema: str | None
@@ -59,26 +59,26 @@ class DatabaseHealth:
 
 
 def check(address: DatabaseUrl, now: datetime | None = None) -> DatabaseHealth:
-    """Look the database over. Raises ``StoreError`` where it cannot be reached or read."""
+    """Check the database. Raises ``StoreError`` where it cannot be reached or read."""
     with disposing(existing_engine(address)) as engine, one_instant(engine, address) as connection:
-        shape, newest = shape_of(connection), newest_revision()
+        schema, newest = schema_of(connection), newest_revision()
         layout = partitions.layout_of(connection)
         problems = [
-            *_schema(shape, newest),
+            *_schema(schema, newest),
             *_integrity(connection),
-            *_orphans(connection, shape),
-            *_views(connection, shape, newest),
+            *_orphans(connection, schema),
+            *_views(connection, schema, newest),
         ]
         notes: list[str] = []
         if connection.dialect.name == "postgresql":
-            problems += [*_numbering(connection, shape)]
+            problems += [*_numbering(connection, schema)]
             notes += [*_partitions(connection, layout, now or datetime.now(UTC))]
         return DatabaseHealth(
             engine=_engine(connection),
-            schema=shape.revision,
+            schema=schema.revision,
             newest=newest,
             layout=layout,
-            tables=tuple(_sizes(connection, shape, layout)),
+            tables=tuple(_sizes(connection, schema, layout)),
             size_bytes=_whole_size(connection),
             problems=tuple(problems),
             notes=tuple(notes),
@@ -92,14 +92,14 @@ def _engine(connection: Connection) -> str:
     return f"{name} {version}" + (f" with TimescaleDB {timescale}" if timescale else "")
 
 
-def _schema(shape: DatabaseSchema, newest: str) -> Iterator[str]:
-    if shape.revision is None:
+def _schema(schema: DatabaseSchema, newest: str) -> Iterator[str]:
+    if schema.revision is None:
         yield "there are no tables of stemwatch; the first screening or `db upgrade` makes them"
-    elif shape.revision < newest:
-        yield f"the schema is {shape.revision}, older than {newest}: run `stemwatch db upgrade`"
-    elif shape.revision > newest:
+    elif schema.revision < newest:
+        yield f"the schema is {schema.revision}, older than {newest}: run `stemwatch db upgrade`"
+    elif schema.revision > newest:
         yield (
-            f"the schema {shape.revision} is that of a newer stemwatch, this one knows {newest}: "
+            f"the schema {schema.revision} is that of a newer stemwatch, this one knows {newest}: "
             "install the newer version"
         )
 
@@ -113,8 +113,8 @@ def _integrity(connection: Connection) -> Iterator[str]:
             yield f"the index {name} is not valid: REINDEX INDEX {name}"
 
 
-def _orphans(connection: Connection, shape: DatabaseSchema) -> Iterator[str]:
-    columns = {table.name: {column.name for column in table.columns} for table in shape.tables}
+def _orphans(connection: Connection, schema: DatabaseSchema) -> Iterator[str]:
+    columns = {table.name: {column.name for column in table.columns} for table in schema.tables}
     for link in links_of_metadata():
         column, parent_column = link.columns[0], link.parent_columns[0]
         if column not in columns.get(link.table, ()) or link.parent not in columns:
@@ -134,15 +134,15 @@ def _orphans(connection: Connection, shape: DatabaseSchema) -> Iterator[str]:
             )
 
 
-def _views(connection: Connection, shape: DatabaseSchema, newest: str) -> Iterator[str]:
-    if shape.revision == newest:
+def _views(connection: Connection, schema: DatabaseSchema, newest: str) -> Iterator[str]:
+    if schema.revision == newest:
         missing = sorted(set(VIEWS) - set(inspect(connection).get_view_names()))
         if missing:
             yield f"views are missing: {', '.join(missing)}; `db downgrade 0004`, then `db upgrade`"
 
 
-def _numbering(connection: Connection, shape: DatabaseSchema) -> Iterator[str]:
-    for table in shape.tables:
+def _numbering(connection: Connection, schema: DatabaseSchema) -> Iterator[str]:
+    for table in schema.tables:
         if table.key != ("id",):
             continue
         sequence = connection.execute(_SERIAL, {"name": table.name}).scalar()
@@ -176,9 +176,9 @@ def _partitions(connection: Connection, layout: SampleLayout, now: datetime) -> 
 
 
 def _sizes(
-    connection: Connection, shape: DatabaseSchema, layout: SampleLayout
+    connection: Connection, schema: DatabaseSchema, layout: SampleLayout
 ) -> Iterator[TableSize]:
-    for table in shape.tables:
+    for table in schema.tables:
         size: int | None = None
         if table.name == "samples" and layout is SampleLayout.HYPERTABLE:
             size = int(connection.execute(_SIZE_OF_HYPERTABLE).scalar_one())

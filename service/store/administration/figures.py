@@ -1,4 +1,4 @@
-"""The counts that ``/metrics`` gives: a handful of queries, whatever the number of valves."""
+"""The counts for ``/metrics``: a fixed number of queries, whatever the number of valves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _GOING = (RunState.WAITING.value, RunState.RUNNING.value)
 
 @dataclass(frozen=True, kw_only=True)
 class LastRun:
-    """The run that was finished last: how long it took, and seconds of work for each valve."""
+    """The last finished run: its duration in seconds, and mean and largest time for one valve."""
 
     seconds: float
     valve_mean_s: float
@@ -31,7 +31,7 @@ class LastRun:
 
 @dataclass(frozen=True, kw_only=True)
 class StoreFigures:
-    """What the store knows of runs, valves, alerts and messages, by the names of the labels."""
+    """Counts of runs, valves, alerts and messages, by the values of the metrics' labels."""
 
     runs: Mapping[str, int]  # by ``RunState``
     set_aside: int
@@ -43,7 +43,7 @@ class StoreFigures:
 
 
 def figures_of(store: Store) -> StoreFigures:
-    """All of it, as it stands now. Raises ``StoreError``."""
+    """The present counts. Raises ``StoreError``."""
     with store.transactions.reading("counting") as session:
         return _figures(session)
 
@@ -101,7 +101,7 @@ def _alerts(session: Session) -> dict[tuple[str, str], int]:
 
 
 def _deliveries(session: Session) -> dict[tuple[str, str], int]:
-    """By notifier: sent, given up, waiting for the first attempt, or failed and tried again."""
+    """By notifier and state: sent, given up, waiting for the first attempt, or failing so far."""
     state = case(
         (DeliveryRow.sent.is_not(None), "sent"),
         (DeliveryRow.given_up.is_(True), "given_up"),
@@ -110,4 +110,4 @@ def _deliveries(session: Session) -> dict[tuple[str, str], int]:
     )
     statement = select(DeliveryRow.notifier, state, func.count())
     rows = session.execute(statement.group_by(DeliveryRow.notifier, state))
-    return {(notifier, word): count for notifier, word, count in rows}
+    return {(notifier, state_name): count for notifier, state_name, count in rows}

@@ -1,4 +1,4 @@
-"""Filling an empty database with what another one held, all of it or nothing."""
+"""Fill an empty database from a backup or another database, completely or not at all."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from stemwatch.service.store.administration.schema import (
     ColumnKind,
     DatabaseSchema,
     TableSchema,
-    shape_of,
+    schema_of,
 )
 from stemwatch.service.store.database.engine import driver_errors, for_writing, store_errors
 from stemwatch.service.store.database_url import DatabaseUrl
@@ -36,9 +36,9 @@ from stemwatch.service.store.samples.partitions import DAY_US, SampleLayout
 
 
 class RowSource(Protocol):
-    """Where rows come from; ``promised`` is what is said of them beforehand, if anything is."""
+    """Where rows come from; ``promised`` holds rows and digest of each table where known before."""
 
-    shape: DatabaseSchema
+    schema: DatabaseSchema
     promised: dict[str, TableDigest]
 
     def batches(self, table: TableSchema) -> Iterator[pa.RecordBatch]:
@@ -47,35 +47,35 @@ class RowSource(Protocol):
 
 
 def fill(engine: Engine, address: DatabaseUrl, source: RowSource) -> dict[str, TableDigest]:
-    """Bring all rows of ``source`` into the empty database and its schema to the newest.
+    """Copy all rows of ``source`` into the empty database, and upgrade its schema.
 
-    The schema is first made as old as the source's. Each table is read back and its digest
-    compared; then the migrations run, over the data. All in one transaction: an error leaves the
-    database as it was. Raises ``StoreError`` for a database that is not empty, for a source of a
-    newer version, and for a table that does not come back as it went.
+    Tables are created at the schema of the source and filled; each is read back and its digest
+    compared; then the migrations run over the data. All of it is one transaction: an error leaves
+    the database unchanged. Raises ``StoreError`` for a database that is not empty, for a source of
+    a newer version, and where a table read back differs from the source.
     """
     with store_errors(address, "filling the store"), for_writing(engine).begin() as connection:
         wait_for_others(connection)
-        if source.shape.revision is None:
+        if source.schema.revision is None:
             raise StoreError("the source has no tables of stemwatch: there is nothing to copy")
-        refuse_newer(source.shape.revision, "the source")
+        refuse_newer(source.schema.revision, "the source")
         _refuse_occupied(connection, address)
         config = config_for(connection)
-        if shape_of(connection).revision is not None:
+        if schema_of(connection).revision is not None:
             command.downgrade(config, "base")
-        command.upgrade(config, source.shape.revision)
-        told = {}
-        for table in shape_of(connection).tables:
-            told[table.name] = _carry(connection, source, table)
+        command.upgrade(config, source.schema.revision)
+        digests = {}
+        for table in schema_of(connection).tables:
+            digests[table.name] = _copy_table(connection, source, table)
         if connection.dialect.name == "postgresql":
-            _continue_numbering(connection, source.shape)
+            _continue_numbering(connection, source.schema)
         command.upgrade(config, "head")
-    return told
+    return digests
 
 
 def _refuse_occupied(connection: Connection, address: DatabaseUrl) -> None:
-    shape = shape_of(connection)
-    rows = {table.name: count_rows(connection, table.name) for table in shape.tables}
+    schema = schema_of(connection)
+    rows = {table.name: count_rows(connection, table.name) for table in schema.tables}
     occupied = [f"{name} {count}" for name, count in rows.items() if count]
     if occupied:
         raise StoreError(
@@ -84,21 +84,22 @@ def _refuse_occupied(connection: Connection, address: DatabaseUrl) -> None:
         )
 
 
-def _carry(connection: Connection, source: RowSource, table: TableSchema) -> TableDigest:
-    described = {table.name: table for table in source.shape.tables}.get(table.name)
+def _copy_table(connection: Connection, source: RowSource, table: TableSchema) -> TableDigest:
+    described = {table.name: table for table in source.schema.tables}.get(table.name)
     if described is None or set(described.columns) != set(table.columns):
         raise StoreError(f"{table.name}: the source has other columns than its schema says")
-    went = Digest(table)
+    digest = Digest(table)
     for batch in source.batches(described):
-        went.update(batch)
+        digest.update(batch)
         _insert(connection, table, batch)
-    _compare(table.name, "on the way", source.promised.get(table.name), _told(went))
-    came = _told(digest_of(table, read_batches(connection, table)))
-    _compare(table.name, "in the database", _told(went), came)
-    return came
+    read = _table_digest(digest)
+    _compare(table.name, "on the way", source.promised.get(table.name), read)
+    stored = _table_digest(digest_of(table, read_batches(connection, table)))
+    _compare(table.name, "in the database", read, stored)
+    return stored
 
 
-def _told(digest: Digest) -> TableDigest:
+def _table_digest(digest: Digest) -> TableDigest:
     return TableDigest(rows=digest.rows, digest=digest.hexdigest())
 
 
@@ -135,8 +136,8 @@ def _insert_samples(connection: Connection, batch: pa.RecordBatch) -> None:
     insert_samples(connection, columns, more_follow=True)
 
 
-def _numbers(batch: pa.RecordBatch, name: str, instead: float) -> np.ndarray:
-    values: np.ndarray = batch.column(name).fill_null(instead).to_numpy(zero_copy_only=False)
+def _numbers(batch: pa.RecordBatch, name: str, null_value: float) -> np.ndarray:
+    values: np.ndarray = batch.column(name).fill_null(null_value).to_numpy(zero_copy_only=False)
     return values
 
 
@@ -174,9 +175,9 @@ def _copy_postgres(connection: Connection, table: TableSchema, batch: pa.RecordB
             copy.write_row(row)
 
 
-def _continue_numbering(connection: Connection, shape: DatabaseSchema) -> None:
-    """The next row that PostgreSQL numbers gets a number that is free."""
-    for table in shape.tables:
+def _continue_numbering(connection: Connection, schema: DatabaseSchema) -> None:
+    """Set PostgreSQL's sequences behind the largest number of each table."""
+    for table in schema.tables:
         if table.key != ("id",) or table.name not in inspect(connection).get_table_names():
             continue
         owned = sa.text("SELECT pg_get_serial_sequence(:name, 'id')")

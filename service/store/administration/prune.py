@@ -1,4 +1,4 @@
-"""What ``stemwatch db prune`` removes: samples, results and messages that are over age."""
+"""``stemwatch db prune``: remove samples, results, alerts and messages that are too old."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from sqlalchemy.orm import Session, aliased
 
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.database.columns import TableBase
-from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.partitions import DAY_US
-from stemwatch.service.store.samples.tables import SampleRow
+from stemwatch.service.store.samples.tables import SampleRow, microseconds
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow
 from stemwatch.service.store.store import Store
@@ -20,7 +19,7 @@ from stemwatch.service.store.store import Store
 
 @dataclass(frozen=True, kw_only=True)
 class RetentionDays:
-    """How many days are kept of each; ``None`` keeps everything. Raises ``ValueError`` below 1."""
+    """How many days to keep of each; ``None`` keeps everything. Raises ``ValueError`` below 1."""
 
     samples_days: float | None = None
     results_days: float | None = None
@@ -34,7 +33,7 @@ class RetentionDays:
 
 @dataclass(frozen=True, kw_only=True)
 class Pruned:
-    """Rows that would go, or went, by what they are."""
+    """Rows that were removed or would be, by kind."""
 
     samples: int = 0
     screenings: int = 0
@@ -44,7 +43,7 @@ class Pruned:
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """The sum of all kinds."""
         return self.samples + self.screenings + self.runs + self.alerts + self.messages
 
 
@@ -64,25 +63,25 @@ def would_prune(store: Store, ages: RetentionDays, now: datetime | None = None) 
 
 
 def prune(store: Store, ages: RetentionDays, now: datetime | None = None) -> Pruned:
-    """Remove what is over age: days of samples that are wholly older; screenings with their
-    indicators, but never a valve's latest; runs that have none left; closed alerts; messages that
-    were sent or given up. Baselines, notes and maintenance stay. Raises ``StoreError``."""
+    """Remove what is too old: whole days of samples; screenings with their indicators, but never a
+    valve's latest; runs without screenings; closed alerts; messages that were sent or given up.
+    Baselines, notes and maintenance are kept. Raises ``StoreError``."""
     now = now or datetime.now(UTC)
     samples = 0
     if ages.samples_days is not None:
         oldest = now - timedelta(days=ages.samples_days)
         samples = store.samples.remove_before(oldest, whole_days=True)
-    went: dict[str, int] = {}
+    removed: dict[str, int] = {}
     with store.transactions.writing("removing what is over age") as session:
         for name, rule in _rules(ages, now).items():
-            gone = session.execute(
+            deleted = session.execute(
                 delete(_TABLES[name]).where(rule), execution_options={"synchronize_session": False}
             )
-            went[name] = gone.rowcount  # type: ignore[attr-defined]  # a DELETE has one
-    return Pruned(samples=samples, **went)
+            removed[name] = deleted.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+    return Pruned(samples=samples, **removed)
 
 
-# Screenings before runs: a run goes when its screenings have gone.
+# Screenings before runs: a run can be removed only after its screenings.
 _TABLES: dict[str, type[TableBase]] = {
     "screenings": ScreeningRow,
     "runs": RunRow,
@@ -111,11 +110,11 @@ def _old_screenings(before: datetime) -> ColumnElement[bool]:
 
 
 def _empty_runs(before: datetime) -> ColumnElement[bool]:
-    """Runs that are over and whose screenings are none, or go with this pruning."""
-    stays = aliased(ScreeningRow)
-    newest = latest_screening_id(stays.valve)
-    kept = select(stays.id).where(
-        stays.run_id == RunRow.id, or_(stays.at >= before, stays.id == newest)
+    """Runs that are over and have no screenings, or only ones that this pruning removes."""
+    screening = aliased(ScreeningRow)
+    newest = latest_screening_id(screening.valve)
+    kept = select(screening.id).where(
+        screening.run_id == RunRow.id, or_(screening.at >= before, screening.id == newest)
     )
     return and_(RunRow.finished.is_not(None), RunRow.finished < before, ~kept.exists())
 

@@ -1,4 +1,4 @@
-"""The rows of a table as Arrow batches, and a digest of them that no database changes."""
+"""The rows of a table as Arrow batches, and a digest that is the same on SQLite and PostgreSQL."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from sqlalchemy import Connection
 from stemwatch.service.store.administration.schema import ColumnKind, TableColumn, TableSchema
 
 _LIGHT_ROWS, _HEAVY_ROWS = 50_000, 500
-_PARTS = ("there", "lengths", "values")  # what a column is in a digest
+_PARTS = ("there", "lengths", "values")  # the three byte streams of a column in the digest
 
 
 class Digest:
     """SHA-256 over the rows of one table in the order of its key, column by column.
 
-    Where batches end makes no difference, nor does the database the rows come from: times are
-    microseconds in UTC, numbers their eight bytes (without the sign of zero, which SQLite does not
-    keep), texts UTF-8.
+    It depends neither on the size of the batches nor on the database: times are microseconds in
+    UTC, numbers eight bytes (zero without its sign, which SQLite does not store), texts UTF-8.
     """
 
     def __init__(self, table: TableSchema) -> None:
@@ -32,7 +31,7 @@ class Digest:
         }
 
     def update(self, batch: pa.RecordBatch) -> None:
-        """Take in the next rows."""
+        """Add the next rows."""
         self.rows += batch.num_rows
         for name in batch.schema.names:
             for part, data in zip(_PARTS, _bytes_of(batch.column(name)), strict=True):
@@ -100,7 +99,7 @@ def _key(table: TableSchema) -> list[TableColumn]:
 def _ordered(
     column: sa.ColumnElement[Any], described: TableColumn, is_postgres: bool
 ) -> sa.ColumnElement[Any]:
-    # By bytes, as SQLite does; PostgreSQL would use the order of some language.
+    # By bytes, as SQLite does; PostgreSQL would sort by the rules of a language.
     return sa.collate(column, "C") if is_postgres and described.kind is ColumnKind.TEXT else column
 
 

@@ -1,4 +1,4 @@
-"""Which tables a database has, as it is: its schema may be older than this program."""
+"""The tables and columns of a database as they are; its schema may be older than the program's."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SAMPLES = "samples"
 
 
 class ColumnKind(StrEnum):
-    """What a column holds, whichever database it is in."""
+    """The type of a column, independent of the database."""
 
     WHOLE = "whole number"
     NUMBER = "number"
@@ -31,7 +31,7 @@ class ColumnKind(StrEnum):
     BYTES = "bytes"
 
 
-# In this order: a boolean of SQLite is a kind of integer to nobody but SQLite.
+# The first match counts.
 _KINDS: tuple[tuple[type[TypeEngine[Any]], ColumnKind], ...] = (
     (sa.Boolean, ColumnKind.YES_NO),
     (sa.Integer, ColumnKind.WHOLE),
@@ -46,7 +46,7 @@ _ARROW = {
     ColumnKind.WHOLE: pa.int64(),
     ColumnKind.NUMBER: pa.float64(),
     ColumnKind.TEXT: pa.string(),
-    ColumnKind.JSON: pa.string(),  # the very text: JSON that is read and written again may differ
+    ColumnKind.JSON: pa.string(),  # the text unchanged: parsing and writing JSON could alter it
     ColumnKind.TIME: pa.timestamp("us", tz="UTC"),
     ColumnKind.YES_NO: pa.bool_(),
     ColumnKind.BYTES: pa.binary(),
@@ -62,12 +62,12 @@ class TableColumn:
 
     @property
     def arrow(self) -> pa.DataType:
-        """How its values lie in a batch."""
+        """The Arrow type of its values."""
         return _ARROW[self.kind]
 
     @property
     def sql(self) -> TypeEngine[Any]:
-        """As what its values are read; JSON as the text that it is."""
+        """The SQL type as which its values are read; JSON as text."""
         types: dict[ColumnKind, TypeEngine[Any]] = {
             ColumnKind.WHOLE: sa.BigInteger(),
             ColumnKind.NUMBER: sa.Double(),
@@ -80,7 +80,7 @@ class TableColumn:
 
 @dataclass(frozen=True, kw_only=True)
 class TableReference:
-    """A foreign key: ``columns`` of ``table`` name rows of ``parent`` by ``parent_columns``."""
+    """A foreign key: ``columns`` of ``table`` refer to ``parent_columns`` of ``parent``."""
 
     table: str
     columns: tuple[str, ...]
@@ -90,7 +90,7 @@ class TableReference:
 
 @dataclass(frozen=True, kw_only=True)
 class TableSchema:
-    """A table: its columns in the order of their names, and which of them are its key."""
+    """A table: its columns sorted by name, and the columns of its primary key."""
 
     name: str
     columns: tuple[TableColumn, ...]
@@ -103,24 +103,20 @@ class TableSchema:
 
     @property
     def is_heavy(self) -> bool:
-        """Whether single rows may be large: networks, and what explains a valve."""
+        """Whether single rows may be large: networks, and the JSON of a mismatch."""
         return any(column.kind in (ColumnKind.BYTES, ColumnKind.JSON) for column in self.columns)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DatabaseSchema:
-    """The tables of a database at schema ``revision``, parents before those that name them."""
+    """The tables of a database at schema ``revision``, referenced tables first."""
 
     revision: str | None
     tables: tuple[TableSchema, ...]
 
-    def table(self, name: str) -> TableSchema:
-        """The table of this name. Raises ``KeyError``."""
-        return {table.name: table for table in self.tables}[name]
 
-
-def shape_of(connection: Connection) -> DatabaseSchema:
-    """The tables of the store in this database. Tables of other programs are passed over."""
+def schema_of(connection: Connection) -> DatabaseSchema:
+    """The tables of the store in this database; tables of other programs are ignored."""
     inspector = inspect(connection)
     there = set(inspector.get_table_names()) & set(metadata.tables)
     in_order = [table.name for table in metadata.sorted_tables if table.name in there]
@@ -131,7 +127,7 @@ def shape_of(connection: Connection) -> DatabaseSchema:
 
 
 def links_of_metadata() -> list[TableReference]:
-    """The foreign keys of the tables in code: also those that a database does without."""
+    """The foreign keys that the code declares, also where the database lacks them."""
     return [
         _link(name, key)
         for name, table in metadata.tables.items()

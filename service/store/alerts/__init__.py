@@ -1,1 +1,1 @@
-"""Alerts, and the messages that tell people of them."""
+"""Alerts, and the messages about them."""

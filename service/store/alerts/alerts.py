@@ -1,7 +1,6 @@
-"""``Alerts``: what was raised, who has seen it, and what became of it.
+"""``Alerts``: raised alerts, who acknowledged them, and why they were closed.
 
-At most one alert of each cause is open, by the database's own rule: what is raised again while it
-is open only says that it was seen again.
+A unique index allows one open alert for each cause: raising it again only updates its ``seen``.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, func, or_, select, update
+from sqlalchemy import ColumnElement, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.alerts.tables import AlertRow
@@ -21,22 +20,21 @@ from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.screenings import ensure_valve
-from stemwatch.service.store.screenings.tables import ValveRow
 
 
 class AlertKind(StrEnum):
     """What an alert is about."""
 
     STICKY = "sticky"  # the verdict became sticky
-    GROWN = "grown"  # S lies significantly above what it was at the baseline
+    GROWN = "grown"  # S is significantly larger than in the baseline's window
     BASELINE = "baseline"  # MV no longer follows the baseline network
-    MISMATCH = "mismatch"  # something was named that S and J leave out
-    NO_DATA = "no_data"  # a source fell silent
-    COMMON = "common"  # many valves at once
+    MISMATCH = "mismatch"  # an effect beside S and J was named
+    NO_DATA = "no_data"  # a source delivers nothing
+    COMMON = "common"  # the same finding on many valves at once
 
 
 class AlertSeverity(StrEnum):
-    """How soon somebody should look, the most urgent first."""
+    """How urgent an alert is, the most urgent first."""
 
     HIGH = "high"
     MEDIUM = "medium"
@@ -45,7 +43,7 @@ class AlertSeverity(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class RaisedAlert:
-    """Something that was found; ``cause`` is what makes it the same as something found before."""
+    """An alert to be raised; alerts with the same ``cause`` are the same alert."""
 
     cause: str
     kind: AlertKind
@@ -59,7 +57,7 @@ class RaisedAlert:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredAlert:
-    """An alert as it stands now. Open until ``closed``."""
+    """An alert in its present state. Open until ``closed``."""
 
     id: int
     cause: str
@@ -82,18 +80,13 @@ class StoredAlert:
     false_alarm: bool
     told: datetime | None
 
-    def quiet(self, now: datetime) -> bool:
-        """Whether nobody is to be bothered with it now."""
-        snoozed = self.snoozed_until is not None and self.snoozed_until > now
-        return self.false_alarm or self.closed is not None or snoozed
 
-
-MOST_ALERTS = 200  # of one state that are shown
+MOST_ALERTS = 200  # the largest number that is shown of one state
 STATES = ("open", "acknowledged", "snoozed", "closed", "false", "all")
 
 
 def state_of(alert: StoredAlert, now: datetime) -> str:
-    """Which of ``STATES`` an alert is in: a closed one is closed, whatever it was before."""
+    """Which of ``STATES`` an alert is in; "closed" wins over everything else."""
     if alert.closed is not None:
         return "closed"
     if alert.false_alarm:
@@ -104,18 +97,18 @@ def state_of(alert: StoredAlert, now: datetime) -> str:
 
 
 class Alerts:
-    """The alerts in the store. Methods raise ``StoreError``."""
+    """The stored alerts. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
     def raise_all(self, alerts: Sequence[RaisedAlert]) -> list[int]:
-        """Open an alert for each cause that has none open; the numbers of the new ones."""
+        """Open an alert for each cause without an open one; return the numbers of the new ones."""
         with self._transactions.writing("raising alerts") as session:
             return [number for alert in alerts if (number := _raise(session, alert)) is not None]
 
     def clear(self, causes: Sequence[str], why: str) -> list[StoredAlert]:
-        """Close the open alerts of these causes; those that were closed by it."""
+        """Close the open alerts with these causes and return them."""
         if not causes:
             return []
         with self._transactions.writing("closing alerts") as session:
@@ -127,21 +120,21 @@ class Alerts:
             return [stored_alert(row) for row in rows]
 
     def acknowledge(self, alert: int, who: str, comment: str = "") -> StoredAlert:
-        """Note that somebody has seen the alert. It stays open until its cause is gone."""
+        """Record who acknowledged the alert. It remains open until its cause is gone."""
         with self._changing(alert) as row:
             row.acknowledged, row.acknowledged_by = datetime.now(UTC), who
             row.comment = comment or row.comment
             return stored_alert(row)
 
     def snooze(self, alert: int, until: datetime, who: str) -> StoredAlert:
-        """Let the alert rest until ``until``."""
+        """Silence the alert until ``until``."""
         with self._changing(alert) as row:
             row.snoozed_until, row.snoozed_by = until, who
             return stored_alert(row)
 
     def mark_false(self, alert: int, who: str, comment: str = "") -> StoredAlert:
-        """Note that the alert was wrong. It is shown no more and not raised again until its cause
-        was gone in between."""
+        """Mark the alert as a false alarm. It is no longer listed as open, and not raised again
+        until its cause was gone in between."""
         with self._changing(alert) as row:
             row.false_alarm = True
             row.acknowledged = row.acknowledged or datetime.now(UTC)
@@ -149,39 +142,17 @@ class Alerts:
             return stored_alert(row)
 
     def get(self, alert: int) -> StoredAlert:
-        """The alert of this number."""
+        """The alert with this number. Raises ``StoreError`` where there is none."""
         with self._transactions.reading() as session:
             return stored_alert(_row(session, alert))
-
-    def open(
-        self, *, valve: str | None = None, area: str | None = None, limit: int | None = None
-    ) -> list[StoredAlert]:
-        """Open alerts without the false ones: the most urgent, then the newest first."""
-        statement = _of(valve, area).where(
-            AlertRow.closed.is_(None), AlertRow.false_alarm.is_(False)
-        )
-        order = {AlertSeverity.HIGH.value: 0, AlertSeverity.MEDIUM.value: 1}
-        with self._transactions.reading() as session:
-            alerts = [stored_alert(row) for row in session.scalars(statement)]
-        alerts.sort(
-            key=lambda alert: (order.get(alert.severity.value, 2), -alert.opened.timestamp())
-        )
-        return alerts[:limit]
-
-    def history(
-        self, *, valve: str | None = None, limit: int = 200, offset: int = 0
-    ) -> list[StoredAlert]:
-        """Alerts of any state, newest first."""
-        statement = _of(valve, None).order_by(AlertRow.opened.desc(), AlertRow.id.desc())
-        with self._transactions.reading() as session:
-            rows = session.scalars(statement.limit(limit).offset(offset))
-            return [stored_alert(row) for row in rows]
 
     def in_state(
         self, state: str, now: datetime, *, valve: str | None = None, limit: int = MOST_ALERTS
     ) -> list[StoredAlert]:
-        """The newest ``limit`` in one of ``STATES``; alerts that are not over by urgency."""
-        statement = _of(valve, None).where(*_in_state(state, now))
+        """The newest ``limit`` alerts in one of ``STATES``; those not closed sorted by urgency."""
+        statement = select(AlertRow).where(*_in_state(state, now))
+        if valve is not None:
+            statement = statement.where(AlertRow.valve == valve)
         newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
         with self._transactions.reading() as session:
             alerts = [stored_alert(row) for row in session.scalars(newest)]
@@ -190,13 +161,13 @@ class Alerts:
         return sorted(alerts, key=lambda alert: list(AlertSeverity).index(alert.severity))
 
     def count_open(self, now: datetime) -> int:
-        """How many alerts are open: not acknowledged, and nobody let them rest."""
+        """How many alerts are in the state "open"."""
         counted = select(func.count()).select_from(AlertRow).where(*_in_state("open", now))
         with self._transactions.reading() as session:
             return session.scalar(counted) or 0
 
     def open_by_valve(self, now: datetime) -> dict[str, int]:
-        """How many such alerts each valve has; valves without one are left out."""
+        """How many alerts in the state "open" each valve has; valves without one are left out."""
         statement = select(AlertRow.valve, func.count()).where(
             *_in_state("open", now), AlertRow.valve.is_not(None)
         )
@@ -204,18 +175,8 @@ class Alerts:
             rows = session.execute(statement.group_by(AlertRow.valve))
             return {valve: count for valve, count in rows if valve is not None}
 
-    def counts(self) -> dict[AlertSeverity, int]:
-        """How many alerts of each severity are open."""
-        statement = (
-            select(AlertRow.severity, func.count())
-            .where(AlertRow.closed.is_(None), AlertRow.false_alarm.is_(False))
-            .group_by(AlertRow.severity)
-        )
-        with self._transactions.reading() as session:
-            return {AlertSeverity(name): number for name, number in session.execute(statement)}
-
     def open_causes(self, prefixes: Sequence[str] = ()) -> set[str]:
-        """The causes of open alerts, the false ones too."""
+        """The causes of alerts that are not closed, false alarms included."""
         statement = select(AlertRow.cause).where(AlertRow.closed.is_(None))
         if prefixes:
             begins = [AlertRow.cause.startswith(prefix, autoescape=True) for prefix in prefixes]
@@ -236,18 +197,8 @@ def _row(session: Session, alert: int) -> AlertRow:
     return row
 
 
-def _of(valve: str | None, area: str | None) -> Select[AlertRow]:
-    statement = select(AlertRow)
-    if valve is not None:
-        statement = statement.where(AlertRow.valve == valve)
-    if area is not None:
-        statement = statement.join(ValveRow, ValveRow.id == AlertRow.valve)
-        statement = statement.where(ValveRow.area == area)
-    return statement
-
-
 def _raise(session: Session, alert: RaisedAlert) -> int | None:
-    """The number of the alert that this opened; ``None`` where one of this cause was open."""
+    """Open the alert and return its number; ``None`` where one with this cause is open."""
     now = datetime.now(UTC)
     if alert.valve is not None:
         ensure_valve(session, alert.valve)
@@ -287,7 +238,7 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
 
 
 def stored_alert(row: AlertRow) -> StoredAlert:
-    """The row as a plain value."""
+    """The row as a ``StoredAlert``."""
     return StoredAlert(
         id=row.id,
         cause=row.cause,

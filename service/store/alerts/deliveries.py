@@ -1,8 +1,8 @@
-"""``Deliveries``: messages to people, each until it was sent or given up.
+"""``Deliveries``: messages to people, from queueing until they are sent or given up.
 
-A message is written in the same transaction that notes its alerts as told, so none is lost and none
-is written twice. A process that dies between sending and noting it leaves a message that is sent
-again under the same key, by which the receiver can tell.
+A message is queued in the transaction that marks its alerts as told, so none is lost or queued
+twice. If a process dies after sending but before recording it, the message is sent again with the
+same key, by which the receiver can recognise it.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class StoredDelivery:
 
 
 class Deliveries:
-    """The messages in the store. Methods raise ``StoreError``."""
+    """The stored messages. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
     def untold(self) -> list[StoredAlert]:
-        """Open alerts that no message has told of and that nobody let rest."""
+        """Open alerts that are in no message yet and not snoozed."""
         now = datetime.now(UTC)
         statement = select(AlertRow).where(
             AlertRow.told.is_(None),
@@ -59,7 +59,7 @@ class Deliveries:
     def put(
         self, messages: Mapping[str, Mapping[str, Any]], key: str, alerts: Sequence[int]
     ) -> bool:
-        """Queue each notifier's message about ``alerts``; whether this process did it."""
+        """Queue each notifier's message about ``alerts``; false where another process did."""
         now = datetime.now(UTC)
         with self._transactions.writing("queueing a message") as session:
             told = session.execute(
@@ -69,7 +69,7 @@ class Deliveries:
                 .returning(AlertRow.id)
             ).all()
             if len(told) != len(alerts):
-                session.rollback()  # another process tells of some of them
+                session.rollback()  # another process has queued some of them
                 return False
             for notifier, message in messages.items():
                 values = {
@@ -88,7 +88,7 @@ class Deliveries:
         return True
 
     def claim(self) -> StoredDelivery | None:
-        """The next message to send, this process's for a few minutes, or ``None``."""
+        """Reserve the next due message for a few minutes; ``None`` where none is due."""
         now = datetime.now(UTC)
         with self._transactions.writing("taking a message") as session:
             row = session.scalar(
@@ -109,11 +109,11 @@ class Deliveries:
             return _stored(row)
 
     def sent(self, delivery: int) -> None:
-        """Note that a message has arrived."""
+        """Record that a message was sent."""
         self._change(delivery, sent=datetime.now(UTC), claimed_until=None, error="")
 
     def failed(self, delivery: int, error: str, next_try: datetime | None) -> None:
-        """Note why a message did not arrive; with ``next_try`` ``None`` it is given up."""
+        """Record why a message could not be sent; with ``next_try`` ``None`` it is given up."""
         later = {"next_try": next_try} if next_try is not None else {"given_up": True}
         self._change(delivery, claimed_until=None, error=error, **later)
 

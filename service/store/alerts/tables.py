@@ -1,4 +1,4 @@
-"""Tables of alerts: what was raised, and who was told."""
+"""Tables of alerts and of the messages about them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from stemwatch.service.store.database.columns import TableBase
 
 
 class AlertRow(TableBase):
-    """Something that somebody should look at. At most one of each ``cause`` is open.
+    """An alert. At most one of each ``cause`` is open.
 
-    ``evidence`` holds the numbers at the time of raising. A false alarm stays on record: it is the
-    only truth that a plant gives back.
+    ``evidence`` holds the numbers at the time of raising. False alarms are kept: they are the only
+    feedback from the plant on whether alerts are right.
     """
 
     __tablename__ = "alerts"
@@ -54,7 +54,7 @@ class AlertRow(TableBase):
 
 
 class DeliveryRow(TableBase):
-    """One message to one notifier: it is sent once, and tried again until it was."""
+    """One message to one notifier, retried until it is sent or given up."""
 
     __tablename__ = "deliveries"
     __table_args__ = (
@@ -64,7 +64,7 @@ class DeliveryRow(TableBase):
 
     id: Mapped[int] = mapped_column(primary_key=True)
     notifier: Mapped[str]
-    key: Mapped[str]  # what makes a message the same one, stable across attempts
+    key: Mapped[str]  # identifies the message; the same for every attempt
     message: Mapped[dict[str, Any]]
     created: Mapped[datetime]
     attempts: Mapped[int]

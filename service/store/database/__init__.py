@@ -1,1 +1,1 @@
-"""How the store speaks to SQLite and PostgreSQL: engines, transactions, column types."""
+"""What the rooms of the store share: engines for SQLite and PostgreSQL, transactions, columns."""

@@ -1,4 +1,4 @@
-"""Column types that give back on every engine what was put in."""
+"""Column types that return the same value from SQLite and PostgreSQL."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from stemwatch.service.store.storable import clean_text, finite
 
 
 class UtcDateTime(TypeDecorator[datetime]):
-    """A timezone-aware instant, kept and given back in UTC.
+    """A timezone-aware instant, stored and returned in UTC.
 
-    SQLite forgets the zone and PostgreSQL answers in the session's; both are mended here. Raises
-    ``ValueError`` for a naive datetime, whose instant nobody knows.
+    Needed because SQLite drops the zone and PostgreSQL answers in the session's zone. Raises
+    ``ValueError`` for a datetime without a zone.
     """
 
     impl = DateTime(timezone=True)
@@ -38,8 +38,8 @@ class UtcDateTime(TypeDecorator[datetime]):
 
 
 class CleanText(TypeDecorator[str]):
-    """Text that every engine takes: NUL and lone surrogates, which file names and damaged exports
-    can hold, become U+FFFD."""
+    """Text in which NUL and lone surrogates, which file names and damaged exports can hold, are
+    replaced by U+FFFD."""
 
     impl = Text
     cache_ok = True
@@ -49,8 +49,7 @@ class CleanText(TypeDecorator[str]):
 
 
 class CleanJson(TypeDecorator[Any]):
-    """JSON that every engine takes: texts as in ``CleanText``, and ``null`` for NaN and infinity,
-    which JSON does not have."""
+    """JSON with texts cleaned as in ``CleanText`` and ``null`` in place of NaN and infinity."""
 
     impl = JSON
     cache_ok = True
@@ -80,7 +79,7 @@ _NAMES = {
 
 
 class TableBase(DeclarativeBase):
-    """Constraint names are fixed here, so that migrations can drop what they created."""
+    """Base of all tables. It fixes constraint names, so that migrations can drop constraints."""
 
     metadata = MetaData(naming_convention=_NAMES)
     type_annotation_map: ClassVar[dict[Any, Any]] = {
@@ -94,5 +93,5 @@ class TableBase(DeclarativeBase):
 
 
 def of_valve() -> Mapped[str]:
-    """A column that names the valve a row belongs to, and goes with it."""
+    """The column of a row's valve; the row is deleted with the valve."""
     return mapped_column(ForeignKey("valves.id", ondelete="CASCADE"))

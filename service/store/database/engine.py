@@ -1,4 +1,4 @@
-"""Engines: SQLite in WAL mode or PostgreSQL, with the same behaviour towards the store."""
+"""SQLAlchemy engines for SQLite (in WAL mode) and PostgreSQL, and their errors as sentences."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _OWN = 0o600  # it holds digests of passwords
 
 
 def make_engine(address: DatabaseUrl) -> Engine:
-    """An engine for ``address``. Nothing is connected yet. Raises ``StoreError`` for a URL that
-    is not one, for an engine other than the two, and for a driver that is not installed."""
+    """An engine for ``address``, not connected yet. Raises ``StoreError`` for a malformed URL,
+    another kind of database, or a driver that is not installed."""
     backend = _backend(address)
     try:
         engine = create_engine(_with_driver(address.reveal()), hide_parameters=True)
@@ -46,8 +46,8 @@ def make_engine(address: DatabaseUrl) -> Engine:
 
 
 def existing_engine(address: DatabaseUrl) -> Engine:
-    """An engine for a database that is there already. Raises ``StoreError`` where a file of SQLite
-    is not: connecting would make an empty one."""
+    """An engine for an existing database. Raises ``StoreError`` where a SQLite file does not
+    exist, because connecting would create an empty one."""
     engine = make_engine(address)
     file = engine.url.database
     if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
@@ -69,7 +69,8 @@ def for_writing(engine: Engine) -> Engine:
 
 @contextmanager
 def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
-    """Database errors as ``StoreError``s: where, doing what, and no password."""
+    """Turn database errors into a ``StoreError`` that names the database and what was being done,
+    without the password."""
     try:
         yield
     except SQLAlchemyError as error:
@@ -95,7 +96,7 @@ def _if_damaged(error: Exception, said: str, address: DatabaseUrl) -> str:
 
 @contextmanager
 def driver_errors(connection: Connection) -> Iterator[None]:
-    """Errors of the driver itself, which is spoken to for COPY, as SQLAlchemy's."""
+    """Turn errors of the driver, which COPY uses directly, into SQLAlchemy's ``DBAPIError``."""
     driver = connection.dialect.loaded_dbapi
     try:
         yield
@@ -115,7 +116,7 @@ def driver_errors(connection: Connection) -> Iterator[None]:
 
 
 def plainly(error: BaseException, address: DatabaseUrl) -> str:
-    """The database's own words on one line, without the password."""
+    """The database's error message on one line, without the password."""
     cause = getattr(error, "orig", None) or error
     words = masked(" ".join(str(cause).split())) or type(cause).__name__
     password = _password(address)
@@ -143,7 +144,7 @@ def _backend(address: DatabaseUrl) -> str:
 
 
 def _with_driver(url: str) -> str:
-    """psycopg 3 whatever SQLAlchemy's own default for ``postgresql://`` is."""
+    """The URL with psycopg 3 named as driver, whatever SQLAlchemy's default is."""
     for scheme in ("postgresql://", "postgres://"):
         if url.startswith(scheme):
             return "postgresql+psycopg://" + url.removeprefix(scheme)
@@ -159,7 +160,7 @@ def _make_private(file: str | None) -> None:
 
 
 def _prepare_sqlite(connection: Any, _record: object) -> None:
-    connection.isolation_level = None  # the driver shall not begin transactions, _begin_sqlite does
+    connection.isolation_level = None  # transactions are begun by _begin_sqlite
     connection.execute(f"PRAGMA busy_timeout = {BUSY_TIMEOUT_MS}")
     connection.execute("PRAGMA foreign_keys = ON")
     _write_ahead(connection)
@@ -168,8 +169,8 @@ def _prepare_sqlite(connection: Any, _record: object) -> None:
 
 
 def _write_ahead(connection: Any) -> None:
-    """WAL mode: readers do not wait for the writer. The first switch needs the file alone, and
-    SQLite does not wait for that by itself."""
+    """Switch to WAL mode, in which readers do not wait for the writer. The first switch needs
+    exclusive access, for which SQLite does not wait by itself; hence the retries."""
     for attempt in range(50):
         if connection.execute("PRAGMA journal_mode").fetchone()[0] in ("wal", "memory"):
             return

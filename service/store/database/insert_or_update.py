@@ -1,4 +1,4 @@
-"""Insert, or update what is there already: one statement, safe among concurrent writers."""
+"""``upsert``: insert or update in one statement, safe with concurrent writers."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def upsert(
     where: Any = None,
     returning: Any = None,
 ) -> Executable:
-    """The statement that inserts ``values`` into ``table``, unless there is a row with the same
-    ``key``: that one gets the new values, or with ``update=False`` stays as it is.
+    """The statement that inserts ``values`` into ``table``. An existing row with the same ``key``
+    is updated, or left as it is with ``update=False``.
 
-    ``where`` is the condition of the unique index over ``key``, where it has one.
+    ``where`` is the condition of the unique index over ``key``, if it is a partial index.
     """
     # SQLAlchemy compiles a statement of several rows each time, one of a single row only once.
     insert = _insert_into(session, table).values(values[0] if len(values) == 1 else values)
@@ -42,5 +42,5 @@ def upsert(
 
 
 def _insert_into(session: Session, table: type[TableBase]) -> _Insert:
-    is_sqlite = session.get_bind().dialect.name == "sqlite"  # make_engine knows two engines
+    is_sqlite = session.get_bind().dialect.name == "sqlite"  # the only other one is PostgreSQL
     return sqlite.insert(table) if is_sqlite else postgresql.insert(table)

@@ -1,4 +1,4 @@
-"""``Transactions``: sessions for reading and for writing, with errors that name the store."""
+"""``Transactions``: database sessions for reading and for writing."""
 
 from __future__ import annotations
 
@@ -13,17 +13,15 @@ from sqlalchemy.orm import Session
 from stemwatch.service.store.database.engine import for_writing, plainly, store_errors
 from stemwatch.service.store.database_url import DatabaseUrl
 
-# What is read here are pages of valves and their latest rows, found by index. PostgreSQL would
-# rather read all the years of a table to join a few thousand rows of it: measured 220 ms against
-# 50 ms for a ranking of 5,000 valves after 30 days, and growing.
+# The reads here look up pages of valves and their latest rows by index. PostgreSQL's planner
+# prefers to scan the whole table for such joins: measured 220 ms against 50 ms for a ranking of
+# 5,000 valves after 30 days, and growing with the table.
 _SEEK = text("SET LOCAL enable_hashjoin = off; SET LOCAL enable_mergejoin = off")
 
 
 class Transactions:
-    """What every part of the store works through. Each block is one transaction.
-
-    Raises ``StoreError`` for whatever the database says.
-    """
+    """Sessions of one database; each ``with`` block is one transaction. Database errors are raised
+    as ``StoreError``."""
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
         self.readers = engine
@@ -33,7 +31,7 @@ class Transactions:
 
     @property
     def is_sqlite(self) -> bool:
-        """Whether the database is a file of SQLite rather than PostgreSQL."""
+        """Whether the database is SQLite rather than PostgreSQL."""
         return self.readers.dialect.name == "sqlite"
 
     @property
@@ -44,7 +42,7 @@ class Transactions:
 
     @contextmanager
     def reading(self, doing: str = "reading") -> Iterator[Session]:
-        """A session that only reads; ``doing`` is for the error's sentence."""
+        """A session for reading; ``doing`` is the activity that an error names."""
         with store_errors(self.address, doing), Session(self.readers) as session:
             if not self.is_sqlite:
                 session.execute(_SEEK)
@@ -52,7 +50,7 @@ class Transactions:
 
     @contextmanager
     def writing(self, doing: str) -> Iterator[Session]:
-        """A session that is committed at the block's end, or rolled back by an error."""
+        """A session that is committed at the end of the block, or rolled back after an error."""
         with (
             store_errors(self.address, doing),
             self._noting_faults(),
@@ -72,10 +70,10 @@ class Transactions:
 
 
 def database_now(session: Session) -> datetime:
-    """The instant on the clock that all processes of one database share, in UTC.
+    """The time in UTC on a clock that all processes of one database share.
 
-    PostgreSQL's own, since its clients may be several machines whose clocks differ; with SQLite
-    there is one machine.
+    PostgreSQL's own clock, since its clients may run on machines whose clocks differ; SQLite is
+    used from one machine only.
     """
     if session.get_bind().dialect.name == "sqlite":
         return datetime.now(UTC)

@@ -1,1 +1,1 @@
-"""The schema in steps, each from one version of the database to the next, as Alembic runs them."""
+"""The database's schema as Alembic migrations, one for each version."""

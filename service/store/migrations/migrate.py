@@ -1,4 +1,4 @@
-"""Bringing a database to the schema this version writes, with Alembic."""
+"""Upgrade and downgrade the schema of a database, with Alembic."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _LOCK = 0x57E3_3A7C  # any number of our own: PostgreSQL's advisory lock for mig
 
 
 def upgrade(engine: Engine, address: DatabaseUrl) -> None:
-    """Bring the database to the newest schema, keeping what is in it; one process at a time.
+    """Upgrade the database to the newest schema, keeping its data; one process at a time.
 
-    Raises ``StoreError`` when the database cannot be reached, is not one, or was written by a
-    newer version of the program.
+    Raises ``StoreError`` where the database cannot be reached, is not a database, or was written
+    by a newer version of the program.
     """
     with store_errors(address, "opening the store"), for_writing(engine).begin() as connection:
         wait_for_others(connection)
@@ -33,15 +33,16 @@ def upgrade(engine: Engine, address: DatabaseUrl) -> None:
 
 
 def downgrade(engine: Engine, revision: str) -> None:
-    """Back to ``revision``, or to nothing with ``"base"``; what only newer schemas hold is lost."""
+    """Return to schema ``revision``, or to no tables with ``"base"``; tables and columns that only
+    newer schemas have are lost."""
     with for_writing(engine).begin() as connection:
         wait_for_others(connection)
         command.downgrade(config_for(connection), revision)
 
 
 def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
-    """``downgrade`` for a person: raises ``StoreError`` for a schema that is none, or not older
-    than the present one."""
+    """``downgrade`` after a check: raises ``StoreError`` for an unknown schema, or one that is not
+    older than the present one."""
     known = [
         walk_revision.revision
         for walk_revision in ScriptDirectory.from_config(_config()).walk_revisions()
@@ -57,10 +58,10 @@ def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
 
 
 def is_compared(thing: Any, name: str | None, kind: str, reflected: bool, _other: Any) -> bool:
-    """Whether Alembic shall compare ``thing`` with the tables in code (its ``include_object``).
+    """Whether Alembic should compare this object with the tables in code (its ``include_object``).
 
-    Not the partitions of samples, which come and go, and not the foreign keys of samples, which
-    PostgreSQL does without.
+    Not the partitions of samples, which are created at run time, nor the foreign keys of samples,
+    which are not used on PostgreSQL.
     """
     if kind == "table":
         return not (reflected and is_partition(name or ""))
@@ -78,15 +79,15 @@ def newest_revision() -> str:
 
 
 def config_for(connection: Connection) -> Config:
-    """Alembic's settings for one open connection; ``migrations/env.py`` takes it from here."""
+    """Alembic's configuration with the connection that ``migrations/env.py`` uses."""
     config = _config()
     config.attributes["connection"] = connection
     return config
 
 
 def wait_for_others(connection: Connection) -> None:
-    """Hold off every other process that would change the schema, until the transaction's end."""
-    # SQLite's write lock is held already.
+    """Lock out other processes that would change the schema, until the end of the transaction."""
+    # On SQLite the transaction holds the write lock already.
     if connection.dialect.name == "postgresql":
         connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
 

@@ -1,1 +1,1 @@
-"""What is to be screened when: schedules, the queue of runs, and which process has which duty."""
+"""Schedules, the queue of runs, and leases that give a duty to one process at a time."""

@@ -1,7 +1,7 @@
-"""``RunQueue``: runs that wait, go on or are over, and who works on each.
+"""``RunQueue``: runs that wait, are being worked on or are over.
 
-A run is a row from the moment it is due. Whoever works on it says so every few seconds; a run
-whose worker has fallen silent is taken over by the next one, which does what was left.
+A run is a row from the moment it is due. The process that works on it updates its heartbeat every
+few seconds; a run whose heartbeat is too old is taken over by another process, which continues it.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from stemwatch.service.process_lifecycle import has_ended
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.runs.tables import RunValveRow
+from stemwatch.service.store.samples.tables import EPOCH
 from stemwatch.service.store.screenings.records import RunState, StoredRun, ValveState
 from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.screenings import count_verdicts, ensure_valve
 from stemwatch.service.store.screenings.tables import RunRow
 
-EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 SILENT_AFTER = timedelta(seconds=30)
 LOST_AFTER = timedelta(days=1)
 _GOING = (RunState.WAITING.value, RunState.RUNNING.value)
@@ -32,9 +32,10 @@ _IN_ONE_STATEMENT = 500
 
 @dataclass(frozen=True, kw_only=True)
 class RunToQueue:
-    """A run to be queued. ``valves`` empty: what its schedule says, or all.
+    """A run to be queued. Without ``valves`` it screens those of its schedule, else all.
 
-    ``window`` start and stop, either open; ``schedule`` and ``due`` ``None`` where a person asked.
+    ``window`` is start and stop, ``None`` where open; ``schedule`` and ``due`` are ``None`` for a
+    run that a person requested.
     """
 
     valves: Sequence[str] = ()
@@ -60,10 +61,10 @@ class RunQueue:
         self._transactions = transactions
 
     def put(self, wanted: RunToQueue, *, software_version: str) -> int | None:
-        """Queue a run; its number, or ``None`` where this schedule's instant is queued already.
+        """Queue a run and return its number; ``None`` where this instant of the schedule is queued
+        already.
 
-        A schedule whose run before still waits or goes on does not run twice at a time: the new
-        instant is noted as skipped, so that every instant is accounted for.
+        Where the schedule's previous run is not over, the new one is stored as skipped.
         """
         with self._transactions.writing("queueing a run") as session:
             going = _going(session, wanted.schedule)
@@ -98,10 +99,10 @@ class RunQueue:
             return session.execute(statement).scalar_one_or_none()
 
     def claim(self, owner: str, *, silent_after: timedelta = SILENT_AFTER) -> StoredRun | None:
-        """The next run to work on, now ``owner``'s, or ``None``.
+        """Assign the next run to ``owner``; ``None`` where there is none.
 
-        First one whose worker has fallen silent or is known to have ended, then the oldest that
-        may begin. Two processes never get the same one.
+        Runs whose heartbeat is older than ``silent_after`` or whose worker is known to have ended
+        come first, then the oldest that may start. Two processes never get the same run.
         """
         with self._transactions.writing("taking a run from the queue") as session:
             now = database_now(session)
@@ -130,8 +131,8 @@ class RunQueue:
             return stored_run(row)
 
     def beat(self, run_id: int, owner: str) -> StoredRun | None:
-        """Say that ``owner`` still works on the run; ``None`` where it is no longer its own."""
-        with self._transactions.writing("a run's sign of life") as session:
+        """Update the heartbeat of a run; ``None`` where ``owner`` no longer has it."""
+        with self._transactions.writing("updating a run's heartbeat") as session:
             row = session.scalar(select(RunRow).where(RunRow.id == run_id).with_for_update())
             if row is None or row.owner != owner or row.state != RunState.RUNNING.value:
                 return None
@@ -139,7 +140,7 @@ class RunQueue:
             return stored_run(row)
 
     def leave(self, run_id: int, owner: str) -> None:
-        """Let a run lie for the next process, which need not wait for ``owner`` to fall silent."""
+        """Release a run, so that the next process can take it at once."""
         with self._transactions.writing("leaving a run for later") as session:
             session.execute(
                 update(RunRow)
@@ -152,7 +153,7 @@ class RunQueue:
             )
 
     def plan(self, run_id: int, valves: Iterable[str], settings_digest: str = "") -> list[str]:
-        """Note which valves the run has to do, once; those that are left, in order."""
+        """Store the valves of the run, unless done already; return the pending ones, sorted."""
         with self._transactions.writing(f"planning run {run_id}") as session:
             names = list(dict.fromkeys(valves))
             rows = [_pending(run_id, valve) for valve in names]
@@ -174,7 +175,7 @@ class RunQueue:
             return list(session.scalars(left.order_by(RunValveRow.valve)))
 
     def mark(self, run_id: int, valve: str, state: ValveState, reason: str = "") -> None:
-        """What became of one valve. A second time it changes nothing."""
+        """Record the state of one valve; has no effect once it is no longer pending."""
         with self._transactions.writing(f"noting {valve} of run {run_id}") as session:
             mark(session, run_id, valve, state, reason)
 
@@ -196,7 +197,7 @@ class RunQueue:
             return [SetAside(valve=valve, reason=reason) for valve, reason in refused]
 
     def find(self, run_id: int) -> StoredRun | None:
-        """The run of this number, ``None`` where there is none."""
+        """The run with this number, ``None`` where there is none."""
         with self._transactions.reading() as session:
             row = session.get(RunRow, run_id)
             return None if row is None else stored_run(row)
@@ -204,7 +205,7 @@ class RunQueue:
     def finish(
         self, run_id: int, state: RunState, *, reason: str = "", report: str | None = None
     ) -> StoredRun:
-        """Note that a run is over, how, and how many screenings had each verdict."""
+        """Record that a run is over, in which state, and count its screenings by verdict."""
         with self._transactions.writing("noting the run's end") as session:
             row = session.get_one(RunRow, run_id)
             row.state, row.finished = state.value, datetime.now(UTC)
@@ -214,8 +215,8 @@ class RunQueue:
             return stored_run(row)
 
     def ask_to_cancel(self, run_id: int, who: str) -> bool:
-        """Ask that a run ends early; whether it was there to be cancelled. One that still waits is
-        over at once, one that goes on when its worker hears of it."""
+        """Ask for a run to be cancelled; false where it is unknown or over. A waiting run ends at
+        once, a running one with the next heartbeat of its worker."""
         with self._transactions.writing(f"cancelling run {run_id}") as session:
             row = session.scalar(select(RunRow).where(RunRow.id == run_id).with_for_update())
             if row is None or row.state not in _GOING:
@@ -235,17 +236,17 @@ class RunQueue:
             return [stored_run(row) for row in session.scalars(statement)]
 
     def going(self) -> list[StoredRun]:
-        """Runs that wait or go on, oldest first."""
+        """Waiting and running runs, oldest first."""
         with self._transactions.reading() as session:
             rows = select(RunRow).where(RunRow.state.in_(_GOING)).order_by(RunRow.id)
             return [stored_run(row) for row in session.scalars(rows)]
 
 
 def end_lost(session: Session, now: datetime) -> None:
-    """End runs of the command line whose process was killed before it could say so.
+    """End runs of the command line whose process was killed before it could record the end.
 
-    They give no sign of life. Of a process of another machine nobody knows whether it goes on;
-    after a day it counts as lost, and should it end after all, it says so itself.
+    Such runs have no heartbeat. Whether a process on another machine still runs is unknown; after
+    a day its run counts as lost, and if it finishes after all, it records that itself.
     """
     alone = (RunRow.state == RunState.RUNNING.value, RunRow.heartbeat.is_(None))
     old = RunRow.started < now - LOST_AFTER
@@ -264,7 +265,7 @@ def _ended(session: Session) -> list[str]:
 
 
 def mark(session: Session, run_id: int, valve: str, state: ValveState, reason: str) -> None:
-    """What became of one valve, inside a session; the run's counts follow."""
+    """Record the state of one valve within a session and update the run's counts."""
     key = (RunValveRow.run_id == run_id, RunValveRow.valve == valve)
     changed = session.execute(
         update(RunValveRow)

@@ -1,19 +1,17 @@
-"""``ScreeningSchedule``: what is screened when. Made from a plant file without a database."""
+"""``ScreeningSchedule``: when which valves are screened, as the plant file says."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-FROM_FILE = "plant.toml"
-
 
 @dataclass(frozen=True, kw_only=True)
 class ScreeningSchedule:
-    """When which valves are screened, and over how much time.
+    """When which valves are screened, and over which window.
 
-    Either ``cron`` (five fields) or ``every_s``; ``jitter_s`` spreads the beginnings over so many
-    seconds; ``window_s`` is how much time before the due instant is looked at (``None``: all).
-    ``areas`` and ``valves`` both empty mean every valve.
+    Either ``cron`` (five fields) or ``every_s``; starts are spread over ``jitter_s`` seconds;
+    ``window_s`` is the length of the window before the due instant (``None``: everything).
+    Empty ``areas`` and ``valves`` mean every valve.
     """
 
     name: str
@@ -24,4 +22,3 @@ class ScreeningSchedule:
     areas: tuple[str, ...] = ()
     valves: tuple[str, ...] = ()
     enabled: bool = True
-    origin: str = FROM_FILE

@@ -1,4 +1,4 @@
-"""``Schedules``: what is to be screened when, from the plant file and from people."""
+"""``Schedules``: the schedules of the plant file, and up to which instant each was run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from sqlalchemy import delete, select, update
 
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
-from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.runs.schedule import FROM_FILE, ScreeningSchedule
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.runs.tables import ScheduleRow
+
+FROM_FILE = "plant.toml"  # the only origin of schedules
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredSchedule:
-    """A schedule and how far it has got; ``last_due`` was the last instant accounted for."""
+    """A schedule; ``last_due`` is the last instant that was queued or noted as missed."""
 
     schedule: ScreeningSchedule
     created: datetime
@@ -32,8 +33,8 @@ class Schedules:
         self._transactions = transactions
 
     def take_from_file(self, schedules: Sequence[ScreeningSchedule]) -> None:
-        """Make the plant file's schedules those that it names now. One that stays keeps how far it
-        has got; what people saved stays untouched."""
+        """Replace the stored schedules by those of the plant file. One whose timing is unchanged
+        keeps its ``last_due``."""
         with self._transactions.writing("taking over the plant file's schedules") as session:
             names = [schedule.name for schedule in schedules]
             session.execute(
@@ -45,7 +46,7 @@ class Schedules:
             for schedule in schedules:
                 kept = session.get(ScheduleRow, schedule.name)
                 if kept is None or _timing(kept) != (schedule.cron, schedule.every_s):
-                    # Another rhythm begins now: what the old one missed is no debt of the new.
+                    # A changed timing starts now: instants missed by the old one are not made up.
                     values = _columns(schedule) | {
                         "created": now,
                         "last_due": None,
@@ -55,27 +56,6 @@ class Schedules:
                     values = _columns(schedule) | {"created": kept.created}
                 session.execute(upsert(session, ScheduleRow, [values], ("name",)))
 
-    def save(self, schedule: ScreeningSchedule) -> None:
-        """Keep a schedule that a person made or changed. Raises ``StoreError`` for the name of one
-        that stands in the plant file, where it has to be changed."""
-        with self._transactions.writing(f"saving the schedule {schedule.name}") as session:
-            kept = session.get(ScheduleRow, schedule.name)
-            if kept is not None and kept.origin == FROM_FILE:
-                raise StoreError(
-                    f"the schedule {schedule.name!r} stands in the plant file; change it there, "
-                    "or save this one under another name"
-                )
-            fresh = {"created": datetime.now(UTC), "last_due": None, "next_due": None}
-            values = _columns(schedule) | fresh
-            session.execute(upsert(session, ScheduleRow, [values], ("name",)))
-
-    def remove(self, name: str) -> None:
-        """Forget a schedule that a person made."""
-        with self._transactions.writing(f"removing the schedule {name}") as session:
-            session.execute(
-                delete(ScheduleRow).where(ScheduleRow.name == name, ScheduleRow.origin != FROM_FILE)
-            )
-
     def all(self) -> list[StoredSchedule]:
         """Every schedule, by name."""
         with self._transactions.reading() as session:
@@ -83,7 +63,7 @@ class Schedules:
             return [_stored(row) for row in rows]
 
     def note(self, name: str, last_due: datetime | None, next_due: datetime | None) -> None:
-        """Note up to which instant a schedule is accounted for, and when it is due next."""
+        """Set when a schedule was last due (``None``: unchanged) and when it is due next."""
         values: dict[str, datetime | None] = {"next_due": next_due}
         if last_due is not None:
             values["last_due"] = last_due
@@ -98,7 +78,7 @@ def _timing(row: ScheduleRow) -> tuple[str | None, float | None]:
 def _columns(schedule: ScreeningSchedule) -> dict[str, object]:
     return {
         "name": schedule.name,
-        "origin": schedule.origin,
+        "origin": FROM_FILE,
         "cron": schedule.cron,
         "every_s": schedule.every_s,
         "jitter_s": schedule.jitter_s,
@@ -119,7 +99,6 @@ def _stored(row: ScheduleRow) -> StoredSchedule:
         areas=tuple(row.areas),
         valves=tuple(row.valves),
         enabled=row.enabled,
-        origin=row.origin,
     )
     return StoredSchedule(
         schedule=schedule, created=row.created, last_due=row.last_due, next_due=row.next_due

@@ -1,4 +1,4 @@
-"""Tables of the scheduler: what is due when, what each run still has to do, who does it."""
+"""Tables of schedules, of the valves of each run, and of leases."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stemwatch.service.store.database.columns import TableBase
 
 
 class RunValveRow(TableBase):
-    """One valve of a run, and what became of it."""
+    """One valve of a run and its state."""
 
     __tablename__ = "run_valves"
     __table_args__ = (
@@ -32,16 +32,16 @@ class RunValveRow(TableBase):
 
 
 class ScheduleRow(TableBase):
-    """A schedule as the plant file or a person set it, and how far it has got.
+    """A schedule of the plant file.
 
-    ``cron`` or ``every_s``; ``areas`` and ``valves`` both empty mean all. ``last_due`` is the last
-    instant for which a run was queued or accounted for.
+    ``cron`` or ``every_s``; empty ``areas`` and ``valves`` mean all. ``last_due`` is the last
+    instant that was queued or noted as missed.
     """
 
     __tablename__ = "schedules"
 
     name: Mapped[str] = mapped_column(primary_key=True)
-    origin: Mapped[str]  # "plant.toml" or who saved it
+    origin: Mapped[str]  # "plant.toml"
     cron: Mapped[str | None]
     every_s: Mapped[float | None]
     jitter_s: Mapped[float]
@@ -55,7 +55,7 @@ class ScheduleRow(TableBase):
 
 
 class LeaseRow(TableBase):
-    """A duty that one process at a time has, until ``until`` unless it says again that it lives."""
+    """A duty that one process has until ``until``, unless it renews the lease."""
 
     __tablename__ = "leases"
 
@@ -65,7 +65,7 @@ class LeaseRow(TableBase):
 
 
 class SettingRow(TableBase):
-    """A value that the service keeps across restarts."""
+    """A named value. The service writes none at present; the table is part of the schema."""
 
     __tablename__ = "settings"
 

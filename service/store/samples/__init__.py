@@ -1,1 +1,1 @@
-"""Samples that live sources and watched folders delivered, and how those sources are doing."""
+"""Samples from devices and watched folders, and the state of these sources."""

@@ -1,8 +1,8 @@
-"""Many samples into the database at once: COPY into PostgreSQL, one prepared statement in SQLite.
+"""Insert many samples at once: COPY in PostgreSQL, one prepared statement in SQLite.
 
-A sample that is there already is passed over, so that a batch that comes twice changes nothing.
-COPY cannot pass over rows; it fills a table of the connection's own, from which one statement
-carries them over. ``tests/benchmarks/bench_storage.py`` measures both ways.
+Samples that exist already are skipped, so that a repeated batch changes nothing. COPY cannot skip
+rows; it fills a temporary table, from which one INSERT copies them. Measured by
+``tests/benchmarks/bench_storage.py``.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _ARRIVING = (
     "value double precision, quality smallint, reason_id integer) ON COMMIT DELETE ROWS"
 )
 _COPY = f"COPY pg_temp.stemwatch_arriving ({_COLUMNS}) FROM STDIN (FORMAT BINARY)"
-# In the order of the key: writers that meet wait for one another instead of locking each other out.
+# In the order of the key, so that concurrent writers wait for one another and cannot deadlock.
 _CARRY_OVER = (
     f"INSERT INTO samples ({_COLUMNS}) SELECT tag_id, at_us, nullif(value, 'NaN'), quality, "
     "nullif(reason_id, 0) FROM pg_temp.stemwatch_arriving ORDER BY tag_id, at_us "
     "ON CONFLICT DO NOTHING"
 )
-# PostgreSQL's binary form of a row: how many fields, then each with its length in bytes before it.
+# PostgreSQL's binary row: the number of fields, then each field after its length in bytes.
 _FORMAT = np.dtype(
     [
         *(("fields", ">i2"), ("tag_bytes", ">i4"), ("tag", ">i4"), ("at_bytes", ">i4")),
@@ -47,10 +47,10 @@ _ROWS_AT_ONCE = 200_000  # 9 MB
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleColumns:
-    """``n`` samples as the table keeps them, as columns.
+    """``n`` samples as columns of the table, each of shape (n,).
 
-    ``tag`` (n,) numbers of tags, ``at_us`` (n,) microseconds since 1970 UTC, ``values`` (n,) NaN
-    where there is none, ``quality`` (n,), ``reason`` (n,) numbers of reasons, 0 for none.
+    ``tag`` numbers of tags, ``at_us`` microseconds since 1970 UTC, ``values`` NaN where missing,
+    ``quality``, ``reason`` numbers of reasons, 0 for none.
     """
 
     tag: NDArray[np.int64]
@@ -66,9 +66,9 @@ class SampleColumns:
 def insert_samples(
     connection: Connection, columns: SampleColumns, *, more_follow: bool = False
 ) -> None:
-    """Insert the samples that are not there yet. Raises what the driver raises.
+    """Insert the samples that do not exist yet. Raises what the driver raises.
 
-    ``more_follow`` says that the same transaction will insert again.
+    Set ``more_follow`` where the same transaction will insert again.
     """
     if not len(columns):
         return
@@ -85,17 +85,17 @@ def insert_samples(
                 copy.write(_binary(columns, slice(first, first + _ROWS_AT_ONCE)))
             copy.write(_END)
         cursor.execute(_CARRY_OVER)
-        if more_follow:  # the end of the transaction empties it anyway
+        if more_follow:  # otherwise the end of the transaction empties it
             cursor.execute("TRUNCATE pg_temp.stemwatch_arriving")
 
 
 def _rows(columns: SampleColumns) -> list[tuple[object, ...]]:
     values: list[float | None] = columns.values.tolist()
-    for place in np.flatnonzero(~np.isfinite(columns.values)):
-        values[place] = None
+    for row in np.flatnonzero(~np.isfinite(columns.values)):
+        values[row] = None
     reasons: list[int | None] = columns.reason.tolist()
-    for place in np.flatnonzero(columns.reason == 0):
-        reasons[place] = None
+    for row in np.flatnonzero(columns.reason == 0):
+        reasons[row] = None
     numbers = (columns.tag.tolist(), columns.at_us.tolist(), values, columns.quality.tolist())
     return list(zip(*numbers, reasons, strict=True))
 

@@ -1,4 +1,4 @@
-"""``StoredSamples``: a source whose samples are in the store, as a connector."""
+"""``StoredSamples``: the connector to samples in the store."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from stemwatch.connectors.historian.times.source_clock import (
 from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.values.columns import Column, sharing_times
 from stemwatch.models.recording import PERCENT, Provenance, Recording, Role, Signal
-from stemwatch.service.store.samples.instants import EPOCH
 from stemwatch.service.store.samples.samples import SampleStore, StoredTag
+from stemwatch.service.store.samples.tables import EPOCH
 
 LAYOUT = "samples in the store"
 
 
 class StoredSamples:
-    """One source's samples in the store; implements ``Connector``.
+    """The samples of one source in the store; implements ``Connector``.
 
-    Samples lie on the even clock of OP, each at its nearest instant; what is reported when it
-    changes is held as in an export. ``describe`` names the store in messages, without a password.
+    Samples are laid on the even clock of OP, each at the nearest instant; values reported only on
+    change are held until the next one, as in exports. ``describe`` names the store in messages.
     """
 
     def __init__(self, samples: SampleStore, source: str, describe: str = "the store") -> None:
@@ -47,7 +47,7 @@ class StoredSamples:
         self._where = f"{describe}, source {source}"
 
     def tags(self) -> Sequence[TagInfo]:
-        """Every tag of the source that ever had a sample; no roles are guessed."""
+        """Every tag of the source that ever had a sample; roles are not guessed."""
         return [TagInfo(tag=tag.name, unit=tag.unit) for tag in self._samples.tags(self.source)]
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:

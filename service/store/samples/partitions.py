@@ -1,8 +1,8 @@
-"""How PostgreSQL lays out samples: one partition for each day in UTC, or a hypertable.
+"""Partitions of the samples in PostgreSQL: one for each day in UTC, or a TimescaleDB hypertable.
 
-Days are made ahead of the samples and dropped whole when they are over age, which costs nothing
-however much is in them. What falls on a day that has no partition lies in ``samples_default`` and
-is as good as any other sample. SQLite has one plain table.
+Partitions are created some days ahead and dropped whole when they are too old, which is quick
+whatever their size. Samples of a day without a partition go into ``samples_default`` and are read
+like any other. SQLite has one plain table.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from enum import StrEnum
 
 from sqlalchemy import Connection, text
 
+from stemwatch.service.store.samples.tables import EPOCH
+
 DAY_US = 86_400_000_000
 DAYS_AHEAD = 7
 MOST_DAYS_BACK = 400  # older samples lie in the default partition
 DEFAULT = "samples_default"
 _PREFIX = "samples_2"  # samples_20260301
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LOCK = 0x57E3_DA15  # any number of our own: PostgreSQL's advisory lock for partitions
-_LOCK_WAIT = "5s"  # a partition waits for readers of the table, and others then wait for it
+_LOCK_WAIT = "5s"  # creating a partition waits for readers, and meanwhile other writers wait
 _KIND = text("SELECT relkind FROM pg_class WHERE oid = to_regclass('samples')")
 _HYPERTABLE = text(
     "SELECT count(*) FROM timescaledb_information.hypertables "
@@ -35,7 +36,7 @@ _CHILDREN = text(
 
 
 class SampleLayout(StrEnum):
-    """How the table of samples lies in its database."""
+    """How the table of samples is stored."""
 
     PLAIN = "plain table"
     PARTITIONS = "partitions by day"
@@ -43,7 +44,7 @@ class SampleLayout(StrEnum):
 
 
 def layout_of(connection: Connection) -> SampleLayout:
-    """How samples lie in this database."""
+    """How the samples of this database are stored."""
     if connection.dialect.name != "postgresql":
         return SampleLayout.PLAIN
     if connection.execute(_KIND).scalar() in ("p", b"p"):
@@ -54,36 +55,36 @@ def layout_of(connection: Connection) -> SampleLayout:
 
 
 def timescale_version(connection: Connection) -> str | None:
-    """The version of TimescaleDB that is installed in this PostgreSQL database, if it is."""
+    """The version of TimescaleDB in this PostgreSQL database, ``None`` without it."""
     version: str | None = connection.execute(_EXTENSION).scalar()
     return version
 
 
 def is_partition(table: str) -> bool:
-    """Whether a table's name is that of a part of ``samples``."""
+    """Whether ``table`` is a partition of ``samples``."""
     return table == DEFAULT or (table.startswith(_PREFIX) and table[8:].isdigit())
 
 
 def partition_name(day: int) -> str:
     """The partition of the ``day``-th day since 1970-01-01 in UTC."""
-    return f"samples_{_EPOCH + timedelta(days=day):%Y%m%d}"
+    return f"samples_{EPOCH + timedelta(days=day):%Y%m%d}"
 
 
 def day_of(instant: datetime) -> int:
-    """Which day since 1970-01-01 in UTC an instant falls on."""
-    return (instant - _EPOCH) // timedelta(days=1)
+    """The day of an instant, counted from 1970-01-01 in UTC."""
+    return (instant - EPOCH) // timedelta(days=1)
 
 
 def days_there(connection: Connection) -> dict[int, str]:
-    """The days that have a partition, with its name."""
+    """The name of the partition of each day that has one."""
     names = connection.execute(_CHILDREN).scalars()
     return {_day_named(name): name for name in names if name != DEFAULT and is_partition(name)}
 
 
 def wanted_days(days: Iterable[int], now: datetime) -> set[int]:
-    """Of ``days``, and those that come next, the ones that shall have a partition.
+    """The days that need a partition: the coming ones, and those of ``days`` that are near today.
 
-    A clock that is wrong by decades must not make thousands of tables.
+    The limit keeps a device with a wrong clock from creating thousands of tables.
     """
     today = day_of(now)
     near = {day for day in days if today - MOST_DAYS_BACK <= day <= today + DAYS_AHEAD}
@@ -91,17 +92,17 @@ def wanted_days(days: Iterable[int], now: datetime) -> set[int]:
 
 
 def make_days(connection: Connection, days: Iterable[int]) -> int:
-    """Give each of ``days`` its partition, with what already lies in the default one; how many
-    were new. Needs a transaction of its own: other writers wait for its end.
+    """Create the missing partitions of ``days``, move samples of these days out of the default
+    partition, and return how many were created. Other writers wait for the end of the transaction.
 
-    Raises SQLAlchemy's ``OperationalError`` where the table is in use for longer than five seconds.
+    Raises SQLAlchemy's ``OperationalError`` where the table is in use for more than five seconds.
     """
     missing = set(days) - set(days_there(connection))
     if not missing:
         return 0
     connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_WAIT}'"))
     connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
-    missing -= set(days_there(connection))  # another process may have been quicker
+    missing -= set(days_there(connection))  # another process may have created some meanwhile
     occupied = _days_in_default(connection, missing)
     for day in sorted(missing):
         for statement in _statements(day, occupied=day in occupied):
@@ -110,7 +111,7 @@ def make_days(connection: Connection, days: Iterable[int]) -> int:
 
 
 def drop_days(connection: Connection, before: int) -> int:
-    """Drop the partitions of all days before day ``before``; how many samples went with them."""
+    """Drop the partitions of all days before day ``before``; return how many samples they held."""
     connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
     old = [name for day, name in sorted(days_there(connection).items()) if day < before]
     gone = sum(_rows_of(connection, name) for name in old)
@@ -121,7 +122,7 @@ def drop_days(connection: Connection, before: int) -> int:
 
 
 def drop_chunks(before_us: int) -> str:
-    """The statement that drops a hypertable's chunks that end before ``before_us``."""
+    """The statement that drops the chunks of a hypertable that end before ``before_us``."""
     return f"SELECT drop_chunks('samples', older_than => BIGINT '{before_us}')"
 
 

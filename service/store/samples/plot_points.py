@@ -1,4 +1,4 @@
-"""Stored samples as a plot draws them: thinned by the database, lowest and highest kept."""
+"""Stored samples for plots: reduced by the database to the minimum and maximum of each interval."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from sqlalchemy import ColumnElement, and_, func, literal_column, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.recording import Floats, Quality
-from stemwatch.service.store.samples.instants import microseconds
-from stemwatch.service.store.samples.tables import SampleRow
+from stemwatch.service.store.samples.tables import SampleRow, microseconds
 
-# A step this many times the usual one is a hole, and a line over it would be invented.
+# A step this many times the usual one is a gap, over which no line is drawn.
 HOLE_STEPS = 2.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlotPoints:
-    """Points of one tag in order of time: (m,) epoch seconds, and values, NaN where a line breaks.
+    """Points of one tag in order of time: ``at_s`` (m,) seconds since 1970, ``values`` (m,), NaN
+    where the line breaks.
 
-    ``bucket_s`` is what a pair of points stands for, its lowest and highest value; 0 where every
-    sample is a point of its own.
+    ``bucket_s`` is the length in seconds that a pair of points (minimum and maximum) stands for;
+    0 where every sample is a point.
     """
 
     at_s: Floats
@@ -34,17 +34,17 @@ class PlotPoints:
 def read_plot_points(
     session: Session, number: int, start: datetime, stop: datetime, points: int
 ) -> PlotPoints:
-    """The tag of this number from ``start`` to ``stop`` in about ``points`` points at most."""
+    """The tag with this number from ``start`` to ``stop``, in about ``points`` points at most."""
     first, last = microseconds(start), microseconds(stop)
-    there = and_(SampleRow.tag_id == number, SampleRow.at_us >= first, SampleRow.at_us < last)
-    if (session.scalar(select(func.count()).where(there)) or 0) <= points:
-        return _every_one(session, there)
+    in_window = and_(SampleRow.tag_id == number, SampleRow.at_us >= first, SampleRow.at_us < last)
+    if (session.scalar(select(func.count()).where(in_window)) or 0) <= points:
+        return _every_sample(session, in_window)
     width = max(1, -(-(last - first) // max(1, points // 2)))
-    return _lowest_and_highest(session, there, first, width)
+    return _lowest_and_highest(session, in_window, first, width)
 
 
-def _every_one(session: Session, there: ColumnElement[bool]) -> PlotPoints:
-    columns = select(SampleRow.at_us, SampleRow.value, SampleRow.quality).where(there)
+def _every_sample(session: Session, in_window: ColumnElement[bool]) -> PlotPoints:
+    columns = select(SampleRow.at_us, SampleRow.value, SampleRow.quality).where(in_window)
     rows = session.execute(columns.order_by(SampleRow.at_us)).all()
     table = np.array([tuple(row) for row in rows], dtype=np.float64).reshape(-1, 3)
     values = np.where(table[:, 2] <= Quality.HELD, table[:, 1], np.nan)
@@ -52,27 +52,27 @@ def _every_one(session: Session, there: ColumnElement[bool]) -> PlotPoints:
 
 
 def _lowest_and_highest(
-    session: Session, there: ColumnElement[bool], first: int, width: int
+    session: Session, in_window: ColumnElement[bool], first: int, width: int
 ) -> PlotPoints:
-    # Written into the statement: PostgreSQL does not see that two parameters are the same number.
+    # Literals, because PostgreSQL does not see that two parameters in GROUP BY are the same.
     bucket: Any = (SampleRow.at_us - literal_column(str(first))) // literal_column(str(width))
     good = SampleRow.quality <= int(Quality.HELD)
     statement = select(
         bucket.label("bucket"), func.min(SampleRow.value), func.max(SampleRow.value)
-    ).where(there, good, SampleRow.value.is_not(None))
+    ).where(in_window, good, SampleRow.value.is_not(None))
     rows = session.execute(statement.group_by("bucket").order_by("bucket")).all()
     table = np.array([tuple(row) for row in rows], dtype=np.float64).reshape(-1, 3)
-    whole = (first + table[:, 0] * width) / 1e6
+    bucket_start_s = (first + table[:, 0] * width) / 1e6
     step_s = width / 1e6
-    at = np.stack([whole + step_s / 4, whole + 3 * step_s / 4], axis=1).ravel()
-    drawn = with_holes(at, table[:, 1:].ravel(), usual_s=step_s / 2)
+    at_s = np.stack([bucket_start_s + step_s / 4, bucket_start_s + 3 * step_s / 4], axis=1).ravel()
+    drawn = with_holes(at_s, table[:, 1:].ravel(), usual_s=step_s / 2)
     return PlotPoints(at_s=drawn.at_s, values=drawn.values, bucket_s=step_s)
 
 
 def with_holes(at_s: Floats, values: Floats, usual_s: float | None = None) -> PlotPoints:
-    """The points with a NaN in the middle of each hole, so that no line is drawn over it.
+    """The points with a NaN in the middle of each gap, so that no line is drawn over it.
 
-    ``usual_s`` is the usual step; the median of the steps where it is not given.
+    ``usual_s`` is the usual step in seconds, by default the median of the steps.
     """
     if at_s.size < 2:
         return PlotPoints(at_s=at_s, values=values)

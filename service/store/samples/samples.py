@@ -1,4 +1,4 @@
-"""``SampleStore``: what live sources and watched folders delivered, each sample once."""
+"""``SampleStore``: the samples of devices and watched folders, each stored once."""
 
 from __future__ import annotations
 
@@ -20,10 +20,15 @@ from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.bulk_insert import SampleColumns, insert_samples
-from stemwatch.service.store.samples.instants import instant_of, microseconds
 from stemwatch.service.store.samples.partitions import DAY_US, SampleLayout
 from stemwatch.service.store.samples.plot_points import PlotPoints, read_plot_points
-from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
+from stemwatch.service.store.samples.tables import (
+    SampleReasonRow,
+    SampleRow,
+    TagRow,
+    instant_of,
+    microseconds,
+)
 from stemwatch.service.store.samples.tag_quality import (
     BadSamples,
     LastGood,
@@ -52,7 +57,8 @@ class StoredTag:
 
 @dataclass(frozen=True, kw_only=True)
 class TagSamples:
-    """Samples of one tag in order of time: (n,) microseconds since 1970, values, quality."""
+    """Samples of one tag in order of time, each of shape (n,): microseconds since 1970 UTC, values
+    in the tag's unit, quality."""
 
     at_us: NDArray[np.int64]
     values: Floats
@@ -60,19 +66,19 @@ class TagSamples:
 
 
 class SampleStore:
-    """The samples in the store; a ``SampleSink``. Methods raise ``StoreError``.
+    """The stored samples; a ``SampleSink``. Methods raise ``StoreError``.
 
-    ``write`` may be called by one thread at a time; several processes may write.
+    ``write`` may be called by one thread of a process at a time; several processes may write.
     """
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
         self._tags: dict[tuple[str, str], int] = {}
         self._reasons: dict[str, int] = {}
-        self._days: set[int] = set()  # that were looked after, as far as this process knows
+        self._days: set[int] = set()  # days whose partitions this process has taken care of
 
     def write(self, batch: SampleBatch) -> None:
-        """Keep every sample of ``batch`` that is not there already; for good when it returns."""
+        """Store every sample of ``batch`` that does not exist yet; committed on return."""
         days = self._prepare(batch)
         try:
             with self._transactions.writing(f"storing samples of {batch.source}") as session:
@@ -80,7 +86,7 @@ class SampleStore:
                 reasons = self._numbers_of_reasons(session, batch)
                 insert_samples(session.connection(), _columns(batch, tags, reasons))
         except BaseException:
-            # What was numbered in a transaction that failed may not be there.
+            # Numbers that the failed transaction assigned may not exist.
             self._tags.clear()
             self._reasons.clear()
             raise
@@ -89,7 +95,7 @@ class SampleStore:
         self._days |= days
 
     def describe(self, source: str, units: dict[str, str]) -> None:
-        """Keep the units of a source's tags."""
+        """Store the units of a source's tags."""
         rows = [
             {"source": source, "name": clean_text(name), "unit": unit}
             for name, unit in sorted(units.items())
@@ -124,14 +130,6 @@ class SampleStore:
             quality=np.array(quality, dtype=np.uint8),
         )
 
-    def count(
-        self, source: str, tag: str, start: datetime | None = None, stop: datetime | None = None
-    ) -> int:
-        """How many samples a tag has from ``start`` to ``stop``."""
-        statement = _window(select(func.count()), source, tag, start, stop)
-        with self._transactions.reading() as session:
-            return session.execute(statement).scalar_one()
-
     def bounds(self, source: str, tag: str) -> tuple[datetime, datetime] | None:
         """The instants of a tag's first and last sample."""
         # One statement each: SQLite seeks the end of an index for min or max alone, not for both.
@@ -151,8 +149,8 @@ class SampleStore:
     def plot_points(
         self, source: str, tag: str, start: datetime, stop: datetime, points: int
     ) -> PlotPoints | None:
-        """A tag from ``start`` to ``stop`` in about ``points`` points at most; ``None`` where the
-        store does not know it."""
+        """A tag from ``start`` to ``stop`` in about ``points`` points at most; ``None`` for an
+        unknown tag."""
         with self._transactions.reading() as session:
             number = _tag_number(session, source, tag)
             return (
@@ -160,21 +158,19 @@ class SampleStore:
             )
 
     def bad(self, source: str, tag: str, start: datetime, stop: datetime) -> BadSamples | None:
-        """How many samples of a tag are not good, and why; ``None`` for a tag that the store does
-        not know."""
+        """How many samples of a tag are not good, and why; ``None`` for an unknown tag."""
         with self._transactions.reading() as session:
             number = _tag_number(session, source, tag)
             return None if number is None else read_bad(session, number, tag, start, stop)
 
     def dead_tags(self, source: str, limit: timedelta, now: datetime) -> dict[str, int]:
-        """The tags of ``source`` whose samples of the last ``limit`` are all bad, one of the last
-        minute among them, with their numbers."""
+        """The numbers of the tags of ``source`` that are polled now but whose samples of the last
+        ``limit`` are all bad, by name."""
         with self._transactions.reading() as session:
             return read_dead_tags(session, source, limit, now)
 
     def last_good(self, tags: Sequence[int], since: datetime) -> dict[int, LastGood]:
-        """Of each tag, by its number: its last good sample after ``since``, and why its newest
-        sample is bad."""
+        """For each tag number: the last good sample after ``since``, and why the newest is bad."""
         with self._transactions.reading() as session:
             return {number: read_last_good(session, number, since) for number in tags}
 
@@ -189,7 +185,7 @@ class SampleStore:
             return {words: number for words, number in rows}
 
     def prepare_days(self, now: datetime | None = None, days: frozenset[int] = frozenset()) -> int:
-        """Make PostgreSQL's partitions of the coming days and of ``days``; how many were new."""
+        """Create PostgreSQL's partitions of the coming days and of ``days``; return how many."""
         wanted = partitions.wanted_days(days, now or datetime.now(UTC))
         with self._transactions.writing("making partitions of samples") as session:
             if partitions.layout_of(session.connection()) is not SampleLayout.PARTITIONS:
@@ -197,10 +193,10 @@ class SampleStore:
             return partitions.make_days(session.connection(), wanted)
 
     def remove_before(self, instant: datetime, *, whole_days: bool = False) -> int:
-        """Remove what is older than ``instant``; how many samples went.
+        """Remove samples older than ``instant`` and return their number.
 
-        With ``whole_days`` only days that are wholly older (in UTC) go, which costs a database
-        that keeps each day by itself next to nothing.
+        With ``whole_days`` only days that are entirely older (in UTC) are removed, which is quick
+        where each day is a partition.
         """
         before_us = microseconds(instant)
         if whole_days:
@@ -210,10 +206,10 @@ class SampleStore:
         with self._transactions.writing("removing old samples") as session:
             days = _remove_days(session.connection(), before_us)
             rest = session.execute(delete(SampleRow).where(SampleRow.at_us < before_us))
-            strays: int = rest.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+            single_rows: int = rest.rowcount  # type: ignore[attr-defined]  # a DELETE has one
         self._days.clear()
         self.prepare_days()
-        return days + strays
+        return days + single_rows
 
     def _remove_by_tag(self, before_us: int) -> int:
         removed = 0
@@ -228,8 +224,8 @@ class SampleStore:
         return removed
 
     def _prepare(self, batch: SampleBatch) -> frozenset[int]:
-        """See to the partitions of the batch's days; without them it goes where it can. The days
-        that were looked after."""
+        """Create missing partitions for the days of the batch and return these days. Where that
+        fails the samples go into the default partition."""
         if self._transactions.is_sqlite:
             return frozenset()
         days = frozenset(np.unique(np.asarray(batch.at_us) // DAY_US).tolist()) - self._days

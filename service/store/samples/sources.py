@@ -1,4 +1,4 @@
-"""``Sources``: how each source is doing, which files were taken in."""
+"""``Sources``: the state of each source, and the files that were read from watched folders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stemwatch.service.store.samples.tables import SourceStateRow, TakenFileRow
 
 @dataclass(frozen=True, kw_only=True)
 class SourceState:
-    """How a source is doing. ``figures`` are counts, and lateness in seconds (``..._s``)."""
+    """The state of a source. ``figures`` are counts, and lateness in seconds (``..._s``)."""
 
     source: str
     kind: str  # "modbus" or "folder"
@@ -29,7 +29,7 @@ class SourceState:
 
 @dataclass(frozen=True, kw_only=True)
 class TakenFile:
-    """A file of a watched folder. ``note`` says what was understood, or why it was rejected."""
+    """A file of a watched folder. ``note`` says what was read, or why it was rejected."""
 
     digest: str  # sha256 of its bytes, hexadecimal
     name: str
@@ -41,13 +41,13 @@ class TakenFile:
 
 
 class Sources:
-    """States of sources and files that were taken in. Methods raise ``StoreError``."""
+    """States of sources, and files of watched folders. Methods raise ``StoreError``."""
 
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
     def note(self, state: SourceState) -> None:
-        """Keep how a source is doing now, in place of what was said before."""
+        """Store the present state of a source."""
         values = {
             "source": state.source,
             "kind": state.kind,
@@ -62,7 +62,7 @@ class Sources:
             session.execute(upsert(session, SourceStateRow, [values], ("source",)))
 
     def states(self) -> list[SourceState]:
-        """How every source is doing, by name."""
+        """The state of every source, by name."""
         with self._transactions.reading() as session:
             rows = session.scalars(select(SourceStateRow).order_by(SourceStateRow.source))
             return [
@@ -80,13 +80,13 @@ class Sources:
             ]
 
     def taken(self, digest: str) -> TakenFile | None:
-        """The file with these bytes, if it was ever taken in or rejected."""
+        """The file with this digest, if one was read or rejected before."""
         with self._transactions.reading() as session:
             row = session.get(TakenFileRow, digest)
             return None if row is None else _file(row)
 
     def note_taken(self, file: TakenFile) -> None:
-        """Note that a file was taken in or rejected; the last word on the same bytes counts."""
+        """Record that a file was read or rejected; replaces an earlier entry for the same bytes."""
         values = {
             "digest": file.digest,
             "name": file.name,
@@ -100,7 +100,7 @@ class Sources:
             session.execute(upsert(session, TakenFileRow, [values], ("digest",)))
 
     def files(self, source: str | None = None, limit: int = 100) -> list[TakenFile]:
-        """The files that came last, newest first."""
+        """The last files, newest first."""
         statement = select(TakenFileRow).order_by(TakenFileRow.taken.desc()).limit(limit)
         if source is not None:
             statement = statement.where(TakenFileRow.source == source)

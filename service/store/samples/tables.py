@@ -1,8 +1,8 @@
-"""Tables of what comes in while the service runs: samples, and how each source is doing."""
+"""Tables of tags, samples and the states of sources; instants as samples store them."""
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import BigInteger, ForeignKey, SmallInteger, UniqueConstraint
@@ -10,9 +10,22 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from stemwatch.service.store.database.columns import TableBase
 
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND = timedelta(microseconds=1)
+
+
+def microseconds(instant: datetime) -> int:
+    """Microseconds since 1970 UTC."""
+    return (instant - EPOCH) // _MICROSECOND
+
+
+def instant_of(at_us: int) -> datetime:
+    """The instant ``at_us`` microseconds after 1970, in UTC."""
+    return EPOCH + at_us * _MICROSECOND
+
 
 class TagRow(TableBase):
-    """A tag of a source; samples know it by a number."""
+    """A tag of a source; samples refer to it by its number."""
 
     __tablename__ = "tags"
     __table_args__ = (UniqueConstraint("source", "name"),)
@@ -24,14 +37,14 @@ class TagRow(TableBase):
 
 
 class SampleRow(TableBase):
-    """One sample: at most one of each tag and instant, the first that came.
+    """One sample; of several with the same tag and instant the first one is kept.
 
-    ``at_us`` microseconds since 1970 UTC, ``value`` in the tag's unit, ``quality`` of
+    ``at_us`` is microseconds since 1970 UTC, ``value`` in the tag's unit, ``quality`` a
     ``models.recording.Quality``, ``reason_id`` why the sample is not good.
     """
 
     __tablename__ = "samples"
-    # The key is the table: half the size, and a window of a tag is one stretch of it.
+    # Rows lie in the order of the key: half the size, and a tag's window is contiguous.
     __table_args__ = ({"sqlite_with_rowid": False},)
 
     tag_id: Mapped[int] = mapped_column(
@@ -44,7 +57,7 @@ class SampleRow(TableBase):
 
 
 class SampleReasonRow(TableBase):
-    """A sentence that says why samples are bad, kept once."""
+    """A reason why samples are bad, stored once."""
 
     __tablename__ = "sample_reasons"
     __table_args__ = (UniqueConstraint("words"),)
@@ -54,7 +67,7 @@ class SampleReasonRow(TableBase):
 
 
 class SourceStateRow(TableBase):
-    """How a source is doing, as its collector or watcher said last."""
+    """The state of a source, as last reported by its collector or folder watcher."""
 
     __tablename__ = "source_states"
 
@@ -69,7 +82,7 @@ class SourceStateRow(TableBase):
 
 
 class TakenFileRow(TableBase):
-    """A file from a watched folder, by the digest of its bytes."""
+    """A file from a watched folder, identified by the SHA-256 of its bytes."""
 
     __tablename__ = "taken_files"
 

@@ -1,4 +1,4 @@
-"""Which samples of a tag are bad, and why; which tags bring nothing good although they are read."""
+"""Bad samples of a tag and their reasons; tags that are polled but deliver no good sample."""
 
 from __future__ import annotations
 
@@ -9,15 +9,20 @@ from sqlalchemy import and_, func, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.recording import Quality
-from stemwatch.service.store.samples.instants import instant_of, microseconds
-from stemwatch.service.store.samples.tables import SampleReasonRow, SampleRow, TagRow
+from stemwatch.service.store.samples.tables import (
+    SampleReasonRow,
+    SampleRow,
+    TagRow,
+    instant_of,
+    microseconds,
+)
 
-FRESH = timedelta(seconds=60)  # younger than this is a sample of now, not one from the spool
+FRESH = timedelta(seconds=60)  # a tag with a younger sample is being polled now
 
 
 @dataclass(frozen=True, kw_only=True)
 class BadSamples:
-    """Samples of a tag that are not good: how many of how many, and why."""
+    """How many of a tag's samples are bad, with the number for each reason."""
 
     tag: str
     samples: int
@@ -27,7 +32,8 @@ class BadSamples:
 
 @dataclass(frozen=True, kw_only=True)
 class LastGood:
-    """When a tag was last good, ``None`` where it was not, and why it is bad now."""
+    """The instant of a tag's last good sample, ``None`` where there is none, and why its newest
+    sample is bad."""
 
     at: datetime | None
     reason: str | None
@@ -36,13 +42,13 @@ class LastGood:
 def read_bad(
     session: Session, number: int, tag: str, start: datetime, stop: datetime
 ) -> BadSamples:
-    """How many samples of a tag are not good, and the reasons that were noted."""
-    there = and_(
+    """How many samples of a tag are not good, and their reasons."""
+    in_window = and_(
         SampleRow.tag_id == number,
         SampleRow.at_us >= microseconds(start),
         SampleRow.at_us < microseconds(stop),
     )
-    bad = and_(there, SampleRow.quality != int(Quality.GOOD))
+    bad = and_(in_window, SampleRow.quality != int(Quality.GOOD))
     reasons = (
         select(SampleReasonRow.words, func.count())
         .join(SampleRow, SampleRow.reason_id == SampleReasonRow.id)
@@ -52,7 +58,7 @@ def read_bad(
     )
     return BadSamples(
         tag=tag,
-        samples=session.scalar(select(func.count()).where(there)) or 0,
+        samples=session.scalar(select(func.count()).where(in_window)) or 0,
         bad=session.scalar(select(func.count()).where(bad)) or 0,
         reasons=tuple((words, count) for words, count in session.execute(reasons)),
     )
@@ -61,8 +67,8 @@ def read_bad(
 def read_dead_tags(
     session: Session, source: str, limit: timedelta, now: datetime
 ) -> dict[str, int]:
-    """The number of each tag of ``source`` whose samples since ``now - limit`` are all bad, one of
-    the last minute among them: while old samples come from the spool nothing is known of it."""
+    """The number of each tag of ``source`` whose samples since ``now - limit`` are all bad. Tags
+    without a sample of the last minute are left out: theirs may still be waiting in the spool."""
     since = SampleRow.at_us > microseconds(now - limit)
     of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == TagRow.id, since)
     of_tag = of_tag.order_by(SampleRow.at_us.desc()).limit(1).correlate(TagRow)
@@ -75,10 +81,10 @@ def read_dead_tags(
 
 
 def read_last_good(session: Session, number: int, since: datetime) -> LastGood:
-    """The last good sample of a tag after ``since``, and what its newest bad one says."""
-    mine = select(SampleRow.at_us).where(SampleRow.tag_id == number)
+    """The last good sample of a tag after ``since``, and the reason of its newest bad one."""
+    of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == number)
     newest_first = SampleRow.at_us.desc()
-    good = mine.where(SampleRow.quality == 0, SampleRow.at_us > microseconds(since))
+    good = of_tag.where(SampleRow.quality == 0, SampleRow.at_us > microseconds(since))
     last = session.scalar(good.order_by(newest_first).limit(1))
     words = session.scalar(
         select(SampleReasonRow.words)

@@ -1,1 +1,1 @@
-"""Results: valves, runs, what each screening found, and the networks valves are compared with."""
+"""Results as stored: valves, runs, screenings, indicators, baseline networks, maintenance."""

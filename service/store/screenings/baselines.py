@@ -1,4 +1,4 @@
-"""Networks, maintenance and notes, inside a session that the ``Store`` opened."""
+"""Reading and writing networks, maintenance and notes, within a session of the ``Store``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
 
-from stemwatch.service.store.screenings.records import Baseline, Remark
+from stemwatch.service.store.screenings.records import Baseline, Remark, UtcWindow
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import (
     MaintenanceRow,
@@ -18,21 +18,21 @@ from stemwatch.service.store.screenings.tables import (
 
 BASELINE = "baseline"
 FITTED = "fitted"
-Window = tuple[datetime | None, datetime | None]
 
 
 def write_network(
-    session: Session, valve: str, kind: str, network: bytes, window: Window, reason: str
+    session: Session, valve: str, kind: str, network: bytes, window: UtcWindow, reason: str
 ) -> None:
-    """Make ``network`` the active one of its kind. Older baselines stay, older fits do not."""
+    """Make ``network`` the active one of its kind. Older baselines are kept as inactive, older
+    fitted networks are deleted."""
     ensure_valve(session, valve)
-    # Locked, so that of two writers the second waits here and then replaces the first.
+    # The lock makes the second of two writers wait here and then replace the first.
     session.execute(select(ValveRow.id).where(ValveRow.id == valve).with_for_update())
-    same = (NetworkRow.valve == valve, NetworkRow.kind == kind)
+    of_kind = (NetworkRow.valve == valve, NetworkRow.kind == kind)
     if kind == FITTED:
-        session.execute(delete(NetworkRow).where(*same))
+        session.execute(delete(NetworkRow).where(*of_kind))
     else:
-        session.execute(update(NetworkRow).where(*same, NetworkRow.active).values(active=False))
+        session.execute(update(NetworkRow).where(*of_kind, NetworkRow.active).values(active=False))
     session.add(
         NetworkRow(
             valve=valve,
@@ -48,18 +48,12 @@ def write_network(
 
 
 def read_network(session: Session, valve: str, kind: str) -> Baseline | None:
-    """The active network of one kind, with the maintenance since its window."""
+    """The active network of one kind, with the first maintenance after its window."""
     statement = select(NetworkRow).where(
         NetworkRow.valve == valve, NetworkRow.kind == kind, NetworkRow.active
     )
     row = session.scalar(statement)
     return None if row is None else _baseline(session, row)
-
-
-def read_baselines(session: Session, valve: str) -> list[Baseline]:
-    """Every baseline that the valve had, oldest first."""
-    rows = select(NetworkRow).where(NetworkRow.valve == valve, NetworkRow.kind == BASELINE)
-    return [_baseline(session, row) for row in session.scalars(rows.order_by(NetworkRow.id))]
 
 
 def write_remark(session: Session, table: type[RemarkRow], remark: Remark) -> None:
@@ -82,7 +76,6 @@ def _baseline(session: Session, row: NetworkRow) -> Baseline:
         created=row.created,
         window=(row.window_start, row.window_end),
         reason=row.reason,
-        active=row.active,
         maintenance=_first_maintenance(session, row.valve, row.window_end or row.created),
     )
 

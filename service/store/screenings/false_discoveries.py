@@ -1,9 +1,8 @@
-"""What is stored of false-discovery control over a run.
+"""False-discovery control over a run, as stored: p values of its screenings, and remarks.
 
-Which screenings could have shown an effect, and the remark beside one whose named effects do not
-stand among all valves of its run. Which of them stand is decided in ``alerts.held_back``. The
-remark is a key beside the fields of the mismatch in its JSON column: what was found stays as it was
-found.
+Which effects stand is decided in ``service.run.finish``. A screening whose named effects do not
+stand gets a remark, stored as one more key in the JSON of its mismatch, which is not changed
+otherwise.
 """
 
 from __future__ import annotations
@@ -32,21 +31,21 @@ class TestedScreening:
 
 
 def remark_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
-    """The sentence in SQL, without the rest of the long column, and of the few that are named only;
-    null where there is none. ``of`` is the table of screenings or an alias of it."""
+    """The remark as an SQL column, read only for screenings with named effects, since the JSON is
+    long; NULL where there is none. ``of`` is the table of screenings or an alias of it."""
     kept = type_coerce(of.mismatch, JSON)[KEY].as_string()
     named = of.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
     return case((named, kept), else_=None).label(KEY)
 
 
 def remark_of(stored: Any) -> str:
-    """The sentence that says so; empty where the effects stand, or where nothing was named."""
-    said = stored.get(KEY) if isinstance(stored, dict) else None
-    return said if isinstance(said, str) else ""
+    """The remark in a stored mismatch; empty where the effects stand or nothing was named."""
+    remark = stored.get(KEY) if isinstance(stored, dict) else None
+    return remark if isinstance(remark, str) else ""
 
 
 def read_tested(session: Session, run_id: int) -> list[TestedScreening]:
-    """The screenings of a run that could have shown an effect, by their numbers."""
+    """The screenings of a run in which an effect could have been found, sorted by number."""
     p_value = type_coerce(ScreeningRow.mismatch, JSON)["p_value"].as_float()
     rows = (
         select(ScreeningRow.id, ScreeningRow.valve, ScreeningRow.mismatch_slugs, p_value)
@@ -66,7 +65,7 @@ def read_tested(session: Session, run_id: int) -> list[TestedScreening]:
 
 
 def write_remarks(session: Session, marks: Mapping[int, str]) -> None:
-    """Write the remarks that are not there yet, and take away those that no longer hold."""
+    """Write new remarks, and remove those that are now empty."""
     rows = select(ScreeningRow).where(ScreeningRow.id.in_(list(marks))).with_for_update()
     for row in session.scalars(rows):
         kept = row.mismatch

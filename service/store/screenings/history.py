@@ -1,4 +1,4 @@
-"""One valve over time: the numbers of a screening, S and J over months, its baselines."""
+"""One valve over time: S and J of its screenings, its baselines, the indicators of a screening."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class HistoryPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineMark:
-    """A baseline that the valve has or had, without its network. ``at`` ends its window."""
+    """A present or former baseline without its network. ``at`` is the end of its window."""
 
     id: int
     at: datetime
@@ -58,22 +58,6 @@ def read_indicators(session: Session, screening: int) -> Mapping[str, TrendPoint
         row.name: TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
         for row in session.scalars(rows.order_by(IndicatorRow.name))
     }
-
-
-def read_trend(
-    session: Session, valve: str, indicator: str, since: datetime | None
-) -> list[TrendPoint]:
-    """One indicator of one valve over time, oldest first."""
-    statement = select(IndicatorRow).where(
-        IndicatorRow.valve == valve, IndicatorRow.name == indicator
-    )
-    if since is not None:
-        statement = statement.where(IndicatorRow.at >= since)
-    rows = session.scalars(statement.order_by(IndicatorRow.at, IndicatorRow.screening_id))
-    return [
-        TrendPoint(at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit)
-        for row in rows
-    ]
 
 
 def read_history(session: Session, valve: str, since: datetime | None = None) -> list[HistoryPoint]:

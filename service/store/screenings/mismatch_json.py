@@ -1,5 +1,5 @@
-"""Frozen dataclasses as JSON and back, by their type hints; for what is kept whole and not asked
-for by its parts."""
+"""A ``Mismatch`` as JSON and back, by the type hints of its dataclasses. It is stored as a whole,
+since nothing queries its parts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Value = TypeVar("Value")
 
 
 def mismatch_json(mismatch: Mismatch | None) -> dict[str, Any] | None:
-    """All of a mismatch but the samples of its free runs."""
+    """The mismatch as JSON, without the samples of its free runs."""
     if mismatch is None:
         return None
     packed: dict[str, Any] = pack(replace(mismatch, runs=None))
@@ -24,7 +24,7 @@ def mismatch_json(mismatch: Mismatch | None) -> dict[str, Any] | None:
 
 
 def mismatch_of(stored: Any) -> Mismatch | None:
-    """What ``mismatch_json`` made; ``None`` for what another version wrote in another form."""
+    """The mismatch from its JSON; ``None`` for a form written by another version."""
     if not isinstance(stored, dict):
         return None
     try:
@@ -34,7 +34,7 @@ def mismatch_of(stored: Any) -> Mismatch | None:
 
 
 def pack(value: Any) -> Any:
-    """``value`` in the types of JSON. Dataclasses become objects by their fields."""
+    """``value`` in the types of JSON. Dataclasses become objects with a key for each field."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: pack(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Enum):
@@ -47,12 +47,12 @@ def pack(value: Any) -> Any:
 
 
 def unpack(kind: type[Value], packed: Any) -> Value:
-    """A ``kind`` from what ``pack`` made of one; fields that are not there keep their defaults.
+    """The inverse of ``pack`` for a value of type ``kind``; missing fields keep their defaults.
 
-    Raises ``TypeError``, ``ValueError`` or ``KeyError`` where ``packed`` is no ``kind``.
+    Raises ``TypeError``, ``ValueError`` or ``KeyError`` where ``packed`` does not fit ``kind``.
     """
-    made: Value = _unpack(kind, packed)
-    return made
+    value: Value = _unpack(kind, packed)
+    return value
 
 
 def _unpack(kind: Any, packed: Any) -> Any:
@@ -72,7 +72,7 @@ def _unpack(kind: Any, packed: Any) -> Any:
         return kind(**{key: _unpack(hints[key], packed[key]) for key in packed if key in hints})
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(packed)
-    # A number that was not finite came back as null.
+    # Numbers that are not finite are stored as null.
     return float("nan") if kind is float and packed is None else packed
 
 

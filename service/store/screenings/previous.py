@@ -1,8 +1,7 @@
-"""What was said of a valve before: the one question behind trend, "since when" and ranking.
+"""The previous result of a valve, for trends, "since when" and the ranking.
 
-Earlier means: of another window, and for an instant before. A screening whose source does not tell
-its dates speaks for the instant at which it was saved; the same source again is the same window and
-therefore not earlier.
+A screening is earlier if it is of another window and its instant ``at`` is before. Where the source
+has no dates, ``at`` is the time of saving; the same source read again is the same window.
 """
 
 from __future__ import annotations
@@ -24,10 +23,10 @@ from stemwatch.service.store.screenings.tables import ScreeningRow
 def read_previous(
     session: Session, screening: Screening, limit: int, now: datetime | None = None
 ) -> list[PreviousFinding]:
-    """What was said before ``screening``, newest first, at most ``limit``.
+    """The results before ``screening``, newest first, at most ``limit``.
 
-    Before the end of its window; where it has no dates, before ``now``, or where that is not given
-    either, before it was saved itself.
+    "Before" refers to the end of its window; without dates to ``now``, and without ``now`` to the
+    time at which it was saved itself.
     """
     table = ScreeningRow
     key = window_key(screening)
@@ -45,8 +44,8 @@ def read_previous(
 
 
 def read_previous_of(session: Session, screenings: Sequence[int]) -> dict[int, PreviousFinding]:
-    """What was said last before each of these screenings, by their numbers; those that have
-    nothing before them are left out. One statement for a page of valves."""
+    """The previous result of each of these screenings, by number, in one statement for a page of
+    valves; those without an earlier one are left out."""
     if not screenings:
         return {}
     now, before, inner = aliased(ScreeningRow), aliased(ScreeningRow), aliased(ScreeningRow)

@@ -1,4 +1,7 @@
-"""The ranking: a page of valves, filtered in SQL, in the order and with the numbers of reports."""
+"""The ranking of the pages: valves with their latest screening, filtered, sorted and paged.
+
+Severity and state of work are decided by the presenter, as in reports.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ PAGE = 50
 MOST_PAGE = 500
 NOT_SCREENED = "none"
 SORTS = ("rank", "valve", "area", "criticality", "S", "J", "severity", "confidence", "at", "grade")
-# What reads best from its large end.
+# Columns that are sorted with the largest value first by default.
 LARGEST_FIRST = ("criticality", "S", "J", "severity", "confidence", "at")
 
 
@@ -54,8 +57,8 @@ class RankingFilter:
 
 @dataclass(frozen=True, kw_only=True)
 class RankingLine:
-    """A valve in the ranking; ``verdict`` is on the valve, ``stem_verdict`` by S and J alone, both
-    ``None`` where it was not screened yet. ``confidence`` is that in ``stem_verdict``."""
+    """A valve in the ranking. ``verdict`` is on the valve, ``stem_verdict`` by S and J alone, both
+    ``None`` where it has not been screened. ``confidence`` is that in ``stem_verdict``."""
 
     place: int
     valve: str
@@ -72,12 +75,12 @@ class RankingLine:
     S: Estimate
     J: Estimate
     left_out: tuple[str, ...]
-    held_back: bool  # what was left out does not stand among all valves of its run
+    held_back: bool  # the named effects do not stand among all valves of the run
     previous: PreviousFinding | None
 
     @property
     def state(self) -> WorkState | None:
-        """Where the valve stands with maintenance; ``None`` where it was not screened yet."""
+        """Whether the valve needs work; ``None`` where it has not been screened."""
         return None if self.verdict is None else STATE_OF[self.verdict]
 
     @property
@@ -88,15 +91,15 @@ class RankingLine:
 
 @dataclass(frozen=True, kw_only=True)
 class RankingPage:
-    """One page, and how many valves there are of each verdict and in each state of work before the
-    filter of the verdict."""
+    """One page of the ranking. ``counts`` by verdict and ``states`` by state of work count the
+    valves before the filter by verdict."""
 
     lines: tuple[RankingLine, ...]
     counts: Mapping[str, int]
     states: Mapping[WorkState, int]
     total: int
     areas: tuple[str, ...]
-    largest_percent: float  # the largest S or J of all that is wanted, for the bars
+    largest_percent: float  # the largest S or J of all filtered valves, the scale of the bars
 
 
 def _joined(*columns: Any) -> Select[Any]:
@@ -105,7 +108,7 @@ def _joined(*columns: Any) -> Select[Any]:
 
 
 def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
-    """Every filter but that of the verdict, before which the verdicts are counted."""
+    """All filters except that by verdict, which is applied after the verdicts are counted."""
     conditions: list[ColumnElement[bool]] = []
     for word in wanted.text.split():
         named = (ValveRow.id, ValveRow.description, ValveRow.area)
@@ -118,11 +121,11 @@ def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
 
 
 def _deciding() -> tuple[Any, ...]:
-    """The columns that decide on work and order; long ones only of the rows where they matter.
+    """The columns from which state of work and order are decided.
 
-    ``named`` has the effects that stand: those of a screening whose remark says that they are held
-    back are no finding. The remark is looked up only where something was named, and the reason
-    only where there is no verdict.
+    ``named`` holds the effects that stand, so none where the remark says that they are held back.
+    Long columns are read only where needed: the remark where an effect was named, the reason where
+    there is no verdict.
     """
     held_back = func.coalesce(remark_column(), "") != ""
     named = ScreeningRow.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
@@ -155,8 +158,8 @@ _SORTED_IN_SQL: dict[str, Any] = {
 
 
 def _decided(row: Any) -> tuple[Verdict | None, float]:
-    """Verdict on the valve and severity of a row with ``_DECIDING``, as every output decides them;
-    ``None`` and 0 where the valve was not screened yet."""
+    """Verdict on the valve and severity of a row with the columns of ``_deciding``, as in every
+    report; ``None`` and 0 where the valve has not been screened."""
     if row.verdict is None:
         return None, 0.0
     verdict, named = Verdict(row.verdict), tuple(row.named or ())
@@ -174,29 +177,29 @@ def _decided(row: Any) -> tuple[Verdict | None, float]:
 def _in_order(
     rows: Sequence[Any], wanted: RankingFilter
 ) -> list[tuple[Any, Verdict | None, float]]:
-    """The rows, sorted by the database where it can, with verdict and severity of each; what is
-    equal there stands worst first."""
+    """The rows in the wanted order, each with verdict and severity. Where the database has sorted
+    them, rows with equal values are ordered worst first."""
     decided = {row.id: _decided(row) for row in rows}
 
-    def gravity(row: Any) -> tuple[int, float]:
+    def urgency(row: Any) -> tuple[int, float]:
         verdict, severity = decided[row.id]
         if verdict is None:
             return len(WORST_FIRST), 0.0
         return WORST_FIRST.index(verdict), -severity
 
     def worst_first(row: Any) -> tuple[Any, ...]:
-        return *gravity(row), -row.criticality
+        return *urgency(row), -row.criticality
 
     ordered: list[Any] = []
     if wanted.sort in _SORTED_IN_SQL:
-        for _, alike in groupby(rows, key=lambda row: row.sorted_by):
-            ordered += sorted(alike, key=worst_first)
+        for _, equal_rows in groupby(rows, key=lambda row: row.sorted_by):
+            ordered += sorted(equal_rows, key=worst_first)
     elif wanted.sort == "severity":
-        turn = -1.0 if wanted.descending else 1.0
+        sign = -1.0 if wanted.descending else 1.0
         ordered = sorted(rows, key=worst_first)
-        ordered.sort(key=lambda row: (row.verdict is None, turn * decided[row.id][1]))
+        ordered.sort(key=lambda row: (row.verdict is None, sign * decided[row.id][1]))
     elif wanted.descending:
-        ordered = sorted(rows, key=gravity, reverse=True)
+        ordered = sorted(rows, key=urgency, reverse=True)
     else:
         ordered = sorted(rows, key=worst_first)
     return [(row, *decided[row.id]) for row in ordered]
@@ -229,18 +232,18 @@ _COLUMNS = (
 def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     """One page of the ranking.
 
-    The latest screenings are looked up once, with the little that order and counts need; the rest
-    is read of the lines that are shown. Texts are compared by the database.
+    All latest screenings are read with the few columns that order and counts need; the other
+    columns only for the lines of the page. Texts are compared by the database.
     """
     column = _SORTED_IN_SQL.get(wanted.sort, literal(0))
-    way = column.desc() if wanted.descending else column.asc()
+    direction = column.desc() if wanted.descending else column.asc()
     statement = _joined(*_deciding(), column.label("sorted_by")).where(*_conditions(wanted))
-    statement = statement.order_by(way.nulls_last(), ValveRow.id)
+    statement = statement.order_by(direction.nulls_last(), ValveRow.id)
     counts = dict.fromkeys([*(verdict.value for verdict in WORST_FIRST), NOT_SCREENED], 0)
     chosen: list[tuple[str, int | None, float]] = []
     states = dict.fromkeys(WorkState, 0)
     largest = 0.0
-    # Past the session, whose rows cost several times as much: here are all valves there are.
+    # Not through the session, whose rows cost several times as much: these are all valves.
     rows = session.connection().execute(statement).all()
     for row, verdict, severity in _in_order(rows, wanted):
         word = NOT_SCREENED if verdict is None else verdict.value
@@ -282,8 +285,8 @@ def _lines(
 
 def read_areas(session: Session) -> tuple[str, ...]:
     """The areas that valves are in, by name."""
-    every = session.scalars(select(ValveRow.area).distinct().order_by(ValveRow.area))
-    return tuple(area for area in every if area)
+    areas = session.scalars(select(ValveRow.area).distinct().order_by(ValveRow.area))
+    return tuple(area for area in areas if area)
 
 
 def read_valves_in(session: Session, area: str) -> list[str]:

@@ -1,5 +1,5 @@
-"""The last screenings of many valves at once: a few queries for hundreds of valves, and of each
-valve's years no more than is asked for."""
+"""The last screenings of many valves at once, in a few queries whose time does not grow with the
+number of stored screenings."""
 
 from __future__ import annotations
 
@@ -51,17 +51,17 @@ _COLUMNS = (
 def read_recent(
     session: Session, valves: Sequence[str], depth: int, indicator: str
 ) -> dict[str, RecentOfValve]:
-    """The last ``depth`` screenings of each of ``valves``; a few hundred valves at a time, since
-    one statement names all of them."""
+    """The last ``depth`` screenings of each of ``valves``; at most a few hundred valves at a time,
+    since one statement names them all."""
     judged = _last(session, valves, depth)
-    before = _at_baseline(session, valves)
+    at_baseline = _at_baseline(session, valves)
     numbers = [screening.id for many in judged.values() for screening in many]
     values = read_indicator(session, indicator, numbers)
     worked_at = _worked_at(session, valves)
     return {
         valve: RecentOfValve(
             screenings=(many := judged.get(valve, [])),
-            at_baseline=before.get(valve),
+            at_baseline=at_baseline.get(valve),
             indicator={judged.id: values[judged.id] for judged in many if judged.id in values},
             worked_at=worked_at.get(valve, ()),
         )
@@ -70,19 +70,19 @@ def read_recent(
 
 
 def read_work_without_note(session: Session, valves: Sequence[str], writer: str) -> list[str]:
-    """Those of ``valves`` whose last maintenance has no note of ``writer`` at its instant."""
+    """Those of ``valves`` whose last maintenance has no note by ``writer`` at its instant."""
     work = select(MaintenanceRow.valve, MaintenanceRow.at).order_by(MaintenanceRow.at)
     rows = session.execute(work.where(MaintenanceRow.valve.in_(valves)))
-    last = {valve: at for valve, at in rows}  # of several the last one stays
+    last = {valve: at for valve, at in rows}  # rows are in order of time: the last one remains
     notes = select(NoteRow.valve, NoteRow.at).where(
         NoteRow.who == writer, NoteRow.valve.in_(list(last))
     )
-    said = {(valve, at) for valve, at in session.execute(notes)} if last else set()
-    return [valve for valve in valves if valve in last and (valve, last[valve]) not in said]
+    noted = {(valve, at) for valve, at in session.execute(notes)} if last else set()
+    return [valve for valve in valves if valve in last and (valve, last[valve]) not in noted]
 
 
 def _worked_at(session: Session, valves: Sequence[str]) -> dict[str, list[datetime]]:
-    """When each of ``valves`` was worked on, where it was."""
+    """The instants of maintenance of each of ``valves`` that has any."""
     worked: dict[str, list[datetime]] = {}
     work = select(MaintenanceRow.valve, MaintenanceRow.at).where(MaintenanceRow.valve.in_(valves))
     for valve, at in session.execute(work):
@@ -93,12 +93,12 @@ def _worked_at(session: Session, valves: Sequence[str]) -> dict[str, list[dateti
 def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list[JudgedScreening]]:
     """The last ``depth`` screenings of each valve, newest first.
 
-    Their numbers come from the index, one short look for each, so that the time does not grow with
-    the years stored; what they name is read of the newest alone.
+    Their numbers come from one index seek each, so that the time does not grow with the years
+    stored; the mismatch is read for the newest one only.
     """
-    looks = [latest_screening_id(before=n).label(f"back_{n}") for n in range(depth)]
-    looked = session.execute(select(ValveRow.id, *looks).where(ValveRow.id.in_(valves)))
-    order = {valve: [number for number in ids if number is not None] for valve, *ids in looked}
+    seeks = [latest_screening_id(before=n).label(f"back_{n}") for n in range(depth)]
+    ids_of = session.execute(select(ValveRow.id, *seeks).where(ValveRow.id.in_(valves)))
+    order = {valve: [number for number in ids if number is not None] for valve, *ids in ids_of}
     numbers = [number for ids in order.values() for number in ids]
     rows = select(*_COLUMNS).where(ScreeningRow.id.in_(numbers))
     by_number = {row.id: row for row in session.execute(rows)}
@@ -113,7 +113,7 @@ def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list
 
 
 def _newest(rows: Sequence[Any]) -> int | None:
-    """The newest screening with a verdict, where it names something."""
+    """The number of the newest screening with a verdict, if it names an effect."""
     for row in rows:
         if row.verdict != Verdict.UNDETERMINED.value:
             return int(row.id) if row.mismatch_finding == _NAMED else None

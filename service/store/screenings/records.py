@@ -1,4 +1,4 @@
-"""What the store gives back: plain frozen values, no rows and no sessions."""
+"""Frozen values that the store returns: valves, runs, screenings, baselines, remarks."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from stemwatch.models.screening_result import DataQuality, Residual
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 
+UtcWindow = tuple[datetime | None, datetime | None]  # start and end, where known
+
 
 class DescribedValve(Protocol):
-    """What the store keeps of a valve; a plant file's ``Valve`` is one."""
+    """A valve's description as the store needs it; the plant file's ``Valve`` fulfils it."""
 
     @property
     def id(self) -> str: ...
@@ -40,31 +42,31 @@ class StoredValve:
 
 
 class RunState(StrEnum):
-    """Where a run is between being due and being over."""
+    """The state of a run."""
 
     WAITING = "waiting"
     RUNNING = "running"
     DONE = "done"
     CANCELLED = "cancelled"
-    FAILED = "failed"  # it could not be worked on at all; the reason says why
-    SKIPPED = "skipped"  # the schedule's run before was not over
+    FAILED = "failed"  # an error ended it; ``reason`` says which
+    SKIPPED = "skipped"  # the previous run of the schedule was not over
 
 
 class ValveState(StrEnum):
-    """What became of one valve of a run."""
+    """The state of one valve of a run."""
 
     PENDING = "pending"
     DONE = "done"
-    SET_ASIDE = "set_aside"  # it failed or took too long; the reason says which
+    SET_ASIDE = "set_aside"  # it failed or took too long; ``reason`` says which
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredRun:
-    """One run; ``finished`` is ``None`` while it waits or goes on, or where it was cut short.
+    """One run; ``finished`` is ``None`` while it waits or runs, or where it was interrupted.
 
-    ``schedule`` and ``due`` are ``None`` for a run that ``who`` asked for. ``done`` of ``total``
-    valves are done, ``set_aside`` of them without a result. ``asked`` names the valves where it is
-    not what the schedule says. ``report`` is the folder of its report.
+    ``schedule`` and ``due`` are ``None`` for a run that ``who`` requested. ``done`` of ``total``
+    valves are done, ``set_aside`` of them without a result. ``asked`` names the requested valves;
+    empty where the schedule decides. ``report`` is the folder of its report.
     """
 
     id: int
@@ -77,7 +79,7 @@ class StoredRun:
     state: RunState = RunState.DONE
     schedule: str | None = None
     due: datetime | None = None
-    window: tuple[datetime | None, datetime | None] = (None, None)
+    window: UtcWindow = (None, None)
     asked: tuple[str, ...] = ()
     who: str = ""
     total: int = 0
@@ -89,8 +91,8 @@ class StoredRun:
     report: str | None = None
 
     def left_s(self, now: datetime) -> float | None:
-        """Seconds to go if the valves that are left take as long as those that are done; ``None``
-        where nothing tells."""
+        """Estimated seconds until the end, from the time that the finished valves took; ``None``
+        before the first one is done."""
         if self.state is not RunState.RUNNING or not 0 < self.done <= self.total:
             return None
         return (now - self.started).total_seconds() * (self.total - self.done) / self.done
@@ -98,8 +100,8 @@ class StoredRun:
 
 @dataclass(frozen=True, kw_only=True)
 class EarlierCurve:
-    """The curve from OP to stroke of one window, UTC; ``None`` where OP was percent for percent of
-    travel."""
+    """The curve from OP to stroke found in one window (UTC); ``None`` where travel was
+    proportional to OP."""
 
     start: datetime
     end: datetime
@@ -108,18 +110,18 @@ class EarlierCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredScreening:
-    """A ``Screening`` as it was saved: everything but samples, traces and the network.
+    """A ``Screening`` as it was saved: everything except samples, traces and the network.
 
-    ``at`` is the instant it speaks for: the end of its window, or when it was saved where the
-    source does not tell its dates. A residual's number that was not finite comes back as NaN.
-    ``baseline_id`` is the baseline that its indicators refer to (``Baseline.id``). ``held_back``
-    says why ``mismatch`` does not stand among all valves of its run; empty where it does.
+    ``at`` is the end of its window, or the time of saving where the source has no dates. Residuals
+    that were not finite are NaN. ``baseline_id`` is the baseline that the indicators refer to
+    (``Baseline.id``). ``held_back`` says why the named effects do not stand among all valves of the
+    run; empty where they do.
     """
 
     id: int
     valve: str
     run_id: int
-    window: tuple[datetime | None, datetime | None]
+    window: UtcWindow
     at: datetime
     verdict: Verdict
     reason: str
@@ -144,15 +146,15 @@ class StoredScreening:
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedScreening:
-    """What the rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
+    """What the alert rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
 
-    ``named``: an effect beside S and J has a name and stands among all valves of the run;
-    ``mismatch`` holds its words, of the newest screening alone.
+    ``named``: an effect beside S and J was named and stands among all valves of the run;
+    ``mismatch`` describes it, and is read for the newest screening only.
     """
 
     id: int
     run_id: int
-    window: tuple[datetime | None, datetime | None]
+    window: UtcWindow
     verdict: Verdict
     reason: str
     advice: str
@@ -165,11 +167,10 @@ class JudgedScreening:
 
 @dataclass(frozen=True, kw_only=True)
 class RecentOfValve:
-    """The last screenings of one valve, newest first, with what they are compared with.
+    """The last screenings of one valve, newest first, and what alert rules compare them with.
 
-    ``at_baseline`` is S in the baseline's window, percent of OP span; ``indicator`` one indicator
-    of each screening that has it, by the screening's id; ``worked_at`` when the valve was worked
-    on.
+    ``at_baseline`` is S in the baseline's window, percent of OP span; ``indicator`` the values of
+    one indicator by screening id; ``worked_at`` the instants of maintenance.
     """
 
     screenings: Sequence[JudgedScreening] = ()
@@ -179,16 +180,9 @@ class RecentOfValve:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ranked:
-    """One line of the ranking: a valve and its latest screening."""
-
-    valve: StoredValve
-    screening: StoredScreening
-
-
-@dataclass(frozen=True, kw_only=True)
 class TrendPoint:
-    """One number of one screening; ``value`` is ``None`` where there was no finite one."""
+    """The value of an indicator at one screening, ``None`` where it was not finite, with its
+    interval."""
 
     at: datetime
     value: float | None
@@ -199,7 +193,7 @@ class TrendPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Remark:
-    """A note on a valve, or work done on it."""
+    """A note about a valve, or maintenance of it."""
 
     valve: str
     at: datetime
@@ -209,21 +203,20 @@ class Remark:
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
-    """The network a valve is compared with. ``maintenance`` is the first work on the valve after
-    the baseline's window: from then on the baseline describes a valve that is no more."""
+    """The network a valve is compared with. ``maintenance`` is the first maintenance after the
+    baseline's window; from then on the baseline no longer describes the valve."""
 
     valve: str
     network: bytes
     created: datetime
-    window: tuple[datetime | None, datetime | None]
+    window: UtcWindow
     reason: str
     maintenance: Remark | None = None
     id: int = 0
-    active: bool = True
 
     @property
     def note(self) -> str:
-        """Which baseline this is, in one sentence."""
+        """The baseline's reason, window and outdating maintenance, in one sentence."""
         text = f"Baseline: {self.reason}, {_span(self.window, self.created)}"
         if self.maintenance is None:
             return f"{text}."
@@ -241,13 +234,13 @@ class SaveFailure:
 
 @dataclass(frozen=True, kw_only=True)
 class SaveReport:
-    """What became of many screenings."""
+    """How many screenings were saved, and which were not."""
 
     saved: int
     failures: tuple[SaveFailure, ...] = ()
 
 
-def _span(window: tuple[datetime | None, datetime | None], created: datetime) -> str:
+def _span(window: UtcWindow, created: datetime) -> str:
     start, end = window
     if start is None or end is None:
         return f"of unknown date, stored {_day(created)}"

@@ -1,4 +1,4 @@
-"""Stored screenings as ``Screening``, the noun that reports and pages are made from."""
+"""Stored screenings as ``Screening``, from which reports and pages are made."""
 
 from __future__ import annotations
 
@@ -20,23 +20,21 @@ from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 
 @dataclass(frozen=True, kw_only=True)
 class Restored(Screening):
-    """A screening as the store has it: without its samples, but with its window."""
+    """A screening from the store: without samples, with its window."""
 
     stored_window: tuple[datetime | None, datetime | None] = (None, None)
 
     @property
     def window(self) -> tuple[datetime | None, datetime | None]:
-        """UTC start and end, ``None`` where the source did not tell."""
+        """UTC start and end, ``None`` where the source has no dates."""
         return self.stored_window
 
 
 def screening_of(
     stored: StoredScreening, indicators: Mapping[str, Indicator] | None = None
 ) -> Restored:
-    """A stored screening, with its indicators where they are wanted and were read.
-
-    Samples, traces and networks are not kept with it.
-    """
+    """A stored screening as ``Screening``, without samples, traces and network; with ``indicators``
+    where the caller has read them."""
     return Restored(
         valve=stored.valve,
         verdict=stored.verdict,
@@ -78,15 +76,15 @@ def _restored(session: Session, which: ColumnElement[bool]) -> list[Restored]:
 
 
 def _of_row(row: ScreeningRow) -> Restored:
-    """The row as a screening. A healthy valve on which nothing was named gets no page: of its
-    mismatch only the verdict counts, and reading all of it for thousands takes long."""
+    """The row as a screening. For a healthy valve without a named effect, which gets no page, only
+    the finding of the mismatch is read: parsing all of it for thousands of valves is slow."""
     if row.verdict != Verdict.HEALTHY.value or row.mismatch_slugs:
         return screening_of(stored_screening(row))
-    light = screening_of(stored_screening(row, with_mismatch=False))
+    restored = screening_of(stored_screening(row, with_mismatch=False))
     if row.mismatch_finding is None:
-        return light
-    numbers = Stiction(S=light.S, J=light.J)
+        return restored
+    numbers = Stiction(S=restored.S, J=restored.J)
     mismatch = Mismatch(
         finding=Finding(row.mismatch_finding), sentence="", naive=numbers, restated=numbers
     )
-    return replace(light, mismatch=mismatch)
+    return replace(restored, mismatch=mismatch)

@@ -1,4 +1,4 @@
-"""From a ``Screening`` to the columns of its row, and back."""
+"""A ``Screening`` as columns of its row, and rows as the values of ``records``."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from stemwatch.service.store.storable import clean_text, finite
 
 
 def window_key(screening: Screening) -> str:
-    """What makes two screenings of one valve the same one: ``start|end`` in UTC where known,
-    otherwise the digest of the source, otherwise that of its name."""
+    """The key of a screening's window: ``start|end`` in UTC where known, else the digest of the
+    source, else the digest of its name. The same key replaces the stored screening."""
     start, end = screening.window
     if start is not None and end is not None:
         return f"{start.astimezone(UTC).isoformat()}|{end.astimezone(UTC).isoformat()}"
@@ -37,7 +37,7 @@ def window_key(screening: Screening) -> str:
 
 
 def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
-    """The columns of ``screenings`` that the screening itself decides."""
+    """The columns of ``screenings`` that follow from the screening itself."""
     start, end = screening.window
     return {
         "valve": screening.valve,
@@ -87,7 +87,7 @@ def indicator_columns(
 
 
 def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> StoredScreening:
-    """The row as a plain value; without the mismatch where thousands are read at once."""
+    """The row as ``StoredScreening``; ``with_mismatch=False`` saves time for thousands of rows."""
     return StoredScreening(
         id=row.id,
         valve=row.valve,
@@ -117,7 +117,7 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
 
 
 def stored_valve(row: ValveRow) -> StoredValve:
-    """The row as a plain value."""
+    """The row as ``StoredValve``."""
     return StoredValve(
         id=row.id, description=row.description, area=row.area, criticality=row.criticality
     )
@@ -145,13 +145,13 @@ def _provenance(row: ScreeningRow) -> Provenance:
 
 def _estimate_columns(name: str, estimate: Estimate) -> dict[str, float | str | None]:
     value = finite(estimate.value)
-    reason, broken = estimate.reason, estimate.value is not None and value is None
-    if broken:
+    reason, not_finite = estimate.reason, estimate.value is not None and value is None
+    if not_finite:
         reason = f"the estimate was not a finite number ({estimate.value})"
     return {
         f"{name}_percent": value,
-        f"{name}_low_percent": None if broken else finite(estimate.low),
-        f"{name}_high_percent": None if broken else finite(estimate.high),
+        f"{name}_low_percent": None if not_finite else finite(estimate.low),
+        f"{name}_high_percent": None if not_finite else finite(estimate.high),
         f"{name}_reason": reason,
     }
 
@@ -187,7 +187,7 @@ def _number(stored: float | None) -> float:
 
 
 def stored_run(run: RunRow) -> StoredRun:
-    """The row as a plain value."""
+    """The row as ``StoredRun``."""
     return StoredRun(
         id=run.id,
         started=run.started,

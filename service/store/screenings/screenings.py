@@ -1,4 +1,4 @@
-"""Writing and reading screenings, inside a session that the ``Store`` opened."""
+"""Reading and writing valves and screenings, within a session of the ``Store``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import ScalarSelect, Select, and_, delete, func, insert, not_, select
-from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, defer
+from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import Screening
@@ -20,7 +20,6 @@ from stemwatch.service.store.screenings.mismatch_json import mismatch_of
 from stemwatch.service.store.screenings.records import (
     DescribedValve,
     EarlierCurve,
-    Ranked,
     StoredScreening,
     StoredValve,
 )
@@ -32,14 +31,14 @@ from stemwatch.service.store.screenings.rows import (
 )
 from stemwatch.service.store.screenings.tables import IndicatorRow, RunRow, ScreeningRow, ValveRow
 
-CURVE = "stroke_curve"  # of a stored mismatch
+CURVE = "stroke_curve"  # key in the JSON of a mismatch
 _IN_ONE_STATEMENT = 500  # SQLite takes 32766 parameters
 
 
 def write_screening(
     session: Session, screening: Screening, run_id: int, baseline_id: int | None = None
 ) -> int:
-    """Write one screening with its indicators, replacing what is there of the same window."""
+    """Write one screening with its indicators; replaces one of the same window."""
     run = session.get(RunRow, run_id)
     if run is None:
         raise StoreError(f"run {run_id} is not in the store; begin_run gives the number of one")
@@ -61,13 +60,13 @@ def write_screening(
 
 
 def ensure_valve(session: Session, valve: str) -> None:
-    """A row for the valve, where there is none; what is known of it already stays."""
+    """Add a row for the valve where there is none; an existing one is not changed."""
     values = {"id": valve, "description": "", "area": "", "criticality": 2}
     session.execute(upsert(session, ValveRow, [values], ("id",), update=False))
 
 
 def write_valves(session: Session, valves: Iterable[DescribedValve]) -> None:
-    """Keep what the plant file says of each valve now; the last one of several with one id."""
+    """Store the description of each valve; of several with one id the last one counts."""
     values = {
         valve.id: {
             "id": valve.id,
@@ -77,7 +76,7 @@ def write_valves(session: Session, valves: Iterable[DescribedValve]) -> None:
         }
         for valve in valves
     }
-    rows = [values[valve] for valve in sorted(values)]  # in one order, against deadlocks
+    rows = [values[valve] for valve in sorted(values)]  # always in this order, against deadlocks
     for first in range(0, len(rows), _IN_ONE_STATEMENT):
         part = rows[first : first + _IN_ONE_STATEMENT]
         session.execute(upsert(session, ValveRow, part, ("id",)))
@@ -89,33 +88,33 @@ def read_valves(session: Session) -> list[StoredValve]:
 
 
 def is_known(session: Session, valve: str) -> bool:
-    """Whether there is a valve of this id."""
+    """Whether there is a valve with this id."""
     return session.scalar(select(ValveRow.id).where(ValveRow.id == valve)) is not None
 
 
 def read_valve(session: Session, valve: str) -> StoredValve | None:
-    """The valve of this id."""
+    """The valve with this id."""
     row = session.get(ValveRow, valve)
     return None if row is None else stored_valve(row)
 
 
 def read_curves(session: Session, valve: str, limit: int) -> list[EarlierCurve]:
     """The curves of the valve's last windows that have dates and were fitted, newest first."""
-    one = ScreeningRow
+    table = ScreeningRow
     statement = (
-        select(one.window_start, one.window_end, one.mismatch)
-        .where(one.valve == valve, one.mismatch_finding != Finding.NOT_TESTABLE.value)
-        .where(one.window_start.is_not(None), one.window_end.is_not(None))
-        .order_by(one.at.desc(), one.id.desc())
+        select(table.window_start, table.window_end, table.mismatch)
+        .where(table.valve == valve, table.mismatch_finding != Finding.NOT_TESTABLE.value)
+        .where(table.window_start.is_not(None), table.window_end.is_not(None))
+        .order_by(table.at.desc(), table.id.desc())
         .limit(limit)
     )
-    found = []
+    curves = []
     for start, end, stored in session.execute(statement):
-        # Versions before the curve was looked for do not say that there was none.
+        # Without this key an older version wrote the row, which did not look for a curve.
         mismatch = mismatch_of(stored) if CURVE in (stored or {}) else None
         if mismatch is not None:
-            found.append(EarlierCurve(start=start, end=end, curve=mismatch.stroke_curve))
-    return found
+            curves.append(EarlierCurve(start=start, end=end, curve=mismatch.stroke_curve))
+    return curves
 
 
 def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:
@@ -143,8 +142,8 @@ def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
 def latest_screening_id(
     valve: InstrumentedAttribute[str] = ValveRow.id, before: int = 0
 ) -> ScalarSelect[int]:
-    """For each row with the column ``valve``, such as those of ``valves``, the number of its latest
-    screening, or of the one that is ``before`` places before that; NULL where there is none.
+    """A subquery: the number of the latest screening of the valve in column ``valve`` of the outer
+    query, or of the one ``before`` places earlier; NULL where there is none.
 
     One index seek for each valve, so that the time does not grow with the years stored.
     """
@@ -158,25 +157,6 @@ def latest_screening_id(
         .correlate(valve.parent)
         .scalar_subquery()
     )
-
-
-def read_latest(session: Session, area: str | None, limit: int | None) -> list[Ranked]:
-    """Each valve's latest screening without its mismatch, the worst first."""
-    statement = (
-        select(ValveRow, ScreeningRow)
-        .options(defer(ScreeningRow.mismatch))
-        .join(ScreeningRow, ScreeningRow.id == latest_screening_id())
-        .order_by(ScreeningRow.severity.desc(), ValveRow.criticality.desc(), ValveRow.id)
-        .limit(limit)
-    )
-    if area is not None:
-        statement = statement.where(ValveRow.area == area)
-    return [
-        Ranked(
-            valve=stored_valve(valve), screening=stored_screening(screening, with_mismatch=False)
-        )
-        for valve, screening in session.execute(statement)
-    ]
 
 
 def count_verdicts(session: Session, run_id: int) -> dict[str, int]:

@@ -1,6 +1,6 @@
-"""Tables of results: valves, runs, screenings, indicators, networks, remarks.
+"""Tables of results: valves, runs, screenings, indicators, networks, maintenance and notes.
 
-Times are UTC, numbers carry their unit in the name, and the migrations agree.
+Times are UTC; names of numbers end in their unit. A change needs a migration.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from stemwatch.service.store.database.columns import TableBase, of_valve
 
 
 class ValveRow(TableBase):
-    """A valve and what the plant file says of it."""
+    """A valve as the plant file describes it."""
 
     __tablename__ = "valves"
 
@@ -26,10 +26,10 @@ class ValveRow(TableBase):
 
 
 class RunRow(TableBase):
-    """One run of the program over many valves, waiting, going on or over.
+    """One run over many valves: waiting, running or over.
 
-    A run of the command line has no schedule and no valves of its own in ``run_valves``. A run
-    that a schedule is due for exists once for each ``due``, however many services see it.
+    A run of the command line has no schedule and no rows in ``run_valves``. A schedule has one run
+    for each ``due``, also where several services share the database.
     """
 
     __tablename__ = "runs"
@@ -46,28 +46,28 @@ class RunRow(TableBase):
     settings_digest: Mapped[str]
     counts: Mapped[dict[str, Any]]  # screenings per verdict, known when the run has finished
     state: Mapped[str] = mapped_column(server_default="done")  # a ``RunState``
-    schedule: Mapped[str | None]  # its name, or ``None`` for a run that a person asked for
+    schedule: Mapped[str | None]  # its name, or ``None`` for a run that a person requested
     due: Mapped[datetime | None]  # the instant of the schedule
-    not_before: Mapped[datetime | None]  # ``due`` and the schedule's jitter
+    not_before: Mapped[datetime | None]  # ``due`` plus the schedule's jitter
     window_start: Mapped[datetime | None]
     window_stop: Mapped[datetime | None]
-    asked: Mapped[list[str] | None]  # valves that were asked for; ``None``: what the schedule says
-    who: Mapped[str] = mapped_column(server_default="")  # who asked for it
+    asked: Mapped[list[str] | None]  # the requested valves; ``None``: those of the schedule
+    who: Mapped[str] = mapped_column(server_default="")  # who requested it
     total: Mapped[int] = mapped_column(server_default="0")
     done: Mapped[int] = mapped_column(server_default="0")
     set_aside: Mapped[int] = mapped_column(server_default="0")
     owner: Mapped[str | None]  # the process that works on it
-    heartbeat: Mapped[datetime | None]  # when that process last said that it lives
+    heartbeat: Mapped[datetime | None]  # when that process last confirmed that it works on it
     cancel_asked_by: Mapped[str | None]
     reason: Mapped[str] = mapped_column(server_default="")  # why it was skipped, failed, cancelled
-    report: Mapped[str | None]  # where its report lies
+    report: Mapped[str | None]  # the folder of its report
 
 
 class ScreeningRow(TableBase):
-    """One valve, one window. The same window screened again replaces its row.
+    """One screening of one valve and window. The same window screened again replaces its row.
 
-    ``at`` is the instant the screening speaks for: the end of its window, or the moment it was
-    saved where the source does not tell its dates. S and J are in percent of OP span.
+    ``at`` is the end of the window, or the time of saving where the source has no dates. S and J
+    are in percent of OP span.
     """
 
     __tablename__ = "screenings"
@@ -113,11 +113,11 @@ class ScreeningRow(TableBase):
     baseline_id: Mapped[int | None]  # networks.id of the baseline that indicators refer to
     mismatch_finding: Mapped[str | None]  # ``None`` where nothing was fitted
     mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, strongest first
-    mismatch: Mapped[dict[str, Any] | None]  # all of it but samples
+    mismatch: Mapped[dict[str, Any] | None]  # without samples
 
 
 class IndicatorRow(TableBase):
-    """One number of one screening; valve and ``at`` are repeated here for the trend's index."""
+    """One indicator of one screening; valve and ``at`` are repeated here for the index by time."""
 
     __tablename__ = "indicators"
     __table_args__ = (Index("ix_indicators_trend", "valve", "name", "at"),)
@@ -135,7 +135,7 @@ class IndicatorRow(TableBase):
 
 
 class NetworkRow(TableBase):
-    """A valve's NARX network. At most one of each kind is active; older baselines stay."""
+    """A valve's NARX network. At most one of each kind is active; older baselines are kept."""
 
     __tablename__ = "networks"
     __table_args__ = (
@@ -173,14 +173,14 @@ class RemarkRow(TableBase):
 
 
 class MaintenanceRow(RemarkRow):
-    """Work on a valve, after which its old baseline no longer describes it."""
+    """Maintenance of a valve, after which its old baseline no longer describes it."""
 
     __tablename__ = "maintenance"
     __table_args__ = (Index("ix_maintenance_valve_at", "valve", "at"),)
 
 
 class NoteRow(RemarkRow):
-    """A remark about a valve; it changes nothing but what people know."""
+    """A note about a valve; it has no effect on verdicts or baselines."""
 
     __tablename__ = "notes"
     __table_args__ = (Index("ix_notes_valve_at", "valve", "at"),)

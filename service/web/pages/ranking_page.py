@@ -37,7 +37,7 @@ COLUMNS = (
     ("S", "S, %"),
     ("J", "J, %"),
     ("confidence", "Confidence"),
-    ("", "Since last run"),
+    ("", "Trend"),
     ("grade", "Data"),
     ("at", "Window until"),
 )
@@ -50,6 +50,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
     """The valves, worst first unless the address says otherwise."""
     wanted = wanted_of(request.query_params)
     page = deps.store.ranking(wanted)
+    weeks = deps.store.trends([line.valve for line in page.lines])
     alerted = deps.store.alerts.open_by_valve(deps.now)
     open_alerts = deps.open_alerts()
     return deps.renderer.page(
@@ -60,7 +61,9 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         found=page,
         work=WorkCounts.of_states(page.states),
         trends=[
-            change_since_last_run(line, line.verdict, line.previous) if line.verdict else None
+            change_since_last_run(line, line.verdict, line.previous, weeks.get(line.valve))
+            if line.verdict
+            else None
             for line in page.lines
         ],
         alerted=alerted,

@@ -16,6 +16,7 @@ from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
@@ -47,6 +48,7 @@ class ShownScreening:
     screening: Screening
     stored: StoredScreening
     trend: Change
+    weeks: TrendOverWeeks | None
     mismatch: MismatchView | None
     said: PresentedFinding
 
@@ -147,12 +149,14 @@ def _shown(store: Store, name: str) -> ShownScreening | None:
     mismatch = screening.mismatch
     stands = not stored.held_back if mismatch is not None and mismatch.effects else None
     said = present(screening, stands=stands)
+    weeks = store.trends([name]).get(name)
     return ShownScreening(
         screening=screening,
         said=said,
         stored=stored,
+        weeks=weeks,
         trend=change_since_last_run(
-            screening, said.decision.verdict, store.previous_finding(screening)
+            screening, said.decision.verdict, store.previous_finding(screening), weeks
         ),
         mismatch=None
         if mismatch is None

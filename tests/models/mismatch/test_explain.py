@@ -76,6 +76,10 @@ def sound(found: Mismatch, samples: int) -> None:
                 assert number.reason
             else:
                 assert 0.0 <= number.low <= number.value <= number.high
+    # What is published predicts unseen data no worse than S and J alone.
+    assert found.heldout.improves
+    if found.finding is Finding.UNKNOWN:
+        assert found.restated == found.naive
     if found.finding is Finding.NOT_TESTABLE:
         assert set(catalogue()) <= set(refused)
         assert None is found.runs

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.access.first_user import make_user
 from stemwatch.service.access.links import use_link
 from stemwatch.service.store.accounts.audit import AuditFilter
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.store import open_store
 from tests.service.access.conftest import PASSWORD
 from tests.service.conftest import stemwatch as stemwatch
+from tests.service.made_user import make_user
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from stemwatch.service.access.first_user import first_link, make_user
 from stemwatch.service.access.links import (
     BadName,
     LinkIsOver,
     find_link,
+    first_link,
     make_link,
     use_link,
 )
@@ -23,6 +23,7 @@ from stemwatch.service.store.accounts.records import OneTimeLinkKind, User, User
 from stemwatch.service.store.accounts.users import LastAdmin, NameTaken
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW, PASSWORD
+from tests.service.made_user import make_user
 
 PAGES = "http://127.0.0.1:8300/"
 

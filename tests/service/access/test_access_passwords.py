@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.service.access.passwords import (
-    NOBODYS,
     SHORTEST,
+    UNUSED_HASH,
     WeakPassword,
     check_password,
     hash_password,
@@ -69,8 +69,8 @@ def test_a_password_matches_its_own_hash_alone(hashed: str) -> None:
 
 def test_the_hash_of_nobody_costs_what_a_real_one_costs(hashed: str) -> None:
     """Same parameters and lengths, so that a name that is unknown cannot be told by the time."""
-    assert not is_dated(NOBODYS)
-    assert len(NOBODYS) == len(hashed)
+    assert not is_dated(UNUSED_HASH)
+    assert len(UNUSED_HASH) == len(hashed)
     assert not matches(PASSWORD, None)
 
 

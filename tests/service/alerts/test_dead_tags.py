@@ -15,9 +15,10 @@ from stemwatch.models.recording import Quality
 from stemwatch.service.alerts.silent_sources import BACK, JOINED, watch_sources
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
-from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.sources import SourceState
+from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.store import Store
+from tests.service.open_alerts import open_alerts
 
 NOW = datetime(2026, 3, 2, 12, tzinfo=UTC)
 LONG_AGO = NOW - timedelta(days=1)
@@ -68,7 +69,7 @@ def poll(
 def look(store: Store, plant: Plant, now: datetime) -> list[StoredAlert]:
     """The open alerts after a look."""
     watch_sources(store, plant, since=LONG_AGO, now=now)
-    return store.alerts.open()
+    return open_alerts(store)
 
 
 def test_a_dead_position_is_an_alert_of_its_valve(either_store: Store, plant: Plant) -> None:

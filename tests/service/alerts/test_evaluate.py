@@ -23,6 +23,7 @@ from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import ValveState
 from stemwatch.service.store.store import Store, open_store
+from tests.service.open_alerts import open_alerts
 
 START = datetime(2026, 3, 2, tzinfo=UTC)
 DEVICE = """
@@ -138,20 +139,20 @@ def test_many_that_leave_their_baselines_at_once_are_one_alert(store: Store, pla
     area = [f"V{n}" for n in range(8)]
     run(store, plant, 0, left=area)
     run(store, plant, 1, left=area)
-    (alert,) = store.alerts.open()
+    (alert,) = open_alerts(store)
     assert alert.kind is AlertKind.COMMON
     assert "8 valves of area 100" in alert.text
     assert sorted(alert.evidence["valves"]) == area
     for hour in (2, 3, 4):
         run(store, plant, hour)
-    assert store.alerts.open() == []
+    assert open_alerts(store) == []
 
 
 def test_one_that_leaves_its_baseline_is_its_own_alert(store: Store, plant: Plant) -> None:
     """A single valve is named, and closed after three runs without."""
     for hour in (0, 1):
         run(store, plant, hour, left=["V3"])
-    (alert,) = store.alerts.open()
+    (alert,) = open_alerts(store)
     assert (alert.kind, alert.valve) == (AlertKind.BASELINE, "V3")
 
 
@@ -209,18 +210,18 @@ def test_a_silent_device_is_one_alert_for_all_its_valves(store: Store, plant: Pl
     assert "no connection" in alert.text
     say(late, "")
     watch_sources(store, plant, since=START, now=late + timedelta(minutes=1))
-    assert store.alerts.open() == []
+    assert open_alerts(store) == []
 
 
 def test_what_has_one_cause_is_one_alert_with_its_evidence(store: Store, plant: Plant) -> None:
     """A valve leaves its baseline and then sticks: the second alert takes the first one in."""
     for hour in (0, 1):
         run(store, plant, hour, left=["V3"])
-    (early,) = store.alerts.open()
+    (early,) = open_alerts(store)
     assert early.kind is AlertKind.BASELINE
     for hour in (2, 3, 4):
         run(store, plant, hour, sticky=["V3"], left=["V3"])
-    (alert,) = store.alerts.open()
+    (alert,) = open_alerts(store)
     assert alert.kind is AlertKind.STICKY
     closed = store.alerts.get(early.id)
     assert closed.closed is not None
@@ -232,7 +233,7 @@ def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
     numbers = []
     for hour in (0, 1, 2):
         numbers += run(store, plant, hour, sticky=["V3"], left=["V3"])
-    (alert,) = store.alerts.open()
+    (alert,) = open_alerts(store)
     assert numbers == [alert.id]
     assert [one["kind"] for one in alert.evidence["findings"]] == ["baseline"]
     assert "Also seen: The valve moves otherwise than it did" in alert.text

@@ -22,6 +22,7 @@ from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import ValveState
 from stemwatch.service.store.store import Store
+from tests.service.open_alerts import open_alerts
 
 START = datetime(2026, 3, 2, tzinfo=UTC)
 S = Estimate(value=2.0, low=1.8, high=2.2, unit="%")
@@ -104,7 +105,7 @@ def test_no_alert_comes_of_what_is_held_back(either_store: Store, plant: Plant) 
         number = run(store, plant, hour, {"V01": named(0.001), "V02": named(0.04)})
         hold_back(store, number)
         evaluate(store, plant, number)
-    (alert,) = store.alerts.open()
+    (alert,) = open_alerts(store)
     assert (alert.kind, alert.valve) == (AlertKind.MISMATCH, "V01")
     assert alert.text == f"V01: There is play. {present_effect(EFFECT).check}"
 

@@ -209,7 +209,7 @@ def the_work_is_recorded(started: Started, reader: Reader) -> None:
     form = page.locator('form[action$="/valve/maintenance"]')
     fill_in(form, WORK)
     form.get_by_role("button", name="Record the work").click()
-    started.said(f"The fitter has been at {WEARING}", 30)
+    started.said(f"{WEARING} has been repaired", 30)
     assert [mark["text"] for mark in marks(reader, "maintenance")] == [WORK]
 
 

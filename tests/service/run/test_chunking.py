@@ -43,7 +43,7 @@ def test_what_is_parsed_as_a_whole_goes_to_one_worker(
 ) -> None:
     """A share begins or ends within a file only where the file is too large for one share."""
     items = [(f"{file}.csv", valve) for file, valves in enumerate(files) for valve in range(valves)]
-    dealt = make_chunks(items, workers, most, parsed=lambda item: item[0])
+    dealt = make_chunks(items, workers, most, file_of=lambda item: item[0])
     assert [item for share in dealt for item in share] == items
     assert all(1 <= len(share) <= most for share in dealt)
     for share, following in pairwise(dealt):
@@ -53,5 +53,5 @@ def test_what_is_parsed_as_a_whole_goes_to_one_worker(
 
 def test_files_of_eight_valves_are_not_parted() -> None:
     """Of 100 valves in files of eight, every share is of whole files; single files at the end."""
-    dealt = make_chunks(range(100), 2, 16, parsed=lambda valve: str(valve // 8))
+    dealt = make_chunks(range(100), 2, 16, file_of=lambda valve: str(valve // 8))
     assert [len(share) for share in dealt] == [16, 16, 16, 16, 8, 8, 8, 8, 4]

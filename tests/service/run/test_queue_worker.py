@@ -53,7 +53,7 @@ def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None
     work(plant_store, plant)
     run = plant_store.run(first)
     assert (run.state, run.done, run.total, run.set_aside) == (RunState.DONE, 3, 3, 0)
-    verdicts = {one.valve.id: one.screening.verdict for one in plant_store.latest()}
+    verdicts = {latest.valve: latest.verdict for latest in plant_store.latest_screenings()}
     assert verdicts[STICKY] is Verdict.STICKY
     assert verdicts[HEALTHY] is Verdict.HEALTHY
     report = json.loads((Path(run.report) / "valves.json").read_text(encoding="utf-8"))
@@ -104,7 +104,7 @@ def test_a_cancelled_run_ends_and_says_by_whom(make_plant, plant_store: Store) -
     plant_store.queue.ask_to_cancel(number, "Ben")
     assert plant_store.run(number).state is RunState.CANCELLED
     number = put(plant_store)
-    worker = QueueWorker(plant_store, plant, beat_s=0.05)
+    worker = QueueWorker(plant_store, plant, heartbeat_s=0.05)
     working = threading.Thread(target=worker.once, args=(threading.Event(),))
     working.start()
     _until(lambda: plant_store.run(number).state is RunState.RUNNING)

@@ -14,7 +14,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.run.execute import PARTED_UP_TO, make_batches
+from stemwatch.service.run.execute import SPLIT_UP_TO_BYTES, make_batches
 from stemwatch.service.run.task import (
     InStore,
     StoredBaseline,
@@ -130,7 +130,7 @@ def test_valves_of_one_small_file_are_dealt_to_all_workers(tmp_path: Path) -> No
     assert [len(batch) for batch in make_batches([task(file)] * 15, 1)] == [15]
     assert [len(batch) for batch in make_batches([task(tmp_path / "gone")] * 15, 2)] == [15]
     with file.open("r+b") as large:
-        large.truncate(PARTED_UP_TO + 1)
+        large.truncate(SPLIT_UP_TO_BYTES + 1)
     assert [len(batch) for batch in make_batches([task(file)] * 15, 2)] == [15]
     files = [tmp_path / name for name in ("a.csv", "b.csv")]
     for each in files:

@@ -108,8 +108,8 @@ def test_a_changed_rhythm_begins_now(store: Store, scheduler: Scheduler, clock) 
 
 
 def test_it_wakes_for_schedules_that_come_and_go(tmp_path: Path) -> None:
-    """On the real clock: what a person saves is taken over without a restart, and what is removed
-    is not woken for any more."""
+    """On the real clock: a schedule that is added is taken over without a restart, and one that is
+    removed is not woken for any more."""
     import threading
 
     with open_store(f"sqlite:///{tmp_path / 'store.db'}") as store:
@@ -117,9 +117,9 @@ def test_it_wakes_for_schedules_that_come_and_go(tmp_path: Path) -> None:
         scheduler = Scheduler(store, "UTC", queued.set, look_again_s=0.2)
         scheduler.start()
         try:
-            store.schedules.save(ScreeningSchedule(name="quick", every_s=1.0, origin="Ann"))
+            store.schedules.take_from_file([ScreeningSchedule(name="quick", every_s=1.0)])
             assert queued.wait(timeout=20)
-            store.schedules.remove("quick")
+            store.schedules.take_from_file([])
             scheduler.look()
             count = len(store.queue.recent())
             queued.clear()

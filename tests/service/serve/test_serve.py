@@ -18,7 +18,6 @@ import pytest
 
 from stemwatch.connectors.modbus import read_devices
 from stemwatch.models.studies.simulator import demo_plant
-from stemwatch.service.access.first_user import make_user
 from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.plant_file import plant_toml
 from stemwatch.service.modbus_plant.plant_server import PlantServer
@@ -26,6 +25,7 @@ from stemwatch.service.serve.page_server import CannotListen, listen
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
+from tests.service.made_user import make_user
 from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
 
@@ -107,7 +107,7 @@ def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
     with live_site.store() as store:
 
         def samples() -> int:
-            return store.samples.count("plc-1", "FIC-101.OP")
+            return store.samples.read("plc-1", "FIC-101.OP").at_us.size
 
         until(lambda: samples() > 100, site=live_site)
         number = store.queue.put(RunToQueue(who="Ann"), software_version="1")

@@ -20,6 +20,7 @@ from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store, open_store
 
@@ -69,10 +70,11 @@ def test_the_same_window_again_replaces_the_screening(
     later = begin(store)
     changed = Indicator(name="period_s", value=80.0, unit="s", meaning="Period")
     store.save(make_screening(verdict=Verdict.WATCH, indicators={"period_s": changed}), later)
-    (ranked,) = store.latest()
-    assert (ranked.screening.verdict, ranked.screening.run_id) == (Verdict.WATCH, later)
-    assert [] == store.history("FIC-101", "reversals")
-    assert [80.0] == [point.value for point in store.history("FIC-101", "period_s")]
+    (kept,) = store.screenings("FIC-101")
+    assert (kept.verdict, kept.run_id) == (Verdict.WATCH, later)
+    assert {"period_s": 80.0} == {
+        name: point.value for name, point in store.indicators(kept.id).items()
+    }
 
 
 def test_the_same_instant_in_two_zones_is_one_window(
@@ -167,7 +169,7 @@ def test_a_screening_that_cannot_be_saved_does_not_cost_the_others(
     assert 2 == report.saved
     assert ["FIC-102"] == [failure.valve for failure in report.failures]
     assert "'rusty' is not a valid Verdict" in report.failures[0].reason
-    assert ["FIC-101", "FIC-103"] == [r.valve.id for r in store.latest()]
+    assert ["FIC-101", "FIC-103"] == [kept.valve for kept in store.latest_screenings()]
 
 
 def test_a_run_counts_its_verdicts(store: Store, make_screening: MakeScreening) -> None:
@@ -206,12 +208,13 @@ def test_the_ranking_has_each_valve_once_and_the_worst_first(
         ("A", 1, 20.0), ("A", 0, 99.0), ("B", 0, 50.0), ("C", 0, 50.0), ("C", -3, 1.0),
     ):  # fmt: skip
         store.save(make_screening(valve=valve, start=START + day * DAY, severity=severity), run)
-    ranked = store.latest()
+    ranked = store.ranking(RankingFilter(verdicts=("sticky",)))
     assert [("B", 50.0), ("C", 50.0), ("A", 20.0)] == [
-        (r.valve.id, r.screening.severity) for r in ranked
+        (line.valve, line.severity) for line in ranked.lines
     ]
-    assert ["B", "C"] == [r.valve.id for r in store.latest(area="west")]
-    assert ["B"] == [r.valve.id for r in store.latest(limit=1)]
+    west = RankingFilter(areas=("west",), verdicts=("sticky",))
+    assert ["B", "C"] == [line.valve for line in store.ranking(west).lines]
+    assert ["B"] == [line.valve for line in store.ranking(replace(west, size=1)).lines]
     assert valves == store.valves()
 
 
@@ -268,11 +271,12 @@ def test_history_is_in_the_order_of_time(store: Store, make_screening: MakeScree
     for day, value in ((2, 12.0), (0, 10.0), (1, math.nan)):
         point = Indicator(name="gain", value=value, unit="%", meaning="", low=9.0, high=13.0)
         store.save(make_screening(start=START + day * DAY, indicators={"gain": point}), run)
-    history = store.history("FIC-101", "gain")
-    assert [10.0, None, 12.0] == [point.value for point in history]
-    assert (9.0, 13.0, "%") == (history[0].low, history[0].high, history[0].unit)
-    assert UTC == history[0].at.tzinfo
-    assert [12.0] == [point.value for point in store.history("FIC-101", "gain", START + 2 * DAY)]
+    points = store.s_and_j("FIC-101")
+    gains = [store.indicators(point.id)["gain"] for point in points]
+    assert [10.0, None, 12.0] == [gain.value for gain in gains]
+    assert (9.0, 13.0, "%") == (gains[0].low, gains[0].high, gains[0].unit)
+    assert (points[0].at, UTC) == (gains[0].at, gains[0].at.tzinfo)
+    assert points[2:] == store.s_and_j("FIC-101", START + 2 * DAY)
 
 
 @pytest.mark.parametrize("call", ["record_maintenance", "add_note"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sqlite3
 from collections.abc import Callable
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -60,9 +60,9 @@ def test_a_failed_save_leaves_the_screening_before_it(
         raw.close()
         with pytest.raises(StoreError, match=r"store\.db: saving FIC-101 failed: disk full"):
             store.save(make_screening(severity=2.0), run)
-        (ranked,) = store.latest()
-        assert 1.0 == ranked.screening.severity
-        assert [42.0] == [point.value for point in store.history("FIC-101", "reversals")]
+        (kept,) = store.screenings("FIC-101")
+        assert 1.0 == kept.severity
+        assert 42.0 == store.indicators(kept.id)["reversals"].value
 
 
 def test_when_the_database_is_gone_the_rest_is_not_tried(
@@ -123,13 +123,13 @@ def test_a_damaged_file_is_called_damaged(
     path.write_bytes(content)
     said = []
     for ask in (
-        lambda store: store.latest(),
+        lambda store: store.latest_screenings(),
         lambda store: store.valves(),
         lambda store: store.run(run),
         lambda store: store.queue.recent(),
-        lambda store: store.history("V3", "reversals"),
+        lambda store: store.screenings("V3"),
         lambda store: store.save(make_screening(valve="V7"), run),
-        lambda store: store.settings.put("a", {"b": 1}),
+        lambda store: store.add_note("V3", datetime.now(UTC), "a"),
     ):
         try:
             with open_store(url) as store:
@@ -141,14 +141,14 @@ def test_a_damaged_file_is_called_damaged(
 
 
 def test_a_text_that_is_no_text_any_more_is_damage(url: str) -> None:
-    """A byte of a settings text in another encoding is said as damage, with the remedy."""
+    """A byte of a note in another encoding is said as damage, with the remedy."""
     with open_store(url) as store:
-        store.settings.put("a", {"b": 1})
+        store.add_note("FIC-101", datetime.now(UTC), "packing seen to")
         with sqlite3.connect(url.removeprefix("sqlite:///")) as raw:
-            raw.execute("UPDATE settings SET value = CAST(x'7b22f72233' AS TEXT)")
+            raw.execute("UPDATE notes SET note = CAST(x'7b22f72233' AS TEXT)")
         raw.close()
         with pytest.raises(StoreError, match=r"damaged.*stemwatch db restore"):
-            store.settings.get("a")
+            store.notes("FIC-101")
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

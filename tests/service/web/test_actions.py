@@ -10,6 +10,7 @@ from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.auth.forms import COOKIE
+from tests.service.open_alerts import open_alerts
 from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
 
@@ -19,7 +20,7 @@ JSON = {"content-type": "application/json"}
 
 def alert_of(live, valve=STICKY):
     """The open alert of a valve."""
-    (found,) = live.store.alerts.open(valve=valve)
+    (found,) = open_alerts(live.store, valve)
     return found
 
 
@@ -49,13 +50,13 @@ def test_a_false_alarm_is_kept_as_one(live, send, client):
     """It leaves the open ones and stands under its own heading."""
     number = str(alert_of(live).id)
     send("/alerts/settle", alert=number, how="false", text="test signal")
-    assert live.store.alerts.open(valve=STICKY) == []
+    assert open_alerts(live.store, STICKY) == []
     assert "test signal" in client.get("/alerts?state=false").text
 
 
 def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
     """One form, one comment; where one of them is not there, none is changed."""
-    numbers = [str(alert.id) for alert in live.store.alerts.open()]
+    numbers = [str(alert.id) for alert in open_alerts(live.store)]
     assert len(numbers) > 1
     page = client.get("/alerts").text
     bulk = page[page.index("at once:") : page.index("Acknowledge all")]
@@ -65,7 +66,7 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
     assert live.store.alerts.count_open(NOW) == len(numbers)
     send("/alerts/settle", alert=numbers, how="acknowledge", text="seen in the meeting")
     assert live.store.alerts.count_open(NOW) == 0
-    assert {one.comment for one in live.store.alerts.open()} == {"seen in the meeting"}
+    assert {one.comment for one in open_alerts(live.store)} == {"seen in the meeting"}
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import pytest
 
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.scheduler import Scheduler
-from stemwatch.service.serve.checks import checks
+from stemwatch.service.serve.health_checks import health_checks
 from stemwatch.service.serve.startup_server import REASON, StartupServer
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState
@@ -97,13 +97,17 @@ def test_without_the_database_nothing_is_ready(live: Site, client_of, tmp_path: 
 def test_the_scheduler_and_the_collector_have_to_speak(store: Store, plant: Plant) -> None:
     """Before the schedules were looked at and a device was spoken of, the service is not ready."""
     scheduler = Scheduler(store, "UTC")
-    assert set(said(checks(store, plant, scheduler))) == {"scheduler", "collector", "device plc-1"}
+    assert set(said(health_checks(store, plant, scheduler))) == {
+        "scheduler",
+        "collector",
+        "device plc-1",
+    }
     scheduler.look()
     old = datetime.now(UTC) - timedelta(minutes=5)
     store.sources.note(SourceState(source="plc-1", kind="modbus", updated=old))
-    assert set(said(checks(store, plant, scheduler))) == {"collector", "device plc-1"}
+    assert set(said(health_checks(store, plant, scheduler))) == {"collector", "device plc-1"}
     store.sources.note(SourceState(source="plc-1", kind="modbus", fault="192.0.2.1 is away"))
-    found = said(checks(store, plant, scheduler))
+    found = said(health_checks(store, plant, scheduler))
     assert list(found) == ["device plc-1"]
     assert "192.0.2.1" not in found["device plc-1"]
 
@@ -114,7 +118,9 @@ def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
     ended.start()
     ended.join()
     scheduler = Scheduler(store, "UTC")
-    (found,) = [one for one in checks(store, plant, scheduler, [ended]) if one.name == "runner"]
+    (found,) = [
+        one for one in health_checks(store, plant, scheduler, [ended]) if one.name == "runner"
+    ]
     assert (found.ok, found.vital) == (False, True)
 
 
@@ -128,15 +134,15 @@ def test_a_database_that_cannot_be_written_is_a_reason(store: Store, plant: Plan
     raw.execute(f"PRAGMA max_page_count = {pages}")  # SQLite's own "disk is full"
     raw.close()
     with pytest.raises(StoreError, match="full"):
-        store.settings.put("large", {"text": "x" * 1_000_000})
-    (found,) = [one for one in checks(store, plant, scheduler) if one.name == "store"]
+        store.add_note("FIC-101", datetime.now(UTC), "x" * 1_000_000)
+    (found,) = [one for one in health_checks(store, plant, scheduler) if one.name == "store"]
     assert (found.ok, found.vital) == (False, True)
     assert found.says == "the database cannot be written; the log says why"
     raw = store.transactions.readers.raw_connection()
     raw.execute("PRAGMA max_page_count = 1000000")
     raw.close()
-    store.settings.put("large", {"text": "x" * 1_000_000})
-    assert "store" not in said(checks(store, plant, scheduler))
+    store.add_note("FIC-101", datetime.now(UTC), "x" * 1_000_000)
+    assert "store" not in said(health_checks(store, plant, scheduler))
 
 
 def ask(port: int, path: str) -> tuple[int, dict[str, object]]:

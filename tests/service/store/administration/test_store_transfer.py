@@ -27,7 +27,7 @@ from stemwatch.service.store.administration.schema import (
     ColumnKind,
     TableColumn,
     TableSchema,
-    shape_of,
+    schema_of,
 )
 from stemwatch.service.store.database.engine import make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
@@ -56,7 +56,7 @@ def rows_of(url: str) -> dict[str, list[dict[str, object]]]:
             table.name: pa.Table.from_batches(
                 read_batches(connection, table), table.schema
             ).to_pylist()
-            for table in shape_of(connection).tables
+            for table in schema_of(connection).tables
         }
 
 
@@ -203,7 +203,7 @@ def test_a_backup_holds_one_instant(new_database: NewDatabase, engine: str, tmp_
         one_instant(theirs, DatabaseUrl(url)) as connection,
         open_store(url) as store,
     ):
-        tables = {table.name: table for table in shape_of(connection).tables}
+        tables = {table.name: table for table in schema_of(connection).tables}
         before = [batch.num_rows for batch in read_batches(connection, tables["valves"])]
         store.add_note("FIC-999", datetime(2026, 3, 1, tzinfo=UTC), "later")
         after = [batch.num_rows for batch in read_batches(connection, tables["notes"])]

@@ -8,7 +8,8 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.administration.figures import figures_of
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, state_of
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store, open_store
 
@@ -31,7 +32,7 @@ def test_a_cause_has_one_open_alert(store: Store, store_url: str) -> None:
     with closing(open_store(store_url)) as other, ThreadPoolExecutor(6) as pool:
         opened = list(pool.map(lambda one: one.alerts.raise_all([found()]), [store, other] * 6))
     assert sorted(map(len, opened)) == [0] * 11 + [1]
-    (alert,) = store.alerts.open()
+    (alert,) = store.alerts.in_state("open", datetime.now(UTC))
     assert (alert.cause, alert.valve, alert.closed) == ("sticky:FIC-1", "FIC-1", None)
 
 
@@ -41,7 +42,9 @@ def test_a_cause_that_comes_back_is_a_new_alert(store: Store) -> None:
     (closed,) = store.alerts.clear(["sticky:FIC-1", "unknown"], "repaired")
     assert (closed.id, closed.closed_why) == (first, "repaired")
     (second,) = store.alerts.raise_all([found()])
-    assert [one.id for one in store.alerts.history(valve="FIC-1")] == [second, first]
+    assert [
+        alert.id for alert in store.alerts.in_state("all", datetime.now(UTC), valve="FIC-1")
+    ] == [second, first]
 
 
 def test_acknowledging_and_snoozing(store: Store) -> None:
@@ -52,8 +55,8 @@ def test_acknowledging_and_snoozing(store: Store) -> None:
     alert = store.alerts.snooze(number, until, "Ben")
     assert (alert.acknowledged_by, alert.comment) == ("Ann", "packing ordered")
     assert (alert.snoozed_by, alert.snoozed_until) == ("Ben", until)
-    assert alert.quiet(datetime.now(UTC))
-    assert not alert.quiet(until)
+    assert state_of(alert, datetime.now(UTC)) == "snoozed"
+    assert state_of(alert, until) == "acknowledged"
     assert store.deliveries.untold() == []
 
 
@@ -61,7 +64,7 @@ def test_a_false_alarm_is_not_raised_again_until_its_cause_was_gone(store: Store
     """It leaves the list and stays on record; only after its cause was gone is it news again."""
     (number,) = store.alerts.raise_all([found()])
     store.alerts.mark_false(number, "Ann", "a test stroke")
-    assert store.alerts.open() == []
+    assert store.alerts.in_state("open", datetime.now(UTC)) == []
     assert store.alerts.raise_all([found()]) == []
     store.alerts.clear(["sticky:FIC-1"], "gone")
     assert len(store.alerts.raise_all([found()])) == 1
@@ -74,9 +77,10 @@ def test_the_most_urgent_come_first(store: Store) -> None:
     for valve, severity in (("A", "low"), ("B", "high")):
         kind = AlertSeverity(severity)
         store.alerts.raise_all([found(f"sticky:{valve}", valve=valve, severity=kind)])
-    assert [one.valve for one in store.alerts.open()] == ["B", "A"]
-    assert [one.valve for one in store.alerts.open(area="100")] == ["A"]
-    assert store.alerts.counts() == {AlertSeverity.HIGH: 1, AlertSeverity.LOW: 1}
+    now = datetime.now(UTC)
+    assert [alert.valve for alert in store.alerts.in_state("open", now)] == ["B", "A"]
+    assert [alert.valve for alert in store.alerts.in_state("open", now, valve="A")] == ["A"]
+    assert figures_of(store).alerts == {("sticky", "high"): 1, ("sticky", "low"): 1}
     assert store.alerts.open_causes(("sticky:A",)) == {"sticky:A"}
 
 

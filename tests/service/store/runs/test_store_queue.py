@@ -10,7 +10,6 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs import leases, queue
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState, ValveState
@@ -144,17 +143,9 @@ def test_a_lease_has_one_holder(store: Store, store_url: str) -> None:
     assert leases.holder("service") is None
 
 
-def test_settings_are_kept(store: Store) -> None:
-    """What was put last comes back; what never was is nothing."""
-    store.settings.put("look", {"theme": "dark"}, "Ann")
-    store.settings.put("look", {"theme": "light"}, "Ben")
-    assert store.settings.get("look") == {"theme": "light"}
-    assert store.settings.get("other") is None
-
-
 def test_schedules_of_the_file_follow_the_file(store: Store) -> None:
     """A schedule that goes from the file goes; one that stays keeps how far it has got; another
-    rhythm begins anew; what a person saved stays, and the file's are not changed by people."""
+    rhythm begins anew."""
     from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
     daily, hourly = (
@@ -162,17 +153,13 @@ def test_schedules_of_the_file_follow_the_file(store: Store) -> None:
         ScreeningSchedule(name="h", every_s=3600.0),
     )
     store.schedules.take_from_file([daily, hourly])
-    store.schedules.save(ScreeningSchedule(name="mine", every_s=60.0, origin="Ann"))
     store.schedules.note("daily", DUE, DUE)
     store.schedules.note("h", DUE, DUE)
     store.schedules.take_from_file([daily, ScreeningSchedule(name="h", every_s=1800.0)])
     kept = {one.schedule.name: one for one in store.schedules.all()}
     assert (kept["daily"].last_due, kept["h"].last_due) == (DUE, None)
-    with pytest.raises(StoreError, match="stands in the plant file"):
-        store.schedules.save(ScreeningSchedule(name="daily", every_s=60.0, origin="Ann"))
-    store.schedules.take_from_file([])
-    store.schedules.remove("daily")
-    assert [one.schedule.name for one in store.schedules.all()] == ["mine"]
+    store.schedules.take_from_file([daily])
+    assert [kept.schedule.name for kept in store.schedules.all()] == ["daily"]
 
 
 def test_a_run_whose_process_was_killed_is_taken_over_at_once(store: Store, monkeypatch) -> None:

@@ -12,7 +12,7 @@ from stemwatch.connectors.connector import Connector, TagMapping, ValveTags, Win
 from stemwatch.connectors.modbus import DevicePoller
 from stemwatch.models.recording import Quality, Recording, Role
 from stemwatch.service.store.samples.connector import StoredSamples
-from stemwatch.service.store.samples.instants import microseconds
+from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.store import Store
 from tests.connectors.modbus.served import Behaviour, device, register, serving, sim_device, tcp
 

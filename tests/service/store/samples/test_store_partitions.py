@@ -14,8 +14,8 @@ from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.migrations.versions import v0005_production
 from stemwatch.service.store.samples import partitions
-from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.partitions import DAY_US, DAYS_AHEAD, SampleLayout
+from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.store import Store, open_store
 from tests.service.store.made_rows import database_at
 
@@ -72,7 +72,7 @@ def test_a_sample_without_a_day_is_not_lost(site: Store) -> None:
     ahead = NOW + 3650 * DAY
     site.samples.write(batch(LONG_AGO, NOW - 2 * DAY, ahead))
     assert rows_in(site, partitions.DEFAULT) == 2
-    assert site.samples.count("plc", "OP") == 3
+    assert site.samples.read("plc", "OP").at_us.size == 3
     assert partitions.day_of(NOW - 2 * DAY) in days_of(site)
     assert site.samples.bounds("plc", "OP") == (LONG_AGO, ahead)
 
@@ -107,7 +107,7 @@ def test_days_over_age_are_dropped_whole(site: Store) -> None:
     assert partitions.day_of(NOW - 5 * DAY) not in days_of(site)
     assert site.samples.remove_before(NOW - 3 * DAY) == 1
     site.samples.write(batch(NOW - 5 * DAY))  # a day that was dropped may come back
-    assert site.samples.count("plc", "OP") == 3
+    assert site.samples.read("plc", "OP").at_us.size == 3
 
 
 def test_writers_that_need_the_same_new_days_do_not_hinder_each_other(site: Store) -> None:

@@ -21,7 +21,7 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality, Role
 from stemwatch.service.store.samples.connector import StoredSamples
-from stemwatch.service.store.samples.instants import microseconds
+from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.store import Store
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
@@ -54,7 +54,7 @@ def test_a_batch_that_comes_again_changes_nothing(store: Store) -> None:
     store.samples.write(batch("OP", [1, 2, 3], [99, 99, 13]))
     found = store.samples.read("plc", "OP")
     assert found.values.tolist() == [10, 11, 12, 13]
-    assert store.samples.count("plc", "OP") == 4
+    assert store.samples.read("plc", "OP").at_us.size == 4
 
 
 def test_the_same_tag_of_two_sources_is_two(store: Store) -> None:

@@ -99,7 +99,8 @@ def test_a_screening_knows_its_baseline(store: Store, make_screening) -> None:
     store.save(make_screening(), store.begin_run(software_version="1"), first.id)
     store.set_baseline("FIC-101", b"second", reason="after maintenance")
     assert store.screenings("FIC-101")[0].baseline_id == first.id
-    assert [(one.network, one.active) for one in store.baselines("FIC-101")] == [
-        (b"first", False),
-        (b"second", True),
+    assert [(mark.reason, mark.active) for mark in store.baseline_marks("FIC-101")] == [
+        ("first healthy window", False),
+        ("after maintenance", True),
     ]
+    assert (first.network, store.baseline("FIC-101").network) == (b"first", b"second")

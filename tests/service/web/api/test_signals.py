@@ -16,8 +16,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role, Signal
 from stemwatch.models.screening import Case, screen
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
-from stemwatch.service.store.samples.instants import microseconds
 from stemwatch.service.store.samples.plot_points import with_holes
+from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.screenings.records import TrendPoint
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import open_store

@@ -9,7 +9,6 @@ from urllib.parse import parse_qs, urlsplit
 import httpx
 import pytest
 
-from stemwatch.service.access.first_user import make_user
 from stemwatch.service.access.links import make_link
 from stemwatch.service.access.tokens import make_token
 from stemwatch.service.store.accounts.audit import AuditFilter
@@ -18,6 +17,7 @@ from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.session_cookie import BROWSER_NAME, NAME, SECURE_NAME
 from stemwatch.service.web.pages.login_page import safe_place
 from stemwatch.service.web.site import Site
+from tests.service.made_user import make_user
 from tests.service.web.made_plant import NOW, STICKY, serving
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, user_of
 
@@ -175,7 +175,7 @@ def test_a_form_that_was_opened_before_a_restart_is_taken_after_it(live: Site, c
 
 def test_the_first_admin_comes_by_the_link_and_invites_the_others(store, client_of) -> None:
     """From an empty database to an engineer at work, without a password in anybody else's hands."""
-    from stemwatch.service.access.first_user import first_link
+    from stemwatch.service.access.links import first_link
 
     site = Site(store=store)
     first = Browser(client_of(site, None))

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from stemwatch.service.access.first_user import first_link, make_user
+from stemwatch.service.access.links import first_link
 from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, Scope, UserRole
 from stemwatch.service.web.site import Site
+from tests.service.made_user import make_user
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, serving
 from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened, valve_path
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, cookie_of, user_of

@@ -12,6 +12,7 @@ import pytest
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
+from tests.service.open_alerts import open_alerts
 from tests.service.web.made_plant import HOSTILE, NOW, STICKY, plant_of, serving
 from tests.service.web.signed_in import NAMES, cookie_of
 
@@ -205,7 +206,7 @@ def test_an_alert_is_acknowledged_from_the_valves_page(opened, live):
     page.get_by_text("The alert is acknowledged.").wait_for()
     assert page.locator("nav .badge").first.inner_text().startswith("1")
     assert "packing is ordered" in page.locator(".card").first.inner_text()
-    assert live.store.alerts.open(valve=STICKY)[0].acknowledged_by == NAMES[UserRole.ADMIN]
+    assert open_alerts(live.store, STICKY)[0].acknowledged_by == NAMES[UserRole.ADMIN]
 
 
 def test_a_name_that_is_a_script_stays_a_name(opened):

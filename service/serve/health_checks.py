@@ -1,6 +1,6 @@
-"""How the parts of the service are doing, for ``/healthz``, ``/ready`` and ``/metrics``.
+"""Health checks of the service's parts, for ``/healthz``, ``/ready`` and ``/metrics``.
 
-The text of a check reaches whoever asks: it names no address and no secret.
+The texts are public: they contain no address and no secret.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from stemwatch.service.web.site import Check
 
 _OLD_STATE = timedelta(seconds=60)
-_SCHEDULES_LATE_S = 60.0  # three looks at the schedules
+_SCHEDULES_LATE_S = 60.0  # three times the scheduler's interval
 _NOT_HEARD = "nothing is heard of it"
 _FAULTY = "it does not answer as it should; the page of sources says why"
 
 
-def checks(
+def health_checks(
     store: Store, plant: Plant, scheduler: Scheduler, working: Sequence[threading.Thread] = ()
 ) -> list[Check]:
-    """Each part with what it says. ``vital`` are those without which nothing is to be expected:
+    """The state of each part. ``vital`` parts are those without which the service does not work:
     the store, the scheduler, threads that must not end, the collector's process."""
     from stemwatch.service.web.site import Check
 
@@ -78,12 +78,12 @@ def _scheduler(scheduler: Scheduler) -> Check:
 
 
 def _collector(states: Sequence[SourceState]) -> Check:
-    """The collector speaks of every device each few seconds, whether the device answers or not."""
+    """The collector reports on every device each few seconds, whether the device answers or not."""
     from stemwatch.service.web.site import Check
 
-    heard = any(not _old(state.updated) for state in states)
-    says = "" if heard else "it has not spoken of any device in the last minute"
-    return Check(name="collector", ok=heard, says=says, vital=True)
+    reports = any(not _old(state.updated) for state in states)
+    says = "" if reports else "it has not reported on any device in the last minute"
+    return Check(name="collector", ok=reports, says=says, vital=True)
 
 
 def _old(instant: datetime) -> bool:

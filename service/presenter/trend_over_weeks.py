@@ -1,0 +1,58 @@
+"""How S changes over weeks: its rate per month with an interval, which one run cannot show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+WEEKS = 12  # that are looked back
+DAYS_A_MONTH = 365.25 / 12.0
+FEWEST_DAYS = 4  # with a screening that knows S
+SHORTEST_DAYS = 7.0  # from the first to the last of them
+SMALLEST_PERCENT = 0.2  # over the time that was seen; less than a plant's data can show
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrendOverWeeks:
+    """The rate of S in percent of OP span a month, with its 95 % interval, over ``days``."""
+
+    per_month: float
+    low: float
+    high: float
+    days: float
+
+    @property
+    def is_change(self) -> bool:
+        """Whether the interval leaves no rate of 0, and what came together could be seen at all."""
+        together = abs(self.per_month) * self.days / DAYS_A_MONTH
+        return not self.low <= 0.0 <= self.high and together >= SMALLEST_PERCENT
+
+    @property
+    def words(self) -> str:
+        """The rate for a reader."""
+        text = f"S {self.per_month:+.2f} % a month ({self.low:+.2f} to {self.high:+.2f})"
+        return text.replace("-", "\N{MINUS SIGN}")
+
+
+def trend_over_weeks(days: Sequence[float], S: Sequence[float]) -> TrendOverWeeks | None:
+    """The slope of ``S`` (n,), a day's mean each, over ``days`` (n,), by least squares with
+    Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing."""
+    t, y = np.asarray(days, dtype=np.float64), np.asarray(S, dtype=np.float64)
+    if t.size < FEWEST_DAYS or np.ptp(t) < SHORTEST_DAYS:
+        return None
+    centred = t - t.mean()
+    spread = float(centred @ centred)
+    slope = float(centred @ y) / spread
+    left = y - y.mean() - slope * centred
+    freedom = t.size - 2
+    error = float(np.sqrt(left @ left / freedom / spread))
+    reach = float(stdtrit(freedom, 0.975)) * error
+    return TrendOverWeeks(
+        per_month=DAYS_A_MONTH * slope,
+        low=DAYS_A_MONTH * (slope - reach),
+        high=DAYS_A_MONTH * (slope + reach),
+        days=float(np.ptp(t)),
+    )

@@ -1,0 +1,216 @@
+"""Large exports are read in pieces and give what reading them whole gives."""
+
+from __future__ import annotations
+
+import gzip
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.connectors.historian.connector import propose_valves
+from stemwatch.connectors.historian.opened_file import open_file
+from stemwatch.connectors.historian.tables import large_file
+
+ROWS = 900
+START = datetime(2026, 10, 25, 0, 50, tzinfo=UTC)  # clocks are put back ten minutes later
+
+
+def export(
+    *,
+    separator: str = ",",
+    form: str = "%Y-%m-%dT%H:%M:%SZ",
+    cells: dict[tuple[int, int], str] | None = None,
+    lines: dict[int, str] | None = None,
+    end: str = "\n",
+    header: str = "",
+    decimal: str = ".",
+) -> bytes:
+    """Two valves at 10 s; some cells and some whole lines are something else."""
+    rng = np.random.default_rng(3)
+    values = 50.0 + np.cumsum(rng.standard_normal((ROWS, 5)) * 0.3, axis=0)
+    names = ["FIC-1.OP", "FIC-1.ZT", "FIC-1.PV", "FIC-2.OP", "FIC-2.ZT"]
+    rows = [header or separator.join(["Time", *names])]
+    for i in range(ROWS):
+        texts = [(START + timedelta(seconds=10 * i)).strftime(form)]
+        texts += [f"{value:.3f}".replace(".", decimal) for value in values[i]]
+        for column in range(6):
+            texts[column] = (cells or {}).get((i, column), texts[column])
+        rows.append((lines or {}).get(i, separator.join(texts)))
+    return (end.join(rows) + end).encode("utf-8")
+
+
+WORDS = {
+    **{(3, 1): "Bad", (4, 1): "", (9, 2): "Comm Fail"},
+    **{(20, 3): " 12.5", (21, 3): "+7", (30, 3): "7 %", (40, 4): "41 435"},
+    **{(31, 5): "1_000", (32, 5): "0x10", (33, 5): "1e999", (34, 5): "nan"},
+}
+HABIT = {(i, 3): f"1 {i % 900 + 100}" for i in range(ROWS) if i % 3}
+WHOLE = {(i, column): str(i % 90) for i in range(ROWS) for column in range(1, 6)}
+GOOD = {(i, 2): "Bad" if i % 50 == 0 else "Good" for i in range(ROWS)}
+UNITS = "Time,FIC-1.OP [%],FIC-1.ZT [%],T [°C],FIC-2.OP,FIC-2.ZT"
+TWICE = "Time,FIC-1.OP,FIC-1.ZT,FIC-1.PV,FIC-1.OP,FIC-2.ZT"
+BERLIN = ReadOptions(zone="Europe/Berlin")
+STATUS = "Time,FIC-1.OP,FIC-1.OP Status,FIC-1.ZT,FIC-2.OP,FIC-2.ZT"
+FILES: dict[str, tuple[bytes, ReadOptions]] = {
+    "plain": (export(), ReadOptions()),
+    "semicolons": (export(separator=";", end="\r\n"), ReadOptions()),
+    "tabs": (export(separator="\t", form="%Y-%m-%d %H:%M:%S.%f"), BERLIN),
+    "day and month": (export(form="%d/%m/%Y %H:%M:%S"), ReadOptions()),
+    "cut stamps": (export(form="%Y-%m-%d %H:%M"), ReadOptions(zone="UTC")),
+    "month names": (export(form="%d-%b-%y %H:%M:%S"), ReadOptions(zone="UTC")),
+    "offsets": (export(form="%Y-%m-%dT%H:%M:%S+02:00"), ReadOptions()),
+    "unix": (export(form="%s"), ReadOptions()),
+    "words": (export(cells=WORDS), ReadOptions()),
+    "decimal comma as said": (
+        export(separator=";", decimal=",", cells={(3, 1): "Bad", (5, 1): "1.181,2"}),
+        ReadOptions(decimal=","),
+    ),
+    "thousands apart": (export(cells=HABIT), ReadOptions()),
+    "integers": (export(cells=WHOLE), ReadOptions()),
+    "bad rows": (
+        export(lines={7: "2026-10-25T00:51:10Z,1,2", 8: "", 9: "   ", 500: "x," * 9 + "x"}),
+        ReadOptions(),
+    ),
+    "bad times": (export(cells={(5, 0): "never", (6, 0): "2026-02-30T00:00:00Z"}), ReadOptions()),
+    "not the last end": (export()[:-1], ReadOptions()),
+    "cut": (export()[:-20], ReadOptions()),
+    "status": (export(header=STATUS, cells=GOOD), ReadOptions()),
+    "units": (export(header=UNITS), ReadOptions()),
+    "one name twice": (export(header=TWICE), ReadOptions()),
+}
+READ_WHOLE = {
+    "quotes": export(cells={(5, 1): '"1.5"'}),
+    "lost bytes": export(cells={(5, 1): "12\x00977"}),
+    "decimal comma": export(separator=";", decimal=","),
+    "headers again": export(lines={5: "Time,FIC-1.OP,FIC-1.ZT,FIC-1.PV,FIC-2.OP,FIC-2.ZT"}),
+    "empty cells at the end": export(lines={5: "2026-10-25T00:50:50Z,1,2,3,4,5,,"}),
+    "other encoding": export(header="Time,FIC-1.OP,FIC-1.ZT,Hoehe,FIC-2.OP,FIC-2.ZT").replace(
+        b"Hoehe", b"H\xf6he"
+    ),
+    "old line ends": export(end="\r"),
+    "compressed": gzip.compress(export()),
+}
+
+
+def everything(path: Path, options: ReadOptions) -> tuple[object, ...]:
+    """All that a user can ask, as plain values; or what is said instead."""
+    try:
+        source = HistorianFile(path, options)
+        recordings = [source.read(valve) for valve in propose_valves(source)]
+        inspected = source.inspect().to_dict()
+    except UnreadableSource as error:
+        return (str(error),)
+    return (
+        [
+            (
+                *(r.valve, r.interval_s, r.start, r.clock, r.provenance, role, s.tag, s.unit),
+                *(s.interval_s, s.values.tobytes(), s.quality.tobytes()),
+            )
+            for r in recordings
+            for role, s in r.signals.items()
+        ],
+        {**inspected, "tags": [repr(tag) for tag in inspected["tags"]]},
+    )
+
+
+@pytest.fixture
+def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Reads a file both ways."""
+
+    def read(content: bytes, options: ReadOptions) -> tuple[tuple, tuple, bool]:
+        path = tmp_path / "export.csv"
+        path.write_bytes(content)
+        whole = everything(path, options)
+        monkeypatch.setattr(large_file, "LARGE_BYTES", 0)
+        monkeypatch.setattr(large_file, "_BLOCK", 10_000)
+        monkeypatch.setattr(large_file, "_HEAD_LINES", 700)
+        try:
+            in_pieces = open_file(path, options).in_file is not None
+        except UnreadableSource:
+            in_pieces = False
+        return whole, everything(path, options), in_pieces
+
+    return read
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_in_pieces_it_is_the_same(whole_and_in_pieces, name: str) -> None:
+    """Every value, quality, decision and problem."""
+    whole, pieces, in_pieces = whole_and_in_pieces(*FILES[name])
+    assert in_pieces
+    assert pieces == whole
+
+
+@pytest.mark.parametrize("name", READ_WHOLE)
+def test_what_could_be_misread_in_pieces_is_read_whole(whole_and_in_pieces, name: str) -> None:
+    """With the same result as ever."""
+    whole, pieces, in_pieces = whole_and_in_pieces(READ_WHOLE[name], ReadOptions())
+    assert not in_pieces
+    assert pieces == whole
+
+
+def test_a_file_that_grows_meanwhile_is_read_as_it_was(tmp_path: Path, monkeypatch) -> None:
+    """A historian still writes it: no row is filed under another time."""
+    monkeypatch.setattr(large_file, "LARGE_BYTES", 0)
+    path = tmp_path / "export.csv"
+    path.write_bytes(export())
+    before = open_file(path, ReadOptions()).column("FIC-2.ZT").values
+    opened = open_file(path, ReadOptions())
+    with path.open("ab") as file:
+        file.write(export().split(b"\n", 1)[1])
+    assert np.array_equal(opened.column("FIC-2.ZT").values, before)
+    path.write_bytes(export()[: len(export()) // 2])
+    with pytest.raises(UnreadableSource, match=r"export\.csv: has become shorter"):
+        opened.column("FIC-1.PV")
+
+
+READ_ONE = """
+import pathlib, re, sys
+from stemwatch.connectors.connector import TagMapping, ValveTags
+from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.models.recording import Role
+tags = {role: TagMapping(tag=f"V12.{role.value.upper()}", unit="%") for role in (Role.OP, Role.MV)}
+recording = HistorianFile(sys.argv[1]).read(ValveTags(valve="V12", tags=tags))
+status = pathlib.Path("/proc/self/status").read_text()
+print(len(recording), int(re.search(r"VmHWM:\\s+(\\d+) kB", status)[1]) // 1024)
+"""
+
+
+def write_days(path: Path, megabytes: int, valves: int = 24) -> int:
+    """An export at 1 s of so many MB: the same day again under the next date; how many rows."""
+    rng = np.random.default_rng(1)
+    walk = np.cumsum(rng.standard_normal((86_400, 2 * valves)) * 0.05, axis=0)
+    clock = [f"{s // 3600:02d}:{s // 60 % 60:02d}:{s % 60:02d}Z" for s in range(86_400)]
+    rows = (",".join(f"{value:.2f}" for value in row) for row in (50 + walk).tolist())
+    day = "".join(f"2026-01-01T{time},{row}\n" for time, row in zip(clock, rows, strict=True))
+    names = [f"V{n}.{role}" for n in range(valves) for role in ("OP", "MV")]
+    count = 0
+    with path.open("w", encoding="utf-8") as file:
+        file.write(",".join(["Time", *names]) + "\n")
+        while count == 0 or file.tell() < megabytes * 10**6:
+            date = (datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=count)).date()
+            file.write(day.replace("2026-01-01T", f"{date}T"))
+            count += 1
+    return 86_400 * count
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read from /proc")
+@pytest.mark.parametrize(
+    ("megabytes", "most_mb"),
+    [(24, 260), pytest.param(2000, 1500, marks=pytest.mark.long)],
+)
+def test_one_valve_of_a_large_export_needs_little_memory(
+    tmp_path: Path, megabytes: int, most_mb: int
+) -> None:
+    """2 GB in less than 1.5 GB, whatever else is in the file."""
+    rows = write_days(tmp_path / "export.csv", megabytes)
+    command = [sys.executable, "-c", READ_ONE, str(tmp_path / "export.csv")]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert int(said[0]) == rows
+    assert int(said[1]) < most_mb

@@ -1,0 +1,66 @@
+"""What is published of a recording: accepted physics only, and no worse a prediction for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.mismatch.term import Look
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.recording import Role
+from stemwatch.models.studies.simulator import demo_plant, simulate_loop
+from tests.models.mismatch.chain import played, rescaled
+
+LOOK = Look(
+    interval_s=1.0,
+    duration_s=1200.0,
+    op_low=30.0,
+    op_high=70.0,
+    mv_low=30.0,
+    mv_high=70.0,
+    sigma=0.05,
+    S=4.0,
+    J=1.2,
+)
+
+
+def noisy(recording, size, seed):
+    """The recording with noise on its position, percent of span."""
+    mv = recording.mv.values
+    return rescaled(recording, mv + size * np.random.default_rng(seed).standard_normal(mv.size))
+
+
+@pytest.mark.parametrize("slug", sorted(catalogue()))
+def test_no_term_is_published_that_predicts_unseen_data_worse(slug):
+    """Every term of the catalogue, hidden in a short noisy recording: whatever is then named, the
+    free run over the part that was not fitted is at least as near as with S and J alone."""
+    starts = catalogue()[slug].starts(LOOK)
+    recording = played(samples=1200, **{slug: starts[starts.shape[0] // 2]})
+    found = explain(noisy(recording, 0.2, 5))
+    if found.effects:
+        assert found.heldout.fit_extended >= found.heldout.fit_naive
+    assert found.heldout.improves
+    if found.finding is Finding.UNKNOWN:
+        assert found.restated == found.naive
+        np.testing.assert_array_equal(found.runs.extended, found.runs.naive)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_position_that_has_nothing_to_do_with_op_is_never_nothing_left_out(seed):
+    """A wandering position: either no verdict or unknown, S and J not restated."""
+    recording = played(samples=900)
+    steps = np.random.default_rng(seed).standard_normal(900)
+    found = explain(rescaled(recording, 50.0 + 0.5 * np.cumsum(steps)))
+    assert found.finding in (Finding.UNKNOWN, Finding.NOT_TESTABLE)
+    assert found.restated == found.naive
+
+
+def test_slips_beyond_the_command_are_no_stretched_reading():
+    """A positioner lets the stem jump past its command (S 3, J 3.8): no span error is named."""
+    loop = next(loop for loop in demo_plant(1) if loop.story == "sticky, overshoot")
+    recording = simulate_loop(loop, 6).recording
+    assert Role.MV in recording.signals
+    found = explain(recording.part(0, 3600))
+    assert "span_error" not in [effect.slug for effect in found.effects]

@@ -1,0 +1,52 @@
+"""A servo drive whose friction and load follow a law: the same names at every gain, S near it."""
+
+from __future__ import annotations
+
+import csv
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.benchmarks.bench_servo_ladder import CLEAR_LOAD, NO_LOAD, Row, row
+
+pytestmark = [pytest.mark.recordings, pytest.mark.long]
+
+EVERY = 19  # of the ladder's recordings: all gains, light and heavy loads
+
+
+@pytest.fixture(scope="module")
+def rows(recordings: Path) -> list[Row]:
+    """Some of the ladder, explained."""
+    place = recordings / "servo_ladder"
+    if not (place / "conditions.csv").is_file():
+        pytest.skip(f"THE SERVO LADDER IS NOT TESTED: no conditions.csv in {place}")
+    return explained(place)
+
+
+@cache
+def explained(place: Path) -> list[Row]:
+    with (place / "conditions.csv").open(encoding="utf-8", newline="") as text:
+        conditions = list(csv.DictReader(text))[::EVERY]
+    return [row(place / f"{one['file']}.gz", one) for one in conditions]
+
+
+def test_the_motor_is_named_at_every_gain(rows: list[Row]) -> None:
+    """One machine, one name."""
+    assert [one.file for one in rows if "motor_drive" not in one.names] == []
+
+
+def test_a_load_is_named_where_it_is_clear_and_nowhere_where_it_is_slight(rows: list[Row]) -> None:
+    """Two percent of a turn and more, and less than half a percent."""
+    assert [one.file for one in rows if one.law_load >= CLEAR_LOAD and not one.loaded] == []
+    assert [one.file for one in rows if one.law_load < NO_LOAD and one.loaded] == []
+
+
+def test_s_is_near_the_law_and_the_fit_gains_on_unseen_samples(rows: list[Row]) -> None:
+    """Within 0.3 % of a turn, the law inside the interval."""
+    assert max(one.error for one in rows) <= 0.3
+    assert all(one.holds for one in rows)
+    for one in rows:
+        assert one.rmse_extended is not None
+        assert one.rmse_naive is not None
+        assert one.rmse_extended < 0.9 * one.rmse_naive

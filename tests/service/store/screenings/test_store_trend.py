@@ -1,0 +1,78 @@
+"""S over weeks: a rise that no single run shows is said, with its rate and interval."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.trend_over_weeks import trend_over_weeks
+from stemwatch.service.report.change_since_last_run import change_since_last_run
+from stemwatch.service.store.store import Store
+from tests.service.report.conftest import screening
+
+BEGAN = datetime(2026, 1, 5, 6, 0, tzinfo=UTC)
+RISING = (0.46, 1.27, 2.60, 2.94)
+
+
+def of_week(week: int, S: float) -> Screening:
+    """An hour of a valve, with an interval far wider than a week's step."""
+    made = screening("FIC-1", Verdict.STICKY, samples=60)
+    assert made.recording is not None
+    recording = replace(made.recording, start=BEGAN + timedelta(weeks=week))
+    estimate = Estimate(value=S, low=S - 2.0, high=S + 2.0, unit="%")
+    return replace(made, S=estimate, recording=recording)
+
+
+def saved(store: Store, sizes: tuple[float, ...]) -> Screening:
+    """A run a week; the last one."""
+    for week, S in enumerate(sizes):
+        store.save(last := of_week(week, S), store.begin_run(software_version="1"))
+    return last
+
+
+def test_a_rise_over_weeks_is_worse_although_no_run_shows_it(store: Store) -> None:
+    """The interval of each run holds the S before it; the slope over weeks does not hold 0."""
+    last = saved(store, RISING)
+    before = store.previous_finding(last)
+    assert change_since_last_run(last, last.verdict, before).words == "no change"
+    trend = store.trends(["FIC-1"])["FIC-1"]
+    assert trend.low > 0.0
+    per_week = np.polyfit(range(4), RISING, 1)[0]
+    assert trend.per_month == pytest.approx(per_week / 7.0 * 365.25 / 12.0)
+    change = change_since_last_run(last, last.verdict, before, trend)
+    assert change.direction == "worse"
+    assert f"S +{trend.per_month:.2f} % a month" in change.words
+
+
+def test_work_begins_a_new_trend(store: Store) -> None:
+    """What was before the work says nothing of the valve after it."""
+    saved(store, RISING)
+    store.record_maintenance("FIC-1", BEGAN + timedelta(weeks=2), "packing renewed", "")
+    assert store.trends(["FIC-1"]) == {}
+
+
+def test_many_runs_a_day_are_one_point(store: Store) -> None:
+    """An hourly plant has no trend after a day."""
+    for hour in range(6):
+        made = of_week(0, 1.0 + hour)
+        assert made.recording is not None
+        at = replace(made.recording, start=BEGAN + timedelta(hours=hour))
+        store.save(replace(made, recording=at), store.begin_run(software_version="1"))
+    assert store.trends(["FIC-1", "FIC-2"]) == {}
+
+
+def test_noise_alone_is_no_change() -> None:
+    """S to and fro, and a slope too small for a plant's data."""
+    days = list(range(0, 56, 7))
+    to_and_fro = trend_over_weeks(days, [1.0, 1.4, 0.9, 1.2, 1.3, 0.8, 1.1, 1.2])
+    assert to_and_fro is not None
+    assert not to_and_fro.is_change
+    tiny = trend_over_weeks(days, [1.0 + 0.001 * day for day in days])
+    assert tiny is not None
+    assert not tiny.is_change
