@@ -11,6 +11,7 @@ import typer
 from stemwatch.service.cli.accounts import accounts_app
 from stemwatch.service.cli.archive import simulate_archive
 from stemwatch.service.cli.calibrate import calibrate_mismatch
+from stemwatch.service.cli.calibrate_archives import calibrate_archives
 from stemwatch.service.cli.compare import compare
 from stemwatch.service.cli.db import db_app
 from stemwatch.service.cli.demo import demo
@@ -77,6 +78,7 @@ for command in (
     prove,
     robustness,
     calibrate_mismatch,
+    calibrate_archives,
     drift,
     maintenance,
     maintenance_report,

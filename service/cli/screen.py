@@ -148,8 +148,9 @@ def _run(
 
 
 def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def]
-    """The summary, what was left out, and where the report is."""
+    """The summary, what was left out, and where report, PDF and work orders are."""
     from stemwatch.service.cli import views
+    from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF
 
     views.out.print(views.summary(result.brief))
     for line in views.undetermined_lines(result.brief):
@@ -158,8 +159,11 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         views.say(f"left out: {place}: {reason}")
     if json_file is not None:
         json_file.write_bytes(result.report.json.read_bytes() + b"\n")
-    views.out.print(
-        f"Report: {views.escape(str(result.report.html.resolve()))}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    for what, path in (
+        ("Report", result.report.html),
+        ("For maintenance, to print", result.report.html.with_name(PDF)),
+        ("Work orders", result.report.html.with_name(ORDERS_XLSX)),
+    ):
+        if path.is_file():
+            text = f"{what}: {views.escape(str(path.resolve()))}"
+            views.out.print(text, highlight=False, soft_wrap=True)
