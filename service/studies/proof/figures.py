@@ -18,7 +18,7 @@ _DRAWS = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeldOutFit:
+class MedianFit:
     """Median fit in percent, and median error in percent of span, on data that no fit saw."""
 
     of: int
@@ -63,7 +63,7 @@ class ComputingTime:
         return self.median <= MOST_SECONDS
 
 
-def heldout(marks: Sequence[CaseMark]) -> HeldOutFit | None:
+def heldout(marks: Sequence[CaseMark]) -> MedianFit | None:
     """Before and after, where physics was hidden and excited and both fits are known.
 
     A case in which nothing was named counts with its naive fit on both sides.
@@ -78,7 +78,7 @@ def heldout(marks: Sequence[CaseMark]) -> HeldOutFit | None:
     if not rows:
         return None
     medians = [float(value) for value in np.median(np.array(rows), axis=0)]
-    return HeldOutFit(
+    return MedianFit(
         of=len(rows),
         fit_naive=medians[0],
         fit_extended=medians[1],
