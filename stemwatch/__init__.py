@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     __version__: str
 
-# Where each name is: nothing heavy is loaded until it is used.
+# The module of each name, imported on first use.
 _PLACES = {
     "Recording": "stemwatch.models.recording",
     "explain": "stemwatch.functions",

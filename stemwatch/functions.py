@@ -108,8 +108,8 @@ def read(
         FIC101: op, mv; 600 samples of 0.5 s (5 min), date not known, 100 % usable
     """
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    said = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
-    return one_recording(data, said)
+    inputs = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    return one_recording(data, inputs)
 
 
 @overload
@@ -224,10 +224,10 @@ def screen(
     from stemwatch.models.screening import screen as screen_cases
 
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    said = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    inputs = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     options = Options(narx=narx, mismatch=mismatch, limits=_limits(limits))
     many = is_several(data)
-    read_ones = several(data, said) if many else [one_recording(data, said)]
+    read_ones = several(data, inputs) if many else [one_recording(data, inputs)]
     cases = [Case(recording=item) for item in read_ones if isinstance(item, Recording)]
     fitted = iter(screen_cases(cases, options))
     screenings = [next(fitted) if isinstance(item, Recording) else item for item in read_ones]
@@ -316,9 +316,9 @@ def explain(
         <Finding.NONE: 'none'>
     """
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    said = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    inputs = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     many = is_several(data)
-    read_ones = several(data, said) if many else [one_recording(data, said)]
+    read_ones = several(data, inputs) if many else [one_recording(data, inputs)]
     valves, stands = explained([_explained(item, narx) for item in read_ones])
     return ExplainedValves(valves, stands) if many else valves[0]
 

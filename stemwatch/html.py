@@ -63,6 +63,6 @@ def _rendered(name: str, **shown: Any) -> str:
 
 @cache
 def _load(name: str) -> str:
-    """A file of the front door, or one of the report's."""
+    """A template of this package, or of the report."""
     own = files("stemwatch").joinpath(name)
     return own.read_text("utf-8") if own.is_file() else template(name)

@@ -1,4 +1,4 @@
-"""What a caller hands over - frame, arrays, file, recording - to recordings of one kind."""
+"""DataFrames, arrays, files and recordings, as callers pass them, to ``Recording``s."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ _FRACTION = 1.0 + 1e-9
 
 
 class FileOptions(TypedDict, total=False):
-    """How a file is read where the reader should not decide it: see ``ReadOptions``."""
+    """Options for reading a file, where it should not be decided from its contents: see
+    ``ReadOptions``."""
 
     ambiguous_hour: str
     missing_hour: str
@@ -62,7 +63,7 @@ class FileOptions(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class InputOptions:
-    """What was said beside the data itself: signals, ranges, window, clock, reading options."""
+    """The arguments of a call beside the data: signals, ranges, window, clock, reading options."""
 
     signals: Mapping[Role, SignalInput] = field(default_factory=dict)
     valve: str = ""
@@ -75,23 +76,23 @@ class InputOptions:
 
     @property
     def named(self) -> dict[Role, str]:
-        """The columns or tags that were named, by role."""
+        """The signals given as names of columns or tags, by role."""
         return {role: signal for role, signal in self.signals.items() if isinstance(signal, str)}
 
     @property
     def arrays(self) -> dict[Role, npt.ArrayLike]:
-        """The signals that were handed over themselves, by role."""
+        """The signals given as arrays, by role."""
         return {
             role: signal for role, signal in self.signals.items() if not isinstance(signal, str)
         }
 
     @property
     def window(self) -> Window:
-        """The window; a time without a zone is a local time of ``zone``."""
+        """The window; times without a zone are local times of ``zone``."""
         return Window(start=self._aware("start", self.start), stop=self._aware("stop", self.stop))
 
     def mapping(self, role: Role, tag: str, unit: str = "") -> TagMapping:
-        """Where ``role`` is, with the range that turns it into percent."""
+        """The tag of ``role`` with the engineering values at 0 % and 100 %."""
         low, high = self.ranges.get(role.value, (None, None))
         return TagMapping(tag=tag, unit=unit, low=low, high=high)
 
@@ -117,7 +118,7 @@ def asked(
     stop: datetime | None,
     options: Mapping[str, Any],
 ) -> InputOptions:
-    """What was said, checked. Raises ``ValueError`` for what cannot be meant."""
+    """The arguments after a check. Raises ``ValueError`` where they contradict one another."""
     given = {Role(name): signal for name, signal in signals.items() if signal is not None}
     if given and Role.OP not in given:
         raise ValueError(
@@ -144,45 +145,45 @@ def asked(
     )
 
 
-def one_recording(data: object, said: InputOptions) -> Recording:
-    """The one recording that ``data`` and what was ``said`` give.
+def one_recording(data: object, inputs: InputOptions) -> Recording:
+    """The single recording in ``data``.
 
-    Raises ``ConnectorError`` for what cannot be read, ``MappingNeeded`` (one of them) where it
-    holds several valves and none was chosen, ``TypeError`` for what is no data at all.
+    Raises ``ConnectorError`` where it cannot be read, ``MappingNeeded`` (a ``ConnectorError``)
+    where it holds several valves and none was chosen, ``TypeError`` for data of another type.
     """
     if isinstance(data, str | os.PathLike):
-        return _one_of_file(os.fsdecode(data), said)
+        return _one_of_file(os.fsdecode(data), inputs)
     if isinstance(data, Recording):
-        if said != InputOptions():
+        if inputs != InputOptions():
             raise ValueError(
                 "a Recording has its signals and its clock; op=, interval_s= and the like go with "
                 "frames, arrays and files. recording.part(first, last) cuts it"
             )
         return data
     if data is None:
-        return _of_arrays(said)
+        return _of_arrays(inputs)
     if not isinstance(data, pd.DataFrame):
         raise TypeError(f"received {_described(data)}; {EXPECTED}")
-    if said.arrays:
+    if inputs.arrays:
         raise ValueError(
-            f"{', '.join(array.value for array in said.arrays)}: beside a DataFrame expected the "
+            f"{', '.join(array.value for array in inputs.arrays)}: beside a DataFrame expected the "
             "name of a column; leave the frame out to hand over arrays"
         )
-    return _of_frame(data, said)
+    return _of_frame(data, inputs)
 
 
-def several(data: object, said: InputOptions) -> list[Recording | Screening]:
+def several(data: object, inputs: InputOptions) -> list[Recording | Screening]:
     """Every recording of a path, a list or a dict, in order; one that cannot be read is a
     screening with the reason."""
     if isinstance(data, str | os.PathLike):
-        return _of_path(os.fsdecode(data), said)
+        return _of_path(os.fsdecode(data), inputs)
     named = data.items() if isinstance(data, Mapping) else [("", item) for item in _listed(data)]
     recordings: list[Recording | Screening] = []
     for place, (name, item) in enumerate(named):
         if isinstance(item, str | os.PathLike):
-            recordings += [_renamed(each, name) for each in _of_path(os.fsdecode(item), said)]
+            recordings += [_renamed(each, name) for each in _of_path(os.fsdecode(item), inputs)]
         else:
-            recordings.append(_one_or_reason(item, str(name), said, place))
+            recordings.append(_one_or_reason(item, str(name), inputs, place))
     return recordings
 
 
@@ -198,9 +199,10 @@ def _listed(data: object) -> Sequence[object]:
 
 
 def _one_or_reason(
-    frame: object, name: str, said: InputOptions, place: int
+    frame: object, name: str, inputs: InputOptions, place: int
 ) -> Recording | Screening:
-    """A recording of a list or dict; what cannot be read costs the others nothing."""
+    """The recording of an entry of a list or dict; a screening with the reason where it cannot be
+    read."""
     from stemwatch.models.screening import failed
 
     if isinstance(frame, Recording):
@@ -209,7 +211,7 @@ def _one_or_reason(
         where = repr(name) if name else f"entry {place}"
         raise TypeError(f"{where} is {_described(frame)}; {EXPECTED}")
     try:
-        return one_recording(frame, replace(said, valve=name) if name else said)
+        return one_recording(frame, replace(inputs, valve=name) if name else inputs)
     except ConnectorError as error:
         advice = "Mend the frame or the names of its columns; the other valves are not affected."
         return failed(name or f"entry {place}", str(error), advice, Provenance(source="DataFrame"))
@@ -219,55 +221,55 @@ def _renamed(recording: Recording | Screening, name: object) -> Recording | Scre
     return replace(recording, valve=str(name)) if name else recording
 
 
-def _of_path(path: str, said: InputOptions) -> list[Recording | Screening]:
+def _of_path(path: str, inputs: InputOptions) -> list[Recording | Screening]:
     recordings: list[Recording | Screening] = []
-    for task in _tasks(path, said):
+    for task in _tasks(path, inputs):
         case: Case | Screening = case_of(task)
-        recordings.append(case if isinstance(case, Screening) else _checked(case.recording, said))
+        recordings.append(case if isinstance(case, Screening) else _checked(case.recording, inputs))
     return recordings
 
 
-def _tasks(path: str, said: InputOptions) -> list[Task]:
-    if said.arrays:
+def _tasks(path: str, inputs: InputOptions) -> list[Task]:
+    if inputs.arrays:
         raise ValueError(
-            f"{', '.join(array.value for array in said.arrays)}: beside a path expected the name "
+            f"{', '.join(array.value for array in inputs.arrays)}: beside a path expected the name "
             "of a tag; leave the path out to hand over arrays"
         )
-    tags = said.named
+    tags = inputs.named
     request = Request(
         sources=(path,),
         tags=tags,
-        valve=said.valve if tags else "",
-        window=said.window,
-        read_options=read_options(said),
+        valve=inputs.valve if tags else "",
+        window=inputs.window,
+        read_options=read_options(inputs),
     )
     planned = make_plan(request)
     tasks = []
     for task in planned.tasks:
         mapped = {
-            role: said.mapping(role, tag.tag, tag.unit) if role.value in said.ranges else tag
+            role: inputs.mapping(role, tag.tag, tag.unit) if role.value in inputs.ranges else tag
             for role, tag in task.tags.tags.items()
         }
         tasks.append(replace(task, tags=replace(task.tags, tags=mapped)))
     return tasks
 
 
-def _one_of_file(path: str, said: InputOptions) -> Recording:
-    tasks = _tasks(path, said)
-    if said.valve and not said.named:
-        chosen = [task for task in tasks if task.tags.valve == said.valve]
+def _one_of_file(path: str, inputs: InputOptions) -> Recording:
+    tasks = _tasks(path, inputs)
+    if inputs.valve and not inputs.named:
+        chosen = [task for task in tasks if task.tags.valve == inputs.valve]
     else:
         chosen = tasks
     if len(chosen) == 1:
         case: Case | Screening = case_of(chosen[0])
         if isinstance(case, Screening):
             raise ConnectorError(" ".join((case.quality.reasons[0], *case.still_seen)))
-        return _checked(case.recording, said)
+        return _checked(case.recording, inputs)
     names = [task.tags.valve for task in tasks]
-    if said.valve:
-        near = nearest(said.valve, names)
+    if inputs.valve:
+        near = nearest(inputs.valve, names)
         raise MappingNeeded(
-            f"{path}: there is no valve {said.valve!r} among {len(names)}{near}; expected one of "
+            f"{path}: there is no valve {inputs.valve!r} among {len(names)}{near}; expected one of "
             f"{_some(names)}"
         )
     raise MappingNeeded(
@@ -276,40 +278,40 @@ def _one_of_file(path: str, said: InputOptions) -> Recording:
     )
 
 
-def read_options(said: InputOptions) -> ReadOptions:
+def read_options(inputs: InputOptions) -> ReadOptions:
     """The reading options. Raises ``ValueError`` for one that does not exist."""
     known = set(FileOptions.__annotations__)
-    for name in said.options:
+    for name in inputs.options:
         if name not in known:
             near = nearest(name, known)
             raise TypeError(f"{name!r} is no option of reading{near}; expected {sorted(known)}")
-    return ReadOptions(zone=said.zone, interval_s=said.interval_s, **said.options)
+    return ReadOptions(zone=inputs.zone, interval_s=inputs.interval_s, **inputs.options)
 
 
-def _of_frame(frame: pd.DataFrame, said: InputOptions) -> Recording:
-    if said.options:
-        raise ValueError(f"{', '.join(said.options)}: how a file is read; a DataFrame is no file")
-    table = DataFrameSource(frame, zone=said.zone, interval_s=said.interval_s)
-    return _checked(table.read(_valve_tags(table, said), said.window), said)
+def _of_frame(frame: pd.DataFrame, inputs: InputOptions) -> Recording:
+    if inputs.options:
+        raise ValueError(f"{', '.join(inputs.options)}: how a file is read; a DataFrame is no file")
+    table = DataFrameSource(frame, zone=inputs.zone, interval_s=inputs.interval_s)
+    return _checked(table.read(_valve_tags(table, inputs), inputs.window), inputs)
 
 
-def _valve_tags(table: DataFrameSource, said: InputOptions) -> ValveTags:
-    """The columns that were named; else those called op, mv, ..., else what the names tell."""
+def _valve_tags(table: DataFrameSource, inputs: InputOptions) -> ValveTags:
+    """The named columns; else those called op, mv, ...; else those recognised by their names."""
     columns = {info.tag: info for info in table.tags()}
-    named = said.named or {role: role.value for role in Role if role.value in columns}
+    named = inputs.named or {role: role.value for role in Role if role.value in columns}
     if Role.OP in named:
         units = {tag: info.unit for tag, info in columns.items()}
-        tags = {role: said.mapping(role, tag, units.get(tag, "")) for role, tag in named.items()}
-        return ValveTags(valve=said.valve or parse_tag(named[Role.OP]).loop or "valve", tags=tags)
+        tags = {role: inputs.mapping(role, tag, units.get(tag, "")) for role, tag in named.items()}
+        return ValveTags(valve=inputs.valve or parse_tag(named[Role.OP]).loop or "valve", tags=tags)
     proposed = propose_valves(table)
-    if said.valve:
+    if inputs.valve:
         proposed = [
-            candidate for candidate in proposed if candidate.valve == said.valve
+            candidate for candidate in proposed if candidate.valve == inputs.valve
         ] or proposed
     if len(proposed) == 1:
         (only,) = proposed
-        tags = {role: said.mapping(role, tag.tag, tag.unit) for role, tag in only.tags.items()}
-        return ValveTags(valve=said.valve or only.valve, tags=tags)
+        tags = {role: inputs.mapping(role, tag.tag, tag.unit) for role, tag in only.tags.items()}
+        return ValveTags(valve=inputs.valve or only.valve, tags=tags)
     if proposed:
         names = [candidate.valve for candidate in proposed]
         raise MappingNeeded(
@@ -322,37 +324,37 @@ def _valve_tags(table: DataFrameSource, said: InputOptions) -> ValveTags:
     )
 
 
-def _of_arrays(said: InputOptions) -> Recording:
-    """Arrays as a frame: the index of a Series counts, arrays need ``interval_s``."""
-    if not said.signals:
+def _of_arrays(inputs: InputOptions) -> Recording:
+    """The recording in arrays: a Series has its index as times, arrays need ``interval_s``."""
+    if not inputs.signals:
         raise TypeError(f"received nothing; {EXPECTED}")
-    if said.named:
+    if inputs.named:
         raise ValueError(
-            f"{', '.join(f'{r.value}={n!r}' for r, n in said.named.items())} names a column or a "
+            f"{', '.join(f'{r.value}={n!r}' for r, n in inputs.named.items())} names a column or a "
             "tag, but no frame and no file was given; hand it over as the first argument"
         )
-    signals = {role: _vector(role, array) for role, array in said.arrays.items()}
+    signals = {role: _vector(role, array) for role, array in inputs.arrays.items()}
     series = [signal for signal in signals.values() if isinstance(signal, pd.Series)]
     lengths = {role.value: len(signal) for role, signal in signals.items()}
     if len(series) < len(signals) and len(set(lengths.values())) > 1:
         raise ValueError(f"arrays of one length expected, received {lengths}")
     timed = [column.index for column in series if not isinstance(column.index, pd.RangeIndex)]
-    if not timed and said.interval_s is None:
+    if not timed and inputs.interval_s is None:
         raise ValueError(
             "arrays bear no times; say interval_s=, the seconds between samples, or hand over "
             "pandas Series with a time index"
         )
     frame = _side_by_side(signals, timed[0] if timed else None)
-    table = DataFrameSource(frame, where="arrays", zone=said.zone, interval_s=said.interval_s)
-    tags = {role: said.mapping(role, role.value) for role in signals}
-    valve = ValveTags(valve=said.valve or "valve", tags=tags)
-    return _checked(table.read(valve, said.window), said)
+    table = DataFrameSource(frame, where="arrays", zone=inputs.zone, interval_s=inputs.interval_s)
+    tags = {role: inputs.mapping(role, role.value) for role in signals}
+    valve = ValveTags(valve=inputs.valve or "valve", tags=tags)
+    return _checked(table.read(valve, inputs.window), inputs)
 
 
 def _side_by_side(
     signals: Mapping[Role, pd.Series | npt.NDArray[np.float64]], index: pd.Index | None
 ) -> pd.DataFrame:
-    """A column for each signal; Series by their times, arrays by their place."""
+    """A frame with a column for each signal; Series are aligned by time, arrays by position."""
     columns = {
         role.value: signal if isinstance(signal, pd.Series) else pd.Series(signal, index=index)
         for role, signal in signals.items()
@@ -388,11 +390,11 @@ def _vector(role: Role, given: npt.ArrayLike) -> pd.Series | npt.NDArray[np.floa
     return values
 
 
-def _checked(recording: Recording, said: InputOptions) -> Recording:
-    """Warn where OP or MV looks like a fraction: nothing is converted unless it was said."""
+def _checked(recording: Recording, inputs: InputOptions) -> Recording:
+    """Warn where OP or MV looks like a fraction of 1; without ``ranges`` nothing is converted."""
     for role in (Role.OP, Role.MV):
         signal = recording.get(role)
-        if signal is None or signal.unit != PERCENT or role.value in said.ranges:
+        if signal is None or signal.unit != PERCENT or role.value in inputs.ranges:
             continue
         values = signal.values[np.isfinite(signal.values)]
         if values.size and 0.0 <= values.min() and values.max() <= _FRACTION and np.ptp(values):

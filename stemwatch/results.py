@@ -1,4 +1,4 @@
-"""What ``screen`` and ``explain`` give back: the nouns of the product, as a notebook shows them."""
+"""The results of ``screen`` and ``explain``, with their display in terminals and notebooks."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class ScreenedValve:
 
     @property
     def mismatch(self) -> Mismatch | None:
-        """What S and J leave out; ``None`` where nothing was fitted."""
+        """Effects beside S and J; ``None`` where nothing was fitted."""
         return self.screening.mismatch
 
     @property
@@ -144,10 +144,10 @@ class ScreenedValve:
 
 @dataclass(frozen=True, repr=False)
 class ExplainedValve:
-    """One valve, explained: what S and J leave out of its recording, from ``stemwatch.explain``.
+    """One valve, explained: the physics that S and J leave out, from ``stemwatch.explain``.
 
-    ``mismatch`` holds all that was found; ``naive`` and ``restated`` there have S and J alone and
-    with what was left out.
+    ``mismatch`` is the complete result; its ``naive`` holds S and J fitted alone, its ``restated``
+    those fitted with the named effects.
     """
 
     explained: Explained
@@ -161,7 +161,7 @@ class ExplainedValve:
 
     @property
     def mismatch(self) -> Mismatch:
-        """What was found where simulation and recording differ."""
+        """The comparison of simulation and recording: effects, both fits, S and J restated."""
         return self.explained.mismatch
 
     @property
@@ -171,22 +171,22 @@ class ExplainedValve:
 
     @property
     def sentence(self) -> str:
-        """What was found, for a maintenance engineer."""
+        """The finding in one sentence."""
         return self.explained.mismatch.sentence
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """The names of the effects that were left out, strongest first."""
+        """The slugs of the named effects beside S and J, strongest first."""
         return tuple(effect.slug for effect in self.explained.mismatch.effects)
 
     @property
     def S(self) -> Estimate:
-        """Dead band plus stick band with what was left out, percent of OP span."""
+        """Dead band plus stick band, restated with the named effects, percent of OP span."""
         return self.explained.mismatch.restated.S
 
     @property
     def J(self) -> Estimate:
-        """Slip jump with what was left out, percent of OP span."""
+        """Slip jump, restated with the named effects, percent of OP span."""
         return self.explained.mismatch.restated.J
 
     @property
@@ -227,7 +227,7 @@ Valve = TypeVar("Valve", bound=ScreenedValve | ExplainedValve)
 
 
 class _Valves(Sequence[Valve], Generic[Valve]):
-    """Several results in the order in which they were asked for; by place or by valve's name."""
+    """Several results in the order of the inputs, indexed by position or valve name."""
 
     def __init__(self, valves: Sequence[Valve], discoveries: Discoveries) -> None:
         self._valves = tuple(valves)
@@ -240,21 +240,21 @@ class _Valves(Sequence[Valve], Generic[Valve]):
         return iter(self._valves)
 
     @overload
-    def __getitem__(self, at: int | str) -> Valve: ...
+    def __getitem__(self, key: int | str) -> Valve: ...
 
     @overload
-    def __getitem__(self, at: slice) -> list[Valve]: ...
+    def __getitem__(self, key: slice) -> list[Valve]: ...
 
-    def __getitem__(self, at: int | str | slice) -> Valve | list[Valve]:
-        if isinstance(at, slice):
-            return list(self._valves[at])
-        if isinstance(at, int):
-            return self._valves[at]
+    def __getitem__(self, key: int | str | slice) -> Valve | list[Valve]:
+        if isinstance(key, slice):
+            return list(self._valves[key])
+        if isinstance(key, int):
+            return self._valves[key]
         for valve in self._valves:
-            if valve.valve == at:
+            if valve.valve == key:
                 return valve
         names = [valve.valve for valve in self._valves]
-        raise KeyError(f"no valve {at!r} among {len(names)}{nearest(at, names)}")
+        raise KeyError(f"no valve {key!r} among {len(names)}{nearest(key, names)}")
 
 
 class ScreenedValves(_Valves[ScreenedValve]):
@@ -296,9 +296,9 @@ class ScreenedValves(_Valves[ScreenedValve]):
         if len(self) == 1:
             return repr(self[0])
         counted = count_verdicts(self._ranking())
-        said = ", ".join(f"{n} {verdict.value}" for verdict, n in counted.items() if n)
+        verdicts = ", ".join(f"{n} {verdict.value}" for verdict, n in counted.items() if n)
         many = "1 valve" if len(self) == 1 else f"{len(self)} valves"
-        lines = [f"{many}: {said}" if said else many]
+        lines = [f"{many}: {verdicts}" if verdicts else many]
         listed = self.ranked()[:_MOST_LISTED]
         width = max((len(valve.valve) for valve in listed), default=0)
         for rank, valve in enumerate(listed, start=1):
@@ -323,7 +323,7 @@ class ExplainedValves(_Valves[ExplainedValve]):
     """Several valves, explained together: what ``stemwatch.explain`` gives for a file or a list."""
 
     def to_dict(self) -> list[dict[str, Any]]:
-        """The objects of ``explain.json``, in the order in which they were asked for."""
+        """The objects of ``explain.json``, in the order of the inputs."""
         return [valve.to_dict() for valve in self]
 
     def __repr__(self) -> str:
@@ -337,7 +337,7 @@ class ExplainedValves(_Valves[ExplainedValve]):
 
 
 def screened(screenings: Sequence[Screening]) -> tuple[list[ScreenedValve], Discoveries]:
-    """Each screening with what stands of its effects among all of them."""
+    """Each screening, with whether its effects stand after false-discovery control over all."""
     run = discoveries([screening.mismatch for screening in screenings])
     valves = [
         ScreenedValve(screening, stands, run.remark if stands is False else "")
@@ -347,13 +347,13 @@ def screened(screenings: Sequence[Screening]) -> tuple[list[ScreenedValve], Disc
 
 
 def explained(results: Sequence[Explained]) -> tuple[list[ExplainedValve], Discoveries]:
-    """Each explanation with what stands of its effects among all of them."""
-    said = discoveries([explained.mismatch for explained in results])
+    """Each explanation, with whether its effects stand after false-discovery control over all."""
+    run = discoveries([explained.mismatch for explained in results])
     valves = [
-        ExplainedValve(explained, stands, said.remark if stands is False else "")
-        for explained, stands in zip(results, said.standing, strict=True)
+        ExplainedValve(explained, stands, run.remark if stands is False else "")
+        for explained, stands in zip(results, run.standing, strict=True)
     ]
-    return valves, said
+    return valves, run
 
 
 def _mismatch_lines(mismatch: Mismatch | None, remark: str) -> list[str]:

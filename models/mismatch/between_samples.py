@@ -43,8 +43,9 @@ TURN = 0.2
 FEWEST_TURNS = 5
 # A stem that is seen nearer to its command than this cannot stick as much as anybody would mind.
 LEAST_BAND = 1.5  # percent
-# Samples from one turn of OP to the next: 56 simulated loops with S of 2 to 8 % that were sampled
-# every second had 9 and more (nulls of seeds 5151, 6161, 7171, 8181); peaks are kept well enough.
+# Samples from one turn of OP to the next, from which its peaks are kept well enough. This and the
+# other limits of what is a slow archive are beyond what recordings show that keep every second:
+# `stemwatch calibrate-archives` prints both.
 FEW = 8.0
 # Below this OP may have turned twice between two samples, and nothing tells how often it did.
 TOO_FEW = 2.0
@@ -53,8 +54,7 @@ LATE_BY_SAMPLING = 1.2  # samples
 # Share of the S of friction alone below which a lag, and not the sampling, stands for the rest.
 LEFT_BY_A_LAG = 0.5
 # Advantage of friction over an actuator without it (``stickslip.fit.Advantage``) from which it is
-# evident that there is any. 13 of 14 sticking valves stored every 5 and 10 s or averaged have a
-# mean of 0.7 and more; noisy healthy ones, whose OP turns by its noise, at most 0.25.
+# evident that there is any.
 EVIDENT_MEAN, EVIDENT_T = 0.5, 2.0
 # Slips for each turn of OP from which they stand for all: a stem that is back at its next slip
 # before it was seen at rest shows its unusual slips only.
@@ -262,14 +262,14 @@ def _even(
 ) -> Archive | None:
     """The ``archive`` of even samples with what the slips tell; one that keeps more samples is only
     believed to be slow where they contradict the fit. ``evident``: whether there is friction."""
-    seen = archive or (_sampled(recording) if evident else None)
+    seen = archive or (even_archive(recording) if evident else None)
     if seen is None:
         return None
     c, problem = fit.candidate, fit.evaluator.problem
     gain, zero = 1.0 + float(c[coordinate.GAIN]), float(c[coordinate.ZERO])
     if archive is None:
         slips = seen.slips(problem, gain, zero)
-        told = slips is not None and _contradicted(fit, slips)
+        told = slips is not None and against_fit(fit, slips).contradicts
         return seen.with_slips(problem, gain, zero) if told else None
     seen = seen.with_slips(problem, gain, zero)
     if evident or (seen.levels is not None and _show_friction(seen.levels)):
@@ -277,15 +277,39 @@ def _even(
     return replace(seen, levels=None, unseen=True) if fit.S >= LEAST_BAND else None
 
 
-def _contradicted(fit: StickSlipFit, slips: Slips) -> bool:
-    """Whether the slips of a loop that answers them between samples have another S or J."""
-    level, kinetic = slips.middle
-    clear = level - kinetic >= CLEAR * slips.sigma
-    wide = float(np.median(slips.high - slips.low)) > WIDEST * level
-    if not clear or wide or slips.answered >= ANSWERED:
-        return False
-    S, J = abs(level + kinetic - fit.S), abs(level - kinetic - fit.J)
-    return bool(S > S_APART * (level + kinetic) or J > J_APART * level)
+@dataclass(frozen=True)
+class SlipsAgainstFit:
+    """How the slips' S and J differ from a fit's, shares of S and of the breakaway level; OP's
+    speed after a slip, ``answered``; the jump in standard deviations of the noise; how far apart
+    the ``bounds`` of a slip are, a share of the level."""
+
+    S: float
+    J: float
+    answered: float
+    jump: float
+    bounds: float
+
+    @property
+    def could(self) -> bool:
+        """Whether these slips may say anything against a fit."""
+        return self.answered < ANSWERED and self.jump >= CLEAR and self.bounds <= WIDEST
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the slips of a loop that answers them between samples have another S or J."""
+        return self.could and (self.S > S_APART or self.J > J_APART)
+
+
+def against_fit(fit: StickSlipFit, slips: Slips) -> SlipsAgainstFit:
+    """The slips' S and J, by the middle of their bounds, beside those of a fit."""
+    level, kinetic = (max(one, 1e-9) for one in slips.middle)
+    return SlipsAgainstFit(
+        S=abs(level + kinetic - fit.S) / (level + kinetic),
+        J=abs(level - kinetic - fit.J) / level,
+        answered=slips.answered,
+        jump=(level - kinetic) / slips.sigma,
+        bounds=float(np.median(slips.high - slips.low)) / level,
+    )
 
 
 def _show_friction(levels: SlipLevels) -> bool:
@@ -303,18 +327,18 @@ def find_archive(recording: Recording) -> Archive | None:
     enough, nothing can be told, or the stem is never seen far from its command."""
     if recording.mv is None or recording.mv.unit != recording.op.unit:
         return None
-    if np.count_nonzero(recording.usable) < FEWEST_TURNS:
-        return None
     kept = _thinned(recording)
     if kept is not None:
         return kept
-    sampled = _sampled(recording)
+    sampled = even_archive(recording)
     return sampled if sampled is not None and sampled.per_turn <= FEW else None
 
 
-def _sampled(recording: Recording) -> Archive | None:
+def even_archive(recording: Recording) -> Archive | None:
     """An archive that keeps even samples, however many; ``None`` where nothing can be told."""
     assert recording.mv is not None
+    if np.count_nonzero(recording.usable) < FEWEST_TURNS:
+        return None
     both = recording.usable
     op, mv = recording.op.values[both], recording.mv.values[both]
     seen = _band(mv - op)

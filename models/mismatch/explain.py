@@ -7,8 +7,9 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
@@ -305,7 +306,7 @@ class _Hypothesis:
     evaluator: Evaluator
     layout: CoordinateLayout
     best: Floats
-    drawn: Floats
+    drawn: Callable[[], Floats]
     effects: tuple[Effect, ...]
     open_end: bool
     shown: HeldOutComparison
@@ -332,7 +333,7 @@ def _told(case: _Case) -> Mismatch:
     archive = _archive(case, evaluator, reached.best)
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = not effects and not reached.open_end and not reached.worse and archive is None
-    alone = _stiction(plain, draws(plain, simple, naive), naive, by_breakaways=told)
+    alone = _stiction(plain, lambda: draws(plain, simple, naive), naive, by_breakaways=told)
     refitted = _stiction(evaluator, reached.drawn, reached.best, by_breakaways=told)
     if case.balance is not None and DRIVE in reached.layout.places:
         refitted = _of_balance(case.balance, refitted)
@@ -420,8 +421,10 @@ def _whole_record(
     for slug in pinned:
         fitted = without(evaluator, fitted, *COORDINATES[slug])
     layout, best = _whole(evaluator, fitted)
-    drawn = draws(evaluator, layout, best)
-    candidates = _effects(case.recording, named, off, layout, best, drawn)
+    # Half of the draws are never asked for, and each costs as much as a search.
+    drawn = cache(lambda: draws(evaluator, layout, best))
+    wanted = drawn() if named.needed or off else np.empty((0, layout.size))
+    candidates = _effects(case.recording, named, off, layout, best, wanted)
     large = tuple(candidate for candidate in candidates if _matters(candidate))
     of_drive = starts_of_first_part(evaluator, layout)
     in_turn = (
@@ -527,7 +530,7 @@ def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floa
 
 
 def _stiction(
-    evaluator: Evaluator, drawn: Floats, best: Floats, *, by_breakaways: bool
+    evaluator: Evaluator, drawn: Callable[[], Floats], best: Floats, *, by_breakaways: bool
 ) -> Stiction:
     S = float(best[base_coordinate.S_PERCENT])
     J = S * float(best[base_coordinate.RATIO])
@@ -537,11 +540,12 @@ def _stiction(
         S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
         return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
     error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
-    S_drawn = drawn[:, base_coordinate.S_PERCENT]
+    all_drawn = drawn()
+    S_drawn = all_drawn[:, base_coordinate.S_PERCENT]
     return Stiction(
         S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
         J=_positive(
-            estimate(S_drawn * drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
+            estimate(S_drawn * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
         ),
     )
 

@@ -349,7 +349,11 @@ def pruned(
     """
     if len(stages) == 1:
         only = stages[0]
-        return fitted, [Needed(only, only.before, gain(evaluator, only.before, fitted))]
+        advantage = gain(evaluator, only.before, fitted)
+        if not convincing(advantage, evaluator.told, only.accepted[0].slug):
+            # What was polished on both folds predicts less than it did at its first look.
+            return only.before, []
+        return fitted, [Needed(only, only.before, advantage)]
     needed: list[Needed] = []
     for stage in stages:
         lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)

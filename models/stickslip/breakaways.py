@@ -228,6 +228,10 @@ def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, B
         off[group] = values[group] - np.median(values[group])
     reach = TRIM * max(1.4826 * float(np.median(np.abs(off))), 1e-3)
     kept = np.abs(off) <= reach
+    for group in groups:
+        # Two bunches of one direction about a median between them: no one of them is a stray.
+        if not (group & kept).any():
+            kept |= group
     parts = [values[group & kept] for group in groups]
     # Those left out count with the reach, or leaving out would look like agreement.
     squares = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)

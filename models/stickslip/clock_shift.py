@@ -19,15 +19,20 @@ import numpy as np
 from stemwatch.models.forensics import repeat_share
 from stemwatch.models.recording import Floats, Quality, Recording, Role
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import StickSlipEvaluator, advantage, first_look, sticking_grid
+from stemwatch.models.stickslip.fit import (
+    Advantage,
+    StickSlipEvaluator,
+    advantage,
+    first_look,
+    sticking_grid,
+)
 from stemwatch.models.stickslip.problem import make_problem
 
 # Samples by which OP is brought forward: where neither of the first makes it cheaper, none does.
 LOOKED_AT, TRIED = (1, 3), (2, 5, 8, 12)
 WITHIN = np.arange(-2.0, 2.01, 0.25)  # samples about the best of them
-# Of the block-wise advantage (``stickslip.fit.advantage``). Of 108 simulated valves whose clocks
-# agree, with and without hidden effects (draw_nulls and draw_effect, seed 8181), none has a mean
-# above 0.01 or a t above 0.5; OP stored 5 s late has 0.2 to 2 and 1.6 to 200.
+# Of the block-wise advantage (``stickslip.fit.advantage``). `stemwatch calibrate-archives` prints
+# both of valves whose clocks agree, and of the same with OP stored late.
 LEAST_MEAN, LEAST_T = 0.1, 1.5
 STEPPED = 0.05  # share of repeats of OP from which it is moved by whole samples
 LEAST = 0.5  # samples; less is within what sampling does
@@ -36,7 +41,9 @@ LEAST = 0.5  # samples; less is within what sampling does
 def find_op_late(recording: Recording) -> float:
     """How late OP was stored against the position, seconds of the recording's clock; 0 where it was
     not, or where nothing tells."""
-    return _late_samples(recording) * recording.interval_s
+    seen = late_evidence(recording)
+    told = seen.samples >= LEAST and seen.gain.mean >= LEAST_MEAN and seen.gain.t >= LEAST_T
+    return seen.samples * recording.interval_s if told else 0.0
 
 
 def brought_forward(recording: Recording, late_s: float) -> Recording:
@@ -60,26 +67,37 @@ def brought_forward(recording: Recording, late_s: float) -> Recording:
     return replace(recording, signals=signals)
 
 
-def _late_samples(recording: Recording) -> float:
-    """By how many samples OP was stored late; 0 where it was not, or where nothing tells."""
+@dataclass(frozen=True)
+class LateEvidence:
+    """By how many ``samples`` OP is best brought forward, and what that gains; 0 samples and no
+    gain where nothing tells."""
+
+    samples: float
+    gain: Advantage
+
+
+_NOTHING = LateEvidence(0.0, Advantage(0.0, 0.0))
+
+
+def late_evidence(recording: Recording) -> LateEvidence:
+    """What speaks for an OP that was stored late."""
     if recording.mv is None:
-        return 0.0
+        return _NOTHING
     problem = make_problem(recording)
     if not problem.scored.any() or problem.swing <= 0.0:
-        return 0.0
+        return _NOTHING
     evaluator, base = first_look(problem)
     grid = sticking_grid(evaluator, base)[1::4]  # the reading's own zero
     plain = _cheapest(evaluator, grid, 0.0)
     looked = [_cheapest(evaluator, grid, float(at)) for at in LOOKED_AT]
     if min(map(_total, looked)) >= _total(plain):
-        return 0.0
+        return _NOTHING
     best = min(*looked, *(_cheapest(evaluator, grid, float(at)) for at in TRIED), key=_total)
     near, parts = _about(best.candidate), best.samples + WITHIN
     best = min((_cheapest(evaluator, near, float(at)) for at in parts[parts > 0.0]), key=_total)
     plain = _cheapest(evaluator, np.vstack((grid, _about(plain.candidate))), 0.0)
     gain = advantage(plain.losses, best.losses, best.counts, evaluator.delta)
-    told = best.samples >= LEAST and gain.mean >= LEAST_MEAN and gain.t >= LEAST_T
-    return best.samples if told else 0.0
+    return LateEvidence(best.samples, gain)
 
 
 @dataclass(frozen=True)

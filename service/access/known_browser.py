@@ -1,9 +1,9 @@
-"""Browsers in which somebody has signed in before, known by a cookie of their own.
+"""Browsers in which a user has signed in before, recognised by a cookie.
 
-Whoever guesses at somebody's password makes the name wait, and without this its owner as well. A
-browser in which the owner has signed in is counted by itself. Nothing is stored: the cookie bears a
-code made with the stored hash of the password, so that a new password forgets every browser, and
-nobody who lacks that hash can make one. It lets nobody in.
+Guessing a user's password blocks sign-in with that name for a while; without this cookie it would
+block the user as well. Attempts in a browser known for the user are counted separately. Nothing is
+stored: the cookie holds a code made with the stored password hash, so that a new password makes
+old cookies invalid and they cannot be forged without the hash. The cookie does not sign anyone in.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import hmac
 from datetime import datetime, timedelta
 
-from stemwatch.service.access.secret import digest_of, new_secret
+from stemwatch.service.access.random_secrets import digest_of, new_secret
 
 KNOWN_FOR = timedelta(days=90)
 MOST_USERS = 8  # of one browser, in a control room
@@ -20,7 +20,7 @@ _USE = b"stemwatch known browser"
 
 
 def remember_browser(cookie: str, password_hash: str, now: datetime) -> str:
-    """What the cookie holds from now on, beside what it holds of other users."""
+    """The new value of the cookie: a mark for this user, and those of other users kept."""
     secret, until = new_secret(), int((now + KNOWN_FOR).timestamp())
     mark = f"{secret}~{until}~{_code(secret, until, password_hash)}"
     others = [mark for mark in cookie.split(_BETWEEN) if mark and not _fits(mark, password_hash)]
@@ -28,8 +28,8 @@ def remember_browser(cookie: str, password_hash: str, now: datetime) -> str:
 
 
 def key_of_browser(cookie: str, password_hash: str, now: datetime) -> str | None:
-    """Under which attempts of this browser are counted; ``None`` where the user of this password
-    has not signed in there, or not for long."""
+    """The key under which attempts of this browser are counted; ``None`` where the user with this
+    password hash has not signed in there within ``KNOWN_FOR``."""
     for mark in cookie.split(_BETWEEN)[:MOST_USERS]:
         if _fits(mark, password_hash) and int(mark.split("~")[1]) > now.timestamp():
             return f"browser {digest_of(mark)}"

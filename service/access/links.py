@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 from urllib.parse import urlencode
 
 from stemwatch.service.access.passwords import check_password, hash_password
-from stemwatch.service.access.secret import digest_of, new_secret
+from stemwatch.service.access.random_secrets import digest_of, new_secret
 from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, User, UserRole
 from stemwatch.service.store.storable import clean_text
 from stemwatch.service.store.store import Store

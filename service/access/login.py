@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 
 from stemwatch.service.access.known_browser import key_of_browser
 from stemwatch.service.access.passwords import LONGEST, hash_password, is_dated, matches
-from stemwatch.service.access.secret import digest_of
+from stemwatch.service.access.random_secrets import digest_of
 from stemwatch.service.access.sessions import IDLE, begin_session
 from stemwatch.service.store.accounts.login_attempts import Wait
 from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, User

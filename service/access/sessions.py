@@ -10,7 +10,7 @@ import hmac
 from datetime import datetime, timedelta
 
 from stemwatch.service.access.permissions import CurrentUser
-from stemwatch.service.access.secret import digest_of, new_secret
+from stemwatch.service.access.random_secrets import digest_of, new_secret
 from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.store import Store
 

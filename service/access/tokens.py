@@ -1,5 +1,5 @@
-"""API tokens: shown once, kept as digests, good for their scopes and never for more than their
-user may at that moment."""
+"""API tokens: shown once, stored as digests, limited to their scopes and to the present rights of
+their user."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from datetime import datetime, timedelta
 
 from stemwatch.service.access.links import BadName, check_name
 from stemwatch.service.access.permissions import CurrentUser, scopes_of
-from stemwatch.service.access.secret import digest_of, new_secret
+from stemwatch.service.access.random_secrets import digest_of, new_secret
 from stemwatch.service.store.accounts.records import Scope, User, UserRole
 from stemwatch.service.store.store import Store
 
-BEGINS = "stw_"  # by which scanners of repositories and people know a token
+BEGINS = "stw_"  # prefix by which people and secret scanners recognise a token
 SHOWN = len(BEGINS) + 6
 NOTED_EVERY = timedelta(minutes=1)
 ENVIRONMENT = "STEMWATCH_WEB_TOKEN"
@@ -22,7 +22,7 @@ MOST_OF_USER = 50
 
 
 class BadToken(ValueError):
-    """A token that cannot be made; the text says what is expected."""
+    """The token cannot be created; the text says what is expected."""
 
 
 def make_token(
@@ -34,8 +34,8 @@ def make_token(
     now: datetime,
     days: int | None = 90,
 ) -> str:
-    """A new token of ``user``, known only here and to whoever asked; ``days`` ``None`` is for
-    ever. Raises ``BadToken``."""
+    """Create a token of ``user`` and return it; only its digest is stored. It expires after
+    ``days``, never with ``None``. Raises ``BadToken``."""
     try:
         name = check_name(name)
     except BadName as error:
@@ -63,7 +63,7 @@ def make_token(
 
 
 def user_of_token(store: Store, secret: str, now: datetime) -> CurrentUser | None:
-    """Who asks with this token; ``None`` where it lets nobody in."""
+    """The user of this token, with its scopes; ``None`` where it is not valid."""
     token = store.api_tokens.find(digest_of(secret)) if secret else None
     if token is None or not token.is_open(now):
         return None
@@ -79,8 +79,8 @@ def user_of_token(store: Store, secret: str, now: datetime) -> CurrentUser | Non
 
 
 def user_of_environment(secret: str, expected: str) -> CurrentUser | None:
-    """Who asks with the token that the service was started with: it reads and acts, and belongs
-    to nobody. One that is too short to be safe lets nobody in."""
+    """The user for the token in the service's environment, with the scopes to read and to act;
+    ``None`` where ``secret`` differs or the expected token is too short to be safe."""
     if len(expected) < SHORTEST_OF_ENVIRONMENT:
         return None
     if not hmac.compare_digest(secret.encode("utf-8", "replace"), expected.encode()):

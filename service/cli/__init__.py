@@ -1,4 +1,4 @@
-"""The command line: one module per verb, put together here."""
+"""The command line ``stemwatch``: one module for each command, registered here."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from stemwatch.service.cli.accounts import accounts_app
 from stemwatch.service.cli.archive import simulate_archive
 from stemwatch.service.cli.calibrate import calibrate_mismatch
+from stemwatch.service.cli.calibrate_archives import calibrate_archives
 from stemwatch.service.cli.compare import compare
 from stemwatch.service.cli.db import db_app
 from stemwatch.service.cli.demo import demo
@@ -77,6 +78,7 @@ for command in (
     prove,
     robustness,
     calibrate_mismatch,
+    calibrate_archives,
     drift,
     maintenance,
     maintenance_report,
@@ -93,7 +95,7 @@ app.add_typer(modbus_app, name="modbus")
 
 
 def main() -> None:
-    """Run the command line; errors with a cause a user can mend are one sentence and status 2."""
+    """Run the command line; errors that a user can correct are printed and end with status 2."""
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.service.config.problems import PlantFileError
     from stemwatch.service.process_lifecycle import (
@@ -104,13 +106,13 @@ def main() -> None:
     )
     from stemwatch.service.store.errors import StoreError
 
-    # Libraries make hundreds of thousands of objects while they are loaded, and none is garbage: to
-    # look for some every 700 objects took a tenth of the processor time of a short command.
+    # Loading libraries creates hundreds of thousands of objects, none of them garbage: collecting
+    # every 700 objects took a tenth of the processor time of a short command.
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
-    # At the end the memory goes back as a whole; to search it once more took a quarter.
+    # A last collection at exit is useless and took a quarter of the time.
     atexit.register(gc.freeze)
     for stream in (sys.stdout, sys.stderr):
-        # A Windows console or a pipe may not know every letter of a tag: better a ? than a crash.
+        # Consoles and pipes may not support every character of a tag: print ? instead of failing.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:

@@ -1,6 +1,6 @@
-"""``stemwatch accounts``: who may sign in, from the machine that the service runs on.
+"""``stemwatch accounts``: users of the pages, managed on the machine that the service runs on.
 
-Nobody's password is set here: people choose their own by one-time links.
+No password is set here: people choose their own with one-time links.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PAGES = "http://127.0.0.1:8300/"
 
 @accounts_app.command("list")
 def list_users(plant: PlantFile = None, db: Database = "") -> None:
-    """Show who may sign in, and as what."""
+    """List the users with their roles."""
     from stemwatch.service.cli import views
 
     with _store(plant, db) as store:
@@ -41,15 +41,15 @@ def list_users(plant: PlantFile = None, db: Database = "") -> None:
     for user in users:
         seen = f"{user.last_login:%Y-%m-%d %H:%M} UTC" if user.last_login else "never"
         state = ", disabled" if user.disabled else ""
-        said = f"{user.name}: {user.role}{state}, last signed in {seen}"
-        views.out.print(views.escape(said), highlight=False, soft_wrap=True)
+        line = f"{user.name}: {user.role}{state}, last signed in {seen}"
+        views.out.print(views.escape(line), highlight=False, soft_wrap=True)
     if not users:
         views.out.print("Nobody can sign in yet.", highlight=False)
 
 
 @accounts_app.command("first-link")
 def first_link(plant: PlantFile = None, db: Database = "", address: Address = PAGES) -> None:
-    """Print a new one-time link for the first admin; the one before it lets nobody in any more."""
+    """Print a new one-time link for the first admin; an earlier one becomes invalid."""
     from stemwatch.service.access import links
 
     with _store(plant, db) as store:
@@ -101,7 +101,7 @@ def set_role(
     plant: PlantFile = None,
     db: Database = "",
 ) -> None:
-    """Change what a user may do; it holds at once."""
+    """Change a user's role, with immediate effect."""
     with _store(plant, db) as store:
         user = _user(store, name)
         store.accounts.set_role(user.id, _role(role))
@@ -110,7 +110,7 @@ def set_role(
 
 @accounts_app.command("disable")
 def disable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
-    """Let a user in no more: sessions end, tokens and links rest."""
+    """Disable a user: sessions end, links are withdrawn, tokens are invalid until enabled again."""
     with _store(plant, db) as store:
         user = _user(store, name)
         store.accounts.disable(user.id, datetime.now(UTC))
@@ -119,7 +119,7 @@ def disable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
 
 @accounts_app.command("enable")
 def enable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
-    """Let a user in again."""
+    """Allow a disabled user to sign in again."""
     with _store(plant, db) as store:
         user = _user(store, name)
         store.accounts.enable(user.id)
@@ -175,7 +175,7 @@ def _show(link: str) -> None:
 
 
 def _note(store: Store, action: str, about: str) -> None:
-    """An entry in the audit log: by whom this machine is used, and what for."""
+    """Add an entry to the audit log in the name of the machine's user."""
     from stemwatch.service.store.accounts.records import AuditEntry
 
     try:

@@ -39,9 +39,7 @@ def simulate_archive(
     ] = 0,
     start: Annotated[str, typer.Option(help="Time of the first sample, ISO, UTC.")] = "",
     seed: o.Seed = 1,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; by default one per core.")
-    ] = None,
+    workers: o.Workers = None,
 ) -> None:
     """Write a company's archive of simulated valves, its plant.toml, and the truth beside it.
 

@@ -1,4 +1,4 @@
-"""``stemwatch compare``: which stiction model does this valve follow?"""
+"""``stemwatch compare``: how well each stiction model of the literature fits one valve."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ if TYPE_CHECKING:
     from stemwatch.service.run.plan import Request
     from stemwatch.service.studies.comparison.compare_models import Comparison, ModelRow
 
-TAGS = "Which tag is what"
 PAGE = "compare.html"
 
 
 def compare(
     file: Annotated[Path, typer.Argument(help="A CSV or text export of a historian.")],
-    op: Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)] = "",
-    mv: Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)] = "",
-    valve: Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)] = "",
-    from_: Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")] = "",
-    to: Annotated[str, typer.Option("--to", help="End of the window, ISO time.")] = "",
+    op: o.OpTag = "",
+    mv: o.MvTag = "",
+    valve: o.ValveName = "",
+    from_: o.From = "",
+    to: o.To = "",
     train_share: Annotated[
         float, typer.Option(min=0.1, max=1.0, help="First part of the record that is fitted.")
     ] = 0.6,
@@ -53,37 +52,19 @@ def compare(
     part of the record and judged by their free run over the rest. It says which model follows, not
     whether the valve is ill: that is `stemwatch screen`.
     """
-    from stemwatch.connectors.connector import Window
-    from stemwatch.service.cli.reading import read_options
-    from stemwatch.service.run.plan import Request
+    from stemwatch.service.cli.reading import read_options, request_of, tags_of
 
     o.need_file(file, "FILE")
-    request = Request(
-        sources=(str(file),),
-        tags=_tags(op, mv),
-        valve=valve,
-        window=Window(start=o.instant(from_, zone, "--from"), stop=o.instant(to, zone, "--to")),
-        read_options=read_options(
-            zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
-        ),
+    options = read_options(
+        zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
     )
+    request = request_of([str(file)], None, tags_of(op=op, mv=mv), valve, from_, to, options)
     recording = _the_recording(request, file)
     _report(_compared(recording, train_share, narx), out, json_file)
 
 
-def _tags(op: str, mv: str):  # type: ignore[no-untyped-def]  # Role is imported late, with numpy
-    from stemwatch.models.recording import Role
-
-    if mv and not op:
-        raise typer.BadParameter(
-            "the controller output is needed: --op TAG (`stemwatch inspect` lists the tags)",
-            param_hint="--op",
-        )
-    return {role: tag for role, tag in ((Role.OP, op), (Role.MV, mv)) if tag}
-
-
 def _the_recording(request: Request, file: Path) -> Recording:
-    """The one valve of the file; a sentence where there is none, or more than one."""
+    """The recording of the file's only valve. Raises ``typer.BadParameter`` for none or several."""
     from stemwatch.service.run.plan import make_plan
     from stemwatch.service.run.task import open_file
 
@@ -138,7 +119,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
 
 
 def _table(comparison: Comparison) -> Table:
-    """Best first; a narrow terminal has room for the marks alone."""
+    """The models, best first; a narrow terminal shows the held-out scores only."""
     from rich.markup import escape
     from rich.table import Table
 

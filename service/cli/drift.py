@@ -114,7 +114,7 @@ def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, i
 
 
 def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> dict[str, Any]:
-    """Everything that was found, as JSON has it."""
+    """The complete result as JSON."""
     from dataclasses import asdict
 
     from stemwatch.service.studies.trial import wilson

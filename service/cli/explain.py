@@ -18,26 +18,21 @@ if TYPE_CHECKING:
     from stemwatch.service.explain.to_explain import ToExplain
     from stemwatch.service.run.plan import Request
 
-TAGS = "Which tag is what (one valve per file)"
 MOST_REASONS = 5  # of a run in which nothing could be read
 TITLE = "Where simulation and recording differ"
 
 
 def explain(
-    recording: Annotated[
-        list[str] | None, typer.Argument(help="Files, folders or patterns such as exports/*.csv.")
-    ] = None,
-    plant: Annotated[
-        Path | None, typer.Option(help="plant.toml with the valves; alone, its own sources.")
-    ] = None,
-    op: Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)] = "",
-    mv: Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)] = "",
-    pv: Annotated[str, typer.Option(help="Process variable.", rich_help_panel=TAGS)] = "",
-    sp: Annotated[str, typer.Option(help="Set point.", rich_help_panel=TAGS)] = "",
-    mode: Annotated[str, typer.Option(help="Controller mode.", rich_help_panel=TAGS)] = "",
-    valve: Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)] = "",
-    from_: Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")] = "",
-    to: Annotated[str, typer.Option("--to", help="End of the window, ISO time.")] = "",
+    recording: o.Sources = None,
+    plant: o.PlantFile = None,
+    op: o.OpTag = "",
+    mv: o.MvTag = "",
+    pv: o.PvTag = "",
+    sp: o.SpTag = "",
+    mode: o.ModeTag = "",
+    valve: o.ValveName = "",
+    from_: o.From = "",
+    to: o.To = "",
     narx: Annotated[
         bool, typer.Option("--narx/--no-narx", help="Train the network that gives the ceiling.")
     ] = True,
@@ -45,9 +40,7 @@ def explain(
         Path | None, typer.Option(help="Folder for a page with traces and maps.")
     ] = None,
     json_file: o.JsonFile = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; by default one per core.")
-    ] = None,
+    workers: o.Workers = None,
     zone: o.Zone = "",
     encoding: o.Encoding = "",
     separator: o.Separator = "",
@@ -62,26 +55,18 @@ def explain(
     The residual is located, the effect named from a catalogue or left as candidates, the extended
     model fitted, and S and J restated with it. What the recording could not have shown is said.
     """
-    from stemwatch.service.cli.reading import loaded_plant, read_options, tags_of, window_of
-    from stemwatch.service.run.plan import Request
+    from stemwatch.service.cli.reading import read_options, request_of, tags_of
 
-    loaded = loaded_plant(plant, recording)
-    chosen = read_options(
+    options = read_options(
         zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
     )
-    request = Request(
-        sources=tuple(recording or ()),
-        plant=loaded,
-        tags=tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
-        valve=valve,
-        window=window_of(from_, to, zone or (loaded.zone if loaded else None) or ""),
-        read_options=chosen,
-    )
+    tags = tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode)
+    request = request_of(recording, plant, tags, valve, from_, to, options)
     _report(_explained(request, narx, workers), request, out, json_file)
 
 
 def _explained(request: Request, narx: bool, workers: int | None) -> list[Explained]:
-    """An explanation of everything that was asked for, in that order."""
+    """The explanations of all requested recordings, in their order."""
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
     from stemwatch.service.explain.to_explain import what_to_explain
@@ -121,22 +106,22 @@ def _report(
     from stemwatch.service.cli import views
     from stemwatch.service.cli.explanation import explanation, tally
 
-    for explained in valves:
-        views.out.print(explanation(explained), highlight=False)
-    if len(valves) > 1:
-        views.out.print(tally(valves), highlight=False)
     if json_file is not None:
         from stemwatch.service.explain.explain_json import to_json
 
         json_file.write_text(to_json(valves), encoding="utf-8")
+    if not any(explained.recording is not None for explained in valves):
+        reasons = dict.fromkeys(explained.mismatch.sentence.rstrip(".") for explained in valves)
+        said = "; ".join([*reasons][:MOST_REASONS]) or "no source holds a recording"
+        views.say_error(f"nothing could be explained: {said}.")
+        raise typer.Exit(2)
+    for explained in valves:
+        views.out.print(explanation(explained), highlight=False)
+    if len(valves) > 1:
+        views.out.print(tally(valves), highlight=False)
     if out is not None:
         where = str(_write(valves, request, out).resolve())
         views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
-    if not any(explained.recording is not None for explained in valves):
-        for explained in valves[:MOST_REASONS]:
-            views.say_error(explained.mismatch.sentence)
-        views.say_error("nothing could be explained: no source could be read as it was asked for")
-        raise typer.Exit(2)
 
 
 def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:

@@ -1,4 +1,4 @@
-"""What the terminal shows of an explanation: the verdict, the sentences, the numbers."""
+"""The terminal output of ``stemwatch explain``: finding, sentences, numbers."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ STYLE = {
     Finding.NONE: "green",
     Finding.NOT_TESTABLE: "cyan",
 }
-MOST_HOT = 3  # hot places; the page has all
+MOST_HOT = 3  # places with the largest residual; the page shows all
 INDENT = 2
 
 
 def explanation(explained: Explained) -> RenderableType:
-    """One valve: verdict and sentence, hot places, effects with what to check, numbers."""
+    """One valve: finding, places with the largest residual, effects with checks, numbers."""
     mismatch = explained.mismatch
     parts: list[RenderableType] = [Text.from_markup(_headline(explained))]
     parts += [_line(text) for text in _sentences(mismatch)]
@@ -47,7 +47,7 @@ def explanation(explained: Explained) -> RenderableType:
 
 
 def tally(valves: Sequence[Explained]) -> str:
-    """How many of each verdict, in one line."""
+    """The number of recordings with each finding, in one line."""
     counted = Counter(explained.mismatch.finding for explained in valves)
     words = [
         f"{counted[finding]} {effect_name(finding.value)}"
@@ -83,9 +83,9 @@ def _sentences(mismatch: Mismatch) -> Iterator[str]:
         yield f"[dim]Not testable here: {names}[/]"
 
 
-def _effect(effect: PresentedEffect, said: str) -> Iterator[str]:
+def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
     name = views.escape(effect.name.capitalize())
-    sentence = " ".join(beyond([effect.sentence], said))
+    sentence = " ".join(beyond([effect.sentence], finding_sentence))
     yield f"[bold magenta]{name}[/]  {views.escape(sentence)}".rstrip()
     if effect.check:
         yield f"[dim]Check[/]  {views.escape(effect.check)}"
@@ -119,14 +119,14 @@ def _number(estimate: Estimate) -> str:
 
 
 def _caption(held: HeldOutFit) -> str:
-    """The interval of the gain, and what is systematic at all."""
-    said = []
+    """The interval of the gain, the NARX ceiling and the noise floor."""
+    parts = []
     if finite(held.gain_low) is not None and finite(held.gain_high) is not None:
-        said.append(
+        parts.append(
             f"fit grows by {figure(held.gain_low, 2)} to {figure(held.gain_high, 2)} points"
         )
     if finite(held.rmse_ceiling) is not None:
-        said.append(f"NARX ceiling {figure(held.rmse_ceiling, 2)} %")
+        parts.append(f"NARX ceiling {figure(held.rmse_ceiling, 2)} %")
     if finite(held.noise_floor) is not None:
-        said.append(f"noise {figure(held.noise_floor, 2)} %")
-    return ", ".join(said)
+        parts.append(f"noise {figure(held.noise_floor, 2)} %")
+    return ", ".join(parts)

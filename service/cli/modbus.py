@@ -1,4 +1,4 @@
-"""``stemwatch modbus read``: try registers or a map against a device, as at commissioning."""
+"""``stemwatch modbus read``: read registers of a device, for commissioning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``stemwatch modbus read`` shows."""
+"""The tables of ``stemwatch modbus read``."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 import typer
 
 READING = "How the file is read"
+TAGS = "Which tag is what (one valve per file)"
 
 Zone = Annotated[
     str,
@@ -46,6 +47,21 @@ Interval = Annotated[
         rich_help_panel=READING,
     ),
 ]
+Sources = Annotated[
+    list[str] | None, typer.Argument(help="Files, folders or patterns such as exports/*.csv.")
+]
+PlantFile = Annotated[
+    Path | None, typer.Option(help="plant.toml with the valves; alone, its own sources.")
+]
+OpTag = Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)]
+MvTag = Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)]
+PvTag = Annotated[str, typer.Option(help="Process variable.", rich_help_panel=TAGS)]
+SpTag = Annotated[str, typer.Option(help="Set point.", rich_help_panel=TAGS)]
+ModeTag = Annotated[str, typer.Option(help="Controller mode.", rich_help_panel=TAGS)]
+ValveName = Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)]
+From = Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")]
+To = Annotated[str, typer.Option("--to", help="End of the window, ISO time.")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per core.")]
 JsonFile = Annotated[
     Path | None, typer.Option("--json", help="Write everything that was found to this file.")
 ]
@@ -84,7 +100,7 @@ def _zone(zone: str) -> ZoneInfo:
 
 
 def need_file(path: Path, option: str) -> Path:
-    """The path, or a sentence where there is no such file."""
+    """The path. Raises ``typer.BadParameter`` where there is no such file."""
     if not path.is_file():
         raise typer.BadParameter(f"there is no file {path}", param_hint=option)
     return path

@@ -65,7 +65,7 @@ def figures_lines(marks: Sequence[CaseMark]) -> Iterator[str]:
 
 
 def plain_table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
-    """A table without frames: a figure that is cut is no figure, and eighty columns are few."""
+    """A table without frames, so that numbers fit into eighty columns uncut."""
     table = Table(
         title=title,
         title_justify="left",
@@ -124,7 +124,7 @@ def _tallies(title: str, tallies: Sequence[Tally]) -> Table:
 
 
 def _confusions(marks: Sequence[CaseMark]) -> Table:
-    """What was said of each single truth, where it was something else."""
+    """For each hidden effect, the wrong answers and their number."""
     table = plain_table("What else was said", ("hidden", "said"), ("cases",))
     last = ""
     for truth, said, count in confusions([m for m in marks if m.truth.kind is not CaseKind.PAIR]):

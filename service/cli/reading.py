@@ -1,4 +1,4 @@
-"""From command-line texts to what a run is asked for: options, plant, tags, window."""
+"""From command-line options to the ``Request`` of a run: reading options, plant, tags, window."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from stemwatch.models.recording import Role
     from stemwatch.service.config import Plant
+    from stemwatch.service.run.plan import Request
 
 
 def read_options(
@@ -26,7 +28,7 @@ def read_options(
     time_format: str,
     interval_s: float | None,
 ) -> ReadOptions:
-    """The options a user gave; an empty text means "decide from the file"."""
+    """The reading options; an empty text means "decide from the file"."""
     named: dict[str, Any] = {
         "zone": zone,
         "encoding": encoding,
@@ -42,6 +44,31 @@ def read_options(
         raise typer.BadParameter(str(error)) from error
 
 
+def request_of(
+    sources: Sequence[str] | None,
+    plant: Path | None,
+    tags: dict[Role, str],
+    valve: str,
+    from_: str,
+    to: str,
+    options: ReadOptions,
+) -> Request:
+    """The request of a command; window times without offset are in the zone of the options, else
+    in that of the plant, else in UTC."""
+    from stemwatch.service.run.plan import Request
+
+    loaded = loaded_plant(plant, sources)
+    zone = options.zone or (loaded.zone if loaded else None) or ""
+    return Request(
+        sources=tuple(sources or ()),
+        plant=loaded,
+        tags=tags,
+        valve=valve,
+        window=window_of(from_, to, zone),
+        read_options=options,
+    )
+
+
 def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> Plant | None:
     """The plant file, or ``None`` where only sources are given; neither is wrong usage."""
     from stemwatch.service.config import load_plant
@@ -54,7 +81,7 @@ def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> Plant | No
 
 
 def tags_of(**named: str):  # type: ignore[no-untyped-def]  # Role is imported late, with numpy
-    """What was asked for, by role; a mapping without OP is wrong usage."""
+    """The given tags by role; without OP the usage is wrong."""
     from stemwatch.models.recording import Role
 
     tags = {Role(name): tag for name, tag in named.items() if tag}

@@ -62,7 +62,7 @@ def reproduce(
 
 
 def as_json(results: Sequence[CaseResult], seeds: int) -> dict[str, Any]:
-    """Everything that was found, as JSON has it."""
+    """The complete result as JSON."""
     from dataclasses import asdict
 
     from stemwatch.models.studies.reproduction.cases import AMPLITUDE, PERIODS, SAMPLES_PER_PERIOD

@@ -16,24 +16,19 @@ if TYPE_CHECKING:
     from stemwatch.service.run.plan import Request
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
-TAGS = "Which tag is what (one valve per file)"
 
 
 def screen(
-    source: Annotated[
-        list[str] | None, typer.Argument(help="Files, folders or patterns such as exports/*.csv.")
-    ] = None,
-    plant: Annotated[
-        Path | None, typer.Option(help="plant.toml with the valves; alone, its own sources.")
-    ] = None,
-    op: Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)] = "",
-    mv: Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)] = "",
-    pv: Annotated[str, typer.Option(help="Process variable.", rich_help_panel=TAGS)] = "",
-    sp: Annotated[str, typer.Option(help="Set point.", rich_help_panel=TAGS)] = "",
-    mode: Annotated[str, typer.Option(help="Controller mode.", rich_help_panel=TAGS)] = "",
-    valve: Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)] = "",
-    from_: Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")] = "",
-    to: Annotated[str, typer.Option("--to", help="End of the window, ISO time.")] = "",
+    source: o.Sources = None,
+    plant: o.PlantFile = None,
+    op: o.OpTag = "",
+    mv: o.MvTag = "",
+    pv: o.PvTag = "",
+    sp: o.SpTag = "",
+    mode: o.ModeTag = "",
+    valve: o.ValveName = "",
+    from_: o.From = "",
+    to: o.To = "",
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("stemwatch-report"),
     db: Annotated[
         str, typer.Option(help="Database URL; without it the plant's, else a file in --out.")
@@ -42,9 +37,7 @@ def screen(
     fail_on: Annotated[
         Verdict | None, typer.Option(help="Exit with 1 when a valve has this verdict.")
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; by default one per core.")
-    ] = None,
+    workers: o.Workers = None,
     executor: o.Executor = "local",
     new_baseline: Annotated[
         bool, typer.Option("--new-baseline", help="Make this window each valve's baseline.")
@@ -64,30 +57,21 @@ def screen(
     and --op the roles are taken from tags and descriptions where they leave no doubt. Screening
     the same window twice updates what is stored.
     """
-    from stemwatch.service.cli.reading import loaded_plant, read_options, tags_of, window_of
-    from stemwatch.service.run.plan import Request
+    from stemwatch.service.cli.reading import read_options, request_of, tags_of
 
-    loaded = loaded_plant(plant, source)
-    chosen = read_options(
+    options = read_options(
         zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
     )
-    home = zone or (loaded.zone if loaded else None) or ""
-    request = Request(
-        sources=tuple(source or ()),
-        plant=loaded,
-        tags=tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
-        valve=valve,
-        window=window_of(from_, to, home),
-        read_options=chosen,
-    )
+    tags = tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode)
+    request = request_of(source, plant, tags, valve, from_, to, options)
     screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
     if fail_on is not None and _is_found(fail_on, screenings):
         raise typer.Exit(1)
 
 
 def _is_found(verdict: Verdict, screenings: tuple[Screening, ...]) -> bool:
-    """Whether a valve has this verdict, or its stem: who asks for what sticks or may stick is told
-    of it in a valve that is defective as well."""
+    """Whether a valve or its stem has this verdict, so that ``--fail-on sticky`` also reports the
+    sticking stem of a defective valve."""
     from datetime import UTC, datetime
 
     from stemwatch.service.report.ranking import rank_valves
@@ -123,7 +107,7 @@ def _run(
     if isinstance(executor, LocalProcesses) and plant and len(plant.valves) > 1:
         expect_workers()
 
-    # Imported only now, while the workers' server imports what they need.
+    # Imported only now, while the server process of the workers does its own imports.
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
     from stemwatch.service.run.engine import RunNow, RunResult, screen_now
@@ -148,8 +132,9 @@ def _run(
 
 
 def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def]
-    """The summary, what was left out, and where the report is."""
+    """The summary, what was left out, and where report, PDF and work orders are."""
     from stemwatch.service.cli import views
+    from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF
 
     views.out.print(views.summary(result.brief))
     for line in views.undetermined_lines(result.brief):
@@ -158,8 +143,11 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         views.say(f"left out: {place}: {reason}")
     if json_file is not None:
         json_file.write_bytes(result.report.json.read_bytes() + b"\n")
-    views.out.print(
-        f"Report: {views.escape(str(result.report.html.resolve()))}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    for what, path in (
+        ("Report", result.report.html),
+        ("For maintenance, to print", result.report.html.with_name(PDF)),
+        ("Work orders", result.report.html.with_name(ORDERS_XLSX)),
+    ):
+        if path.is_file():
+            text = f"{what}: {views.escape(str(path.resolve()))}"
+            views.out.print(text, highlight=False, soft_wrap=True)

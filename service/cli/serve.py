@@ -122,7 +122,7 @@ def _load(plant: Path) -> Plant:
 
 
 def _work(worker, stop: threading.Event, number: int) -> None:  # type: ignore[no-untyped-def]
-    """Work on the queue until the run of this number is over; runs before it are done first."""
+    """Process the queue until it is empty; runs before this one are done first."""
     from stemwatch.service.store.errors import StoreError
 
     try:

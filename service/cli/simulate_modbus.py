@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from stemwatch.service.store.store import Store
 
 WEAR = re.compile(r"(?P<tag>.+)=(?P<S>\d+(?:\.\d+)?)(?:/(?P<J>\d+(?:\.\d+)?))?")
-USUAL = "6/2.4"  # S and J of the valve that wears where nobody names one
+USUAL = "6/2.4"  # S and J, percent, of the valve that wears by default
 _SHOWN = 12  # loops of which the map is printed
 
 
@@ -57,7 +57,7 @@ def serve_modbus(
     with contextlib.ExitStack() as stack:
         beside = None
         if repairs:
-            beside = _fitting(stack.enter_context(open_store(repairs)), loops)
+            beside = _repairing(stack.enter_context(open_store(repairs)), loops)
         serve_plant(
             loops,
             out,
@@ -72,10 +72,10 @@ def serve_modbus(
         )
 
 
-def _fitting(
+def _repairing(
     store: Store, loops: Sequence[PlantLoop]
 ) -> Callable[[PlantServer], Awaitable[object]]:
-    """What repairs the valves of which maintenance is recorded in ``store`` from now on."""
+    """A function that repairs the valves whose maintenance is recorded in ``store`` from now on."""
     from stemwatch.service.cli import views
     from stemwatch.service.live_demo import Technician, repair_what_is_recorded
 
@@ -89,8 +89,8 @@ def _fitting(
 def wear_of(
     loops: Sequence[PlantLoop], asked: Sequence[str] | None, over_s: float
 ) -> dict[str, Wear]:
-    """Which valves wear and how, from ``TAG=S`` or ``TAG=S/J``; the first one where nothing is
-    asked, nobody where ``none`` is. Raises ``typer.BadParameter``."""
+    """Which valves wear and how, from ``TAG=S`` or ``TAG=S/J``; by default the first one, with
+    ``none`` no valve. Raises ``typer.BadParameter``."""
     from stemwatch.service.modbus_plant import Wear
 
     if asked and "none" in asked:

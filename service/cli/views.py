@@ -1,4 +1,4 @@
-"""What the terminal shows: tables, verdict lines, progress."""
+"""Output in the terminal: tables, verdict lines, progress."""
 
 from __future__ import annotations
 
@@ -57,27 +57,27 @@ _UNPRINTABLE = re.compile(
 
 
 def escape(text: str) -> str:
-    """``text`` as the terminal may have it: no markup, and nothing that steers the terminal."""
+    """``text`` without markup and without control characters for the terminal."""
     return _escape_markup(_UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", text))
 
 
 def as_toml_escapes(text: str) -> str:
-    """TOML whose control characters and invisible letters are written as its own escapes."""
+    """TOML with control characters and invisible letters written as escapes."""
     return _UNPRINTABLE.sub(lambda match: f"\\U{ord(match[0]):08x}", text)
 
 
 def say_error(text: str) -> None:
-    """One sentence on standard error."""
+    """Print an error to standard error."""
     err.print(f"[bold red]stemwatch:[/] {escape(text)}", highlight=False)
 
 
 def say(text: str) -> None:
-    """One plain line on standard error: progress, not result."""
+    """Print a line of progress to standard error."""
     err.print(escape(text), highlight=False)
 
 
 def say_result(text: str) -> None:
-    """One plain line on standard output."""
+    """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)
 
 
@@ -90,20 +90,20 @@ def _number(estimate: Estimate) -> str:
 
 
 def verdict_line(screening: Screening) -> str:
-    """One line for a valve that matters."""
+    """Verdict, valve and reason on one line."""
     from stemwatch.service.presenter.finding import present
 
-    said = present(screening, stands=None)
-    verdict = said.decision.verdict
+    presented = present(screening, stands=None)
+    verdict = presented.decision.verdict
     return (
         f"[{STYLE[verdict]}]{verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
-        f"{escape(said.reason)}"
+        f"{escape(presented.reason)}"
     )
 
 
 @contextmanager
 def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], None]]:
-    """A bar with valves done, rate and time left, and a line for each valve that matters."""
+    """A progress bar with rate and time left, and a line for each sticky or watched valve."""
     columns = (
         TextColumn("screening"),
         BarColumn(),
@@ -146,7 +146,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table.caption, table.caption_justify = _verdicts(ranking), "left"
     narrow, wide = out.width < NARROW, out.width >= WIDE
     table.add_column("", justify="right")
-    table.add_column("valve", overflow="fold")  # a name that is cut is no name
+    table.add_column("valve", overflow="fold")  # names must not be cut
     table.add_column("verdict", no_wrap=True, min_width=len(Verdict.UNDETERMINED))
     for name in ("S, %", "J, %"):
         table.add_column(name, justify="right")
@@ -179,7 +179,7 @@ def _verdicts(ranking: Ranking) -> str:
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
-    """One line for each reason why there is no verdict, with the valves it stopped."""
+    """One line for each reason why there is no verdict, with its valves."""
     by_reason: dict[str, list[str]] = {}
     for screening in screenings:
         if screening.verdict is Verdict.UNDETERMINED:
@@ -217,7 +217,7 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
 
 
 def inspection_remarks(seen: Inspection) -> Iterator[str]:
-    """Why each tag has its role, or what has to be said about it; same remarks together."""
+    """Remarks on tags and their roles; tags with the same remark share a line."""
     by_remark: dict[str, list[str]] = {}
     for tag in seen.tags:
         if tag.remark:
@@ -261,7 +261,7 @@ def _evidence(tag: TagInspection) -> list[str]:
 
 
 def health_table(address: str, health: DatabaseHealth) -> Table:
-    """Rows and sizes of each table, under what the database is."""
+    """Rows and size of each table; the title names the database."""
     layout = f"samples in a {health.layout.value}".replace("a partitions", "partitions")
     title = f"{address}: {health.engine}, schema {health.schema or 'none'}, {layout}"
     table = Table(title=escape(title), title_justify="left")
@@ -276,7 +276,7 @@ def health_table(address: str, health: DatabaseHealth) -> Table:
 
 
 def told_table(title: str, told: Mapping[str, TableDigest]) -> Table:
-    """What was carried: rows of each table and the beginning of their digest."""
+    """The copied rows of each table and the beginning of their digest."""
     table = Table(title=escape(title), title_justify="left")
     table.add_column("table")
     table.add_column("rows", justify="right")
@@ -287,7 +287,7 @@ def told_table(title: str, told: Mapping[str, TableDigest]) -> Table:
 
 
 def pruned_table(address: str, pruned: Pruned, *, done: bool) -> Table:
-    """What went, or would go."""
+    """The rows that were removed or would be."""
     verb = "removed from" if done else "would be removed from"
     table = Table(title=escape(f"{verb} {address}"), title_justify="left")
     table.add_column("what")
@@ -298,7 +298,7 @@ def pruned_table(address: str, pruned: Pruned, *, done: bool) -> Table:
 
 
 def _size(size_bytes: int) -> str:
-    """Bytes as a person reads them."""
+    """A number of bytes with a unit."""
     size, unit = float(size_bytes), "B"
     for unit in ("B", "kB", "MB", "GB", "TB"):
         if size < 1000 or unit == "TB":

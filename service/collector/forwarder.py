@@ -77,7 +77,7 @@ class Forwarder:
         try:
             self._spool.acknowledge(place)
         except OSError as error:
-            log.error("the spool cannot note what is stored (%s); it goes on", error)
+            log.error("the spool cannot record what is stored (%s); storing continues", error)
 
     def _until_taken(self, stop: threading.Event) -> None:
         while not self.once():

@@ -1,4 +1,4 @@
-"""The tables of ``plant.toml``. Each field's description is what an error says was expected."""
+"""The tables of ``plant.toml``. A field's description is used as "expected ..." in errors."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Stroke:
 
 
 def parse_stroke(text: str) -> Stroke:
-    """The stroke that ``text`` names. Raises ``ValueError`` with what was expected."""
+    """The stroke in ``text``, such as "40 mm". Raises ``ValueError`` with what was expected."""
     match = _FORM.fullmatch(text.strip())
     if match is None:
         raise ValueError(EXPECTED)
@@ -80,7 +80,7 @@ def _known_points(text: str) -> str:
 
 
 def _existing_source(name: str, info: ValidationInfo) -> str:
-    """Checked where the validation's context says which sources there are."""
+    """Check that the source exists, where the validation's context names the sources."""
     known = None if info.context is None else info.context["sources"]
     if known is None or name in known:
         return name
@@ -149,7 +149,7 @@ class Tags(TomlTable):
 
     @model_validator(mode="after")
     def _position_is_measured(self) -> Self:
-        # Historians look tags up without regard to case, so two spellings are one tag.
+        # Historians ignore the case of tags, so two spellings may be the same tag.
         if self.mv is not None and self.mv.tag.casefold() == self.op.tag.casefold():
             found = f"{self.mv.tag!r}, which is also the op tag"
             expected = "the tag of the measured valve position; with no position transmitter, no mv"
@@ -157,7 +157,7 @@ class Tags(TomlTable):
         return self
 
     def given(self) -> dict[Role, Tag]:
-        """The tags that are there, by role."""
+        """The given tags by role."""
         by_role = {role: getattr(self, role.value) for role in Role}
         return {role: tag for role, tag in by_role.items() if tag is not None}
 
@@ -187,7 +187,7 @@ class Valve(TomlTable):
 
     @property
     def given_curve(self) -> KnownCurve | None:
-        """How OP strokes the valve, where the plant file says it."""
+        """The curve from OP to stroke, where the plant file gives it."""
         if self.stroke_curve is None:
             return None
         return KnownCurve(curve_of_points(self.stroke_curve), given=True)

@@ -1,4 +1,4 @@
-"""Reading the TOML text itself: the file, its encoding, its grammar."""
+"""Reading a TOML file, with the line number of each key."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _CLOSERS = ("]", "}", '"""', "'''")
 
 
 class TomlLines:
-    """Where each key of a TOML text stands; the text must be one that ``tomllib`` accepts.
+    """The line of each key of a TOML text, which must be valid for ``tomllib``.
 
     A path is the keys and list positions from the top: ``("valves", 3, "tags", "op", "low")``.
     """
 
     def __init__(self, text: str) -> None:
         self._lines: dict[KeyPath, int] = {}
-        self._lists: dict[KeyPath, int] = {}  # how many [[tables]] of this name there were so far
+        self._lists: dict[KeyPath, int] = {}  # number of [[tables]] of this name so far
         table: KeyPath = ()
         for line, statement in _statements(text):
             parsed = tomllib.loads(statement)
@@ -69,7 +69,7 @@ class TomlLines:
 
 
 def _single_path(parsed: dict[str, Any]) -> list[str]:
-    """The names in a table header, from what it parses to: one key inside another."""
+    """The names in a table header, from its parsed form, nested dicts with one key each."""
     names: list[str] = []
     level: Any = parsed
     while level:

@@ -27,7 +27,7 @@ _REQUIRED = ("id", "source", "op")
 
 @dataclass(frozen=True)
 class ListedValve:
-    """One row as a ``[[valves]]`` table of texts, and where it stands."""
+    """One row as a ``[[valves]]`` table of texts, and its place for messages."""
 
     table: dict[str, Any]
     place: Place
@@ -35,7 +35,7 @@ class ListedValve:
 
 @dataclass(frozen=True)
 class ValveList:
-    """The rows of a valve list that have the right number of cells, and what is wrong besides."""
+    """The rows of a valve list with the right number of cells, and the problems of the others."""
 
     rows: tuple[ListedValve, ...]
     problems: tuple[Problem, ...]
@@ -94,7 +94,7 @@ def _records(text: str, separator: str, shown_as: str) -> list[tuple[int, list[s
 
 
 def _heading(cells: list[str]) -> list[str]:
-    """The column names; empty ones at the end are what spreadsheets leave behind."""
+    """The column names, without the empty ones that spreadsheets add at the end."""
     names = [cell.strip().lower() for cell in cells]
     while not names[-1]:
         names.pop()
@@ -102,7 +102,7 @@ def _heading(cells: list[str]) -> list[str]:
 
 
 def _check_heading(heading: list[str], line: int, shown_as: str) -> None:
-    """A misread heading would be wrong for every valve of the list, so it stops the reading."""
+    """Raise for wrong headings, which would make every valve of the list wrong."""
     place = Place(shown_as, "", lambda _: line, lambda path: f"column {path[0]}")
     unknown = [name for name in heading if name not in COLUMNS]
     problems = [
@@ -124,7 +124,7 @@ def _check_heading(heading: list[str], line: int, shown_as: str) -> None:
 
 
 def _table(cells: dict[str, str], separator: str) -> dict[str, Any]:
-    """The row as a table; empty cells are keys not given."""
+    """The row as a table; empty cells are left out."""
     table: dict[str, Any] = {"tags": {}}
     for column, cell in cells.items():
         text = cell.strip()

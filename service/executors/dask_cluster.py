@@ -31,13 +31,13 @@ log = logging.getLogger(__name__)
 
 CONNECT_S = 10.0
 WORKER_S = 60.0  # a cluster may be starting its first worker just now
-LOOK_S = 0.05  # between two looks at what is done, and whether it is still wanted
-AHEAD = 4  # batches that wait at the cluster for each that is worked on
+LOOK_S = 0.05  # between two looks for finished batches and at ``stop``
+AHEAD = 4  # batches handed to the cluster for each of its threads
 DEADLY = "several workers of the cluster died on it"
 
 
 class ClusterError(ExecutorUnavailable):
-    """A cluster cannot be used; the sentence says why and what to do."""
+    """A cluster cannot be used; the text says why and what to do."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class DaskCluster:
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
-        """A connection that closes when it is no longer needed."""
+        """A connection that is closed at the end of the block."""
         dask, address = distributed(), f"tcp://{self.scheduler}"
         try:
             client = dask.Client(address, timeout=CONNECT_S, set_as_default=False)
@@ -104,7 +104,7 @@ def cluster_at(address: str) -> DaskCluster:
 
 
 def distributed() -> Any:
-    """The package, without types. Raises ``ClusterError`` where it is not installed."""
+    """The package ``distributed`` (untyped). Raises ``ClusterError`` where it is not installed."""
     try:
         return importlib.import_module("distributed")
     except ImportError as error:
@@ -115,7 +115,7 @@ def distributed() -> Any:
 
 
 class _HandedOut:
-    """The batches of one call: a few at the cluster, the rest here."""
+    """The batches of one call, of which only a few at a time are at the cluster."""
 
     def __init__(
         self,
@@ -189,7 +189,7 @@ def _threads(client: Any) -> list[int]:
 
 
 def _await_worker(client: Any, scheduler: str) -> None:
-    """Wait for the first worker, and say so where workers have several threads."""
+    """Wait for the first worker; log a warning where workers have several threads."""
     try:
         client.wait_for_workers(1, timeout=WORKER_S)
     except TimeoutError:

@@ -40,10 +40,9 @@ _PREFIX = "run-"
 class QueueWorker:
     """Processes the queue in ``store`` for ``plant``.
 
-    A run whose worker has been silent for ``silent_after``, or is known to have ended, is taken
-    over. Stopped in the middle of
-    a run, it lets the run lie: the next start, or another service, goes on with it. So it does
-    where its executor cannot work for the time being.
+    A run is taken over where its worker has sent no heartbeat for ``silent_after`` or is known to
+    have ended. When stopped in the middle of a run, or when its executor is temporarily
+    unavailable, the worker releases the run; the next start or another service continues it.
     """
 
     def __init__(

@@ -49,10 +49,10 @@ def connection_limit() -> int:
 
 
 def http_server(app: Any, *, lifespan: bool = True, proxies: Sequence[str] = ()) -> uvicorn.Server:
-    """A server of ``app`` (ASGI 3) with these bounds; the caller gives it its sockets.
+    """A server for ``app`` (ASGI 3) with these limits; the caller passes its sockets to ``run``.
 
-    Of ``proxies``, and of nobody else, it believes in X-Forwarded-For and X-Forwarded-Proto who
-    asks and whether by TLS: any program of this machine could write them.
+    The headers X-Forwarded-For and X-Forwarded-Proto are trusted only from ``proxies``, since any
+    other client could forge them.
     """
     limit = connection_limit()
     for name in ("uvicorn.error", "asyncio", __name__):

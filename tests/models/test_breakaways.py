@@ -9,7 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.recording import Role, Signal
-from stemwatch.models.stickslip.breakaways import FEWEST, LEAST_J, Breakaways, breakaways
+from stemwatch.models.stickslip.breakaways import (
+    FEWEST,
+    LEAST_J,
+    Breakaways,
+    _mean_of_sides,
+    breakaways,
+)
 from stemwatch.models.stickslip.fit import S_and_J, fit_stickslip
 from stemwatch.models.stickslip.interval import bootstrap, interval
 from stemwatch.models.stickslip.problem import make_problem
@@ -131,3 +137,13 @@ def test_no_record_breaks_it(seed, samples, S, J, step):
         drawn = found.draws(50, rng)
         assert np.isfinite((found.S, found.J, found.scatter)).all()
         assert np.isfinite(drawn).all()
+
+
+def test_a_direction_in_two_bunches_is_no_stray():
+    """Its values all lie as far from their median, and none of them is left out for it."""
+    values = np.array([1.0, 1.0, 1.0, 9.0, 9.0, 9.0, *np.full(20, 4.0)])
+    side = np.where(np.arange(values.size) < 6, -1.0, 1.0)
+    mean, spread, error, kept = _mean_of_sides(values, side)
+    assert kept.all()
+    assert mean == pytest.approx(4.5)
+    assert np.isfinite([spread, error]).all()

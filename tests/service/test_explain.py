@@ -72,11 +72,16 @@ def test_one_bad_recording_costs_no_other(run, folder, tmp_path, monkeypatch):
 
 
 def test_where_nothing_can_be_read_it_is_status_2(run, folder, tmp_path):
-    """The reasons stand on the terminal and, all the same, in the JSON."""
-    out = tmp_path / "found.json"
-    status, said = run(folder / "broken.csv", tmp_path / "absent.csv", *TAGS, "--json", out)
+    """The reasons stand on the terminal, once, and in the JSON; an earlier page stays."""
+    out, pages = tmp_path / "found.json", tmp_path / "pages"
+    pages.mkdir()
+    (pages / "explain.html").write_text("the last good page", encoding="utf-8")
+    both = (folder / "broken.csv", tmp_path / "absent.csv")
+    status, said = run(*both, *TAGS, "--json", out, "--out", pages)
     assert status == 2
-    assert "nothing could be explained" in said
+    assert said.count("nothing could be explained") == 1
+    assert said.count("no such file, folder or pattern") == 1
+    assert (pages / "explain.html").read_text("utf-8") == "the last good page"
     assert [one["verdict"] for one in json.loads(out.read_text("utf-8"))] == ["not_testable"] * 2
 
 

@@ -24,6 +24,7 @@ from stemwatch.models.stickslip.kernel import Marks
 
 MATERIAL_ZETA = 0.65  # more damping overshoots by less than 7 % of a move: a lag, not ringing
 MATERIAL_OVERSHOOT = 0.3  # percent of travel on the largest moves
+QUICKEST = 0.5 * pi  # radians between two samples: a ring of four
 
 
 @njit(cache=True)
@@ -124,10 +125,12 @@ class UnderdampedPositioner(CommandTerm):
         rung(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
     def material(self, values: Floats, look: Look) -> bool:
-        """It overshoots by a share of each move and by an amount that disturbs a loop."""
+        """It overshoots by a share of each move and by an amount that disturbs a loop, and slowly
+        enough to be seen: between a few samples a ring is not told from a lag."""
         wn, zeta = float(values[0]), float(values[1])
         seen = overshoot(zeta) * look.swing >= MATERIAL_OVERSHOOT
-        return wn > 0.0 and zeta <= MATERIAL_ZETA and seen
+        slow = wn * max(look.interval_s, 1.0) <= QUICKEST
+        return wn > 0.0 and slow and zeta <= MATERIAL_ZETA and seen
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """Natural frequency and damping ratio."""

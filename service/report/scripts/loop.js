@@ -6,6 +6,8 @@ var stemwatchLoop = (function () {
   // of a record without a stretch follow no path of the stem; points say more.
   var MOST_STRETCHES_AS_LINES = 3, MOST_POINTS_AS_LINES = 1600, MOST_MARKED = 500;
 
+  var ROOM_X = 62 + 8, ROOM_Y = 46 + 8;  // of the axes with their labels, and the padding
+
   var DASH = [7, 4];
 
   function outline(u, index, ratio, mark) {
@@ -89,8 +91,18 @@ var stemwatchLoop = (function () {
   }
 
   // What lies behind the loop reaches over the whole record and must not squeeze what is looked at.
-  function facet(which, count) {
-    return function (u) { return ends(u.data.slice(-count).map(function (pair) { return pair[which]; })); };
+  // With one unit on both axes a percent is as long on either, so that a slope of 1 looks like one.
+  function facet(which, count, alike) {
+    function of(u, axis) { return ends(u.data.slice(-count).map(function (pair) { return pair[axis]; })); }
+    return function (u) {
+      var own = of(u, which);
+      if (!alike) return own;
+      var other = of(u, 1 - which);
+      var size = [u.width - ROOM_X, u.height - ROOM_Y];
+      var needed = (other[1] - other[0]) * size[which] / size[1 - which];
+      var missing = needed - (own[1] - own[0]);
+      return missing > 0 ? [own[0] - missing / 2, own[1] + missing / 2] : own;
+    };
   }
 
   function isRecorded(trace) { return trace.role === "recorded"; }
@@ -105,6 +117,7 @@ var stemwatchLoop = (function () {
   function draw(chart, place, width, printing) {
     var close = false;
     var traces = chart.loop.traces, shapes = chart.loop.shapes || [];
+    var alike = /^MV, %$/.test(chart.loop.y);
 
     function shown(from, to) {
       var loop = chart.loop;
@@ -123,7 +136,7 @@ var stemwatchLoop = (function () {
     var plot = new uPlot({
       mode: 2, width: width, height: printing ? PRINT_HEIGHT : Math.min(HEIGHT, width), padding: [8, 8, 0, 0],
       cursor: { show: false },
-      scales: { x: { time: false, range: facet(0, traces.length) }, y: { range: facet(1, traces.length) } },
+      scales: { x: { time: false, range: facet(0, traces.length, alike) }, y: { range: facet(1, traces.length, alike) } },
       axes: [
         stemwatchAxes.axis({ label: chart.loop.x, labelSize: 18, size: 28, space: 50 }),
         stemwatchAxes.axis({ label: chart.loop.y, labelSize: 18, size: 44, space: 34 })

@@ -13,7 +13,7 @@ from urllib.parse import parse_qs
 from fastapi import Depends, HTTPException, Request, Response
 from starlette.types import Scope
 
-from stemwatch.service.access.secret import new_secret
+from stemwatch.service.access.random_secrets import new_secret
 from stemwatch.service.access.sessions import form_token_of
 from stemwatch.service.web.auth.current_user import current_user_of, note_about
 from stemwatch.service.web.auth.session_cookie import is_secure

@@ -1,0 +1,58 @@
+"""``stemwatch calibrate-archives``: what shows a late clock or a slow archive."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+
+def calibrate_archives(
+    seed: o.Seed = 8181,
+    valves: Annotated[
+        int, typer.Option(min=1, max=2000, help="Sticking valves, and as many healthy ones.")
+    ] = 20,
+    json_file: o.JsonFile = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+) -> None:
+    """Print the limits of a late clock and a slow archive beside recordings that have neither.
+
+    Sticking and healthy valves are simulated as `robustness` does. Kept every second by one clock
+    they are the nulls: no limit may be reached by any of them, nor may a healthy valve with a noisy
+    PV, whose OP turns at every sample, show friction. Stored 5 s late, every 5 or 10 s or
+    as averages they show how many each limit finds.
+    """
+    from rich.progress import Progress
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.executors import choose_executor
+    from stemwatch.service.studies.archive_limits import limits, run_archive_limits
+
+    with Progress(console=views.err, transient=True) as progress:
+        bar = progress.add_task("valves", total=2 * valves)
+        shown = run_archive_limits(
+            valves, seed, choose_executor(workers), lambda n: progress.update(bar, completed=n)
+        )
+    found = list(limits(shown))
+    columns = ("limit", "nearest null", "nulls", "late or slow beyond it")
+    table = plain_table(f"{valves} sticking and healthy valves, seed {seed}", ("what",), columns)
+    for one in found:
+        beyond = f"{one.beyond} of {one.of}"
+        table.add_row(one.name, f"{one.limit:g}", f"{one.worst:.2f}", str(one.nulls), beyond)
+    views.out.print(table)
+    over = [one.name for one in found if not one.holds]
+    if over:
+        views.say(f"Nulls lie beyond: {'; '.join(over)}.")
+    if json_file is not None:
+        report = {
+            "seed": seed,
+            "valves": valves,
+            "limits": [{**asdict(one), "holds": one.holds} for one in found],
+            "recordings": [asdict(one) for one in shown],
+        }
+        json_file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")

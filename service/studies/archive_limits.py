@@ -1,0 +1,158 @@
+"""What shows a late clock or a slow archive, on recordings that have neither and on those that do.
+
+Sticking and healthy valves of `robustness` are simulated once. As they are, their clocks agree and
+a sample is kept every second: the nulls, whose worst a limit must lie beyond. Stored late or more
+slowly, they show how many lie beyond the limits. Healthy valves with a noisy PV are the nulls of
+what must be evident before a quickly turning OP counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.mismatch import between_samples
+from stemwatch.models.mismatch.between_samples import Archive, against_fit, even_archive
+from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.recording import Recording
+from stemwatch.models.stickslip import clock_shift
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.clock_shift import late_evidence
+from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
+from stemwatch.models.studies.simulator import simulate_loop
+from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.studies.robustness import WAYS, Valve, draw_valves
+
+LATE = "OP stored 5 s late"
+NOISY, NOISE = "noisy PV", 1.5  # percent
+SLOW = ("stored every 5 s", "stored every 10 s", "averages of 10 s")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What one recording shows; NaN where it shows nothing of the kind."""
+
+    way: str
+    sticking: bool
+    late_mean: float
+    late_t: float
+    samples_per_turn: float
+    friction_mean: float
+    friction_t: float
+    S_apart: float
+    J_apart: float
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit of the product: beyond ``limit`` (``above`` it or below) it believes in the archive.
+
+    ``worst`` is the null that comes nearest, of ``nulls``; ``beyond`` of ``of`` recordings that are
+    late or slow lie beyond it.
+    """
+
+    name: str
+    limit: float
+    above: bool
+    worst: float
+    nulls: int
+    beyond: int
+    of: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether no null lies beyond it."""
+        return not self.worst > self.limit if self.above else not self.worst < self.limit
+
+
+def shown_by(valve: Valve) -> list[Shown]:
+    """One valve as it is, stored late, and stored slowly; a healthy one also with a noisy PV."""
+    loop, seed = valve.case.loop, valve.case.seed
+    recording = simulate_loop(loop, seed).recording
+    stored = {way: WAYS[way].change(recording) for way in ("as it is", LATE, *SLOW)}
+    if not valve.sticking:
+        loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
+        stored[NOISY] = simulate_loop(loud, seed).recording
+    return [_shown(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
+
+
+def _shown(way: str, sticking: bool, recording: Recording) -> Shown:
+    late = late_evidence(recording).gain
+    archive, fit = even_archive(recording), fit_stickslip(recording)
+    S, J = _apart(fit, archive)
+    return Shown(
+        way=way,
+        sticking=sticking,
+        late_mean=late.mean,
+        late_t=late.t,
+        samples_per_turn=np.nan if archive is None else archive.per_turn,
+        friction_mean=fit.of_sticking.mean,
+        friction_t=fit.of_sticking.t,
+        S_apart=S,
+        J_apart=J,
+    )
+
+
+def _apart(fit: StickSlipFit, archive: Archive | None) -> tuple[float, float]:
+    """How far slips that may say so have another S and J than the fit; NaN where none may."""
+    c = fit.candidate
+    gain, zero = 1.0 + float(c[coordinate.GAIN]), float(c[coordinate.ZERO])
+    slips = None if archive is None else archive.slips(fit.evaluator.problem, gain, zero)
+    if slips is None:
+        return np.nan, np.nan
+    against = against_fit(fit, slips)
+    return (against.S, against.J) if against.could else (np.nan, np.nan)
+
+
+def run_archive_limits(
+    each: int, seed: int, executor: Executor, tell: Callable[[int], None]
+) -> list[Shown]:
+    """``each`` sticking and as many healthy valves, in all ways."""
+    done: dict[int, list[Shown]] = {}
+    for place, shown in map_items(executor, shown_by, draw_valves(each, seed)):
+        done[place] = shown
+        tell(len(done))
+    return [shown for place in sorted(done) for shown in done[place]]
+
+
+def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
+    """Each limit with the nulls and the recordings that it tells apart."""
+    nulls = [one for one in shown if one.way == "as it is"]
+    late = [one for one in shown if one.way == LATE]
+    slow = [one for one in shown if one.way in SLOW and one.sticking]
+    sticking = [one for one in nulls if one.sticking]
+    noisy = [one for one in shown if one.way == NOISY]
+    b = between_samples
+    agree = [*nulls, *noisy]
+    yield _limit("late clock: mean gain", clock_shift.LEAST_MEAN, agree, late, "late_mean")
+    yield _limit("late clock: t", clock_shift.LEAST_T, nulls, late, "late_t")
+    yield _limit(
+        "slow archive: samples to a turn", b.FEW, sticking, slow, "samples_per_turn", above=False
+    )
+    yield _limit("friction evident: mean", b.EVIDENT_MEAN, noisy, slow, "friction_mean")
+    yield _limit("slips against the fit: S", b.S_APART, sticking, slow, "S_apart")
+    yield _limit("slips against the fit: J", b.J_APART, sticking, slow, "J_apart")
+
+
+def _limit(
+    name: str,
+    limit: float,
+    nulls: Sequence[Shown],
+    others: Sequence[Shown],
+    field: str,
+    *,
+    above: bool = True,
+) -> Limit:
+    of_nulls, of_others = (
+        np.array([value for one in group if np.isfinite(value := float(getattr(one, field)))])
+        for group in (nulls, others)
+    )
+    worst = np.nan
+    if of_nulls.size:
+        worst = float(of_nulls.max() if above else of_nulls.min())
+    beyond = of_others >= limit if above else of_others <= limit
+    return Limit(
+        name, limit, above, worst, of_nulls.size, int(np.count_nonzero(beyond)), of_others.size
+    )
