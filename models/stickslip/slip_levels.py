@@ -45,6 +45,9 @@ ZEROS, ZERO_REACH = 9, 0.25  # of the usual level
 # either level; and what makes one level larger and the other smaller, and so leaves S as it is.
 SLOWED, DRAGGED = 0.2, 0.28
 OVER_LOOPS, BETWEEN_LEVELS = 0.1, 0.1
+# The bounds of an average are as narrow as its share of a slip tells them; how OP bends within it
+# is not known any better. With seed 8383 as well.
+OVER_AVERAGES = 0.25
 MODEL_ERROR = 0.02  # of the level, of either level: as of breakaways that are read at a sample
 WITHIN = 0.3  # of what the command moves in a sample: when in its average a stem slipped
 
@@ -96,6 +99,7 @@ class Slips:
     jump: Floats
     speed: Floats
     sigma: float
+    averaged: bool = False
 
     @property
     def answered(self) -> float:
@@ -135,7 +139,8 @@ def slip_levels(slips: Slips) -> SlipLevels:
     level, level_error = _censored(*slips.let_go, slips.side, 0.5 * slips.sigma)
     kinetic, kinetic_error = _censored(*slips.stayed_behind, slips.side, slips.sigma, level)
     usual = float(np.median(slips.high - slips.low))
-    common = float(np.hypot(OVER_LOOPS * usual, MODEL_ERROR * level))
+    over = OVER_AVERAGES if slips.averaged else OVER_LOOPS
+    common = float(np.hypot(over * usual, MODEL_ERROR * level))
     return SlipLevels(
         count=slips.side.size,
         level=level,
@@ -176,7 +181,8 @@ def seen_slips(
         jump, farthest = way * (stem[at] - place), high
     still = np.abs(before) < 1e-9
     answered = np.where(still, 1.0, (ahead[4] - ahead[3]) / np.where(still, 1.0, before))
-    return _chosen(Slips(way, low, high, farthest, jump, answered, problem.sigma / abs(gain)))
+    sigma = problem.sigma / abs(gain)
+    return _chosen(Slips(way, low, high, farthest, jump, answered, sigma, averaged))
 
 
 def _of_averages(
