@@ -12,10 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.excitation import swing
-from stemwatch.models.percent import not_percent, possible
+from stemwatch.models.percent import not_percent, without_impossible_values
 from stemwatch.models.recording import PERCENT, Recording, Role, Signal
 from stemwatch.models.signal_pairing import correlation, delayed_correlation
-from stemwatch.models.stickslip.find_stroke_curve import PLAIN_SLOPE, slope_of_means, suspected
+from stemwatch.models.stickslip.find_stroke_curve import (
+    PLAIN_SLOPE,
+    curve_suspected,
+    slope_of_means,
+)
 
 BEYOND = 0.05  # of a range, by which a signal may leave it
 # Of a range that a signal reaches: percents, read as counts to 1000 or more, reach a tenth.
@@ -95,7 +99,7 @@ def in_percent(recording: Recording) -> Recording:
         return recording
     plain = not_percent(recording.op) is None and not_percent(mv) is None
     # A single value that no percent can be would outweigh all the others.
-    if plain and not suspected(possible(recording)):
+    if plain and not curve_suspected(without_impossible_values(recording)):
         return recording
     found = [
         (off, role, stored)
@@ -132,8 +136,8 @@ def _off(recording: Recording, role: Role, stored: StoredRange) -> float | None:
     if not stored.holds(recording.signals[role]) or not_percent(other) is not None:
         return None
     read = _converted(recording, role, stored)
-    read = possible(read)
-    if suspected(read):
+    read = without_impossible_values(read)
+    if curve_suspected(read):
         return None
     assert read.mv is not None
     both = read.usable
