@@ -10,6 +10,8 @@ EDITABLE ?= yes
 # How long make explore draws, and SEED=... for one round with the draws of an earlier one.
 SECONDS ?= 600
 SEED ?=
+# How often make faults tries each fault.
+ROUNDS ?= 4
 # STRICT=1 turns skipped browser and database tests into failures.
 STRICT ?=
 # More than two cores: tests that wait for a clock or a process leave theirs to others.
@@ -47,7 +49,7 @@ define step
 	else echo 'failed:'; cat $(LOG); exit 1; fi
 endef
 
-.PHONY: demo test test-all explore check live bench clean help
+.PHONY: demo test test-all explore faults check live bench clean help
 .DEFAULT_GOAL := help
 
 demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write its report into demo/
@@ -66,6 +68,9 @@ test-all: test ## The same, and then the long tests: stories, hours of faults, s
 
 explore: $(VENV)/can-test ## Property tests with new random draws for SECONDS=600, or again with SEED=...
 	@$(BIN)/python tests/explore.py --seconds $(SECONDS) $(if $(SEED),--seed $(SEED)) -n $(WORKERS)
+
+faults: $(VENV)/can-test ## Kill and cut off whatever the service needs, ROUNDS=4 times, and count what is lost
+	@$(BIN)/python -m tests.faults --rounds $(ROUNDS)
 
 check: $(VENV)/can-test ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)

@@ -1,4 +1,4 @@
-"""The seam to every source of data: ``Connector``, what it is asked, and how it fails."""
+"""``Connector``, the protocol of every source of data, with its arguments and its errors."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class ConnectorError(Exception):
 
 
 class UnreadableSource(ConnectorError):
-    """The source as a whole makes no sense: not there, not text, no time column, no numbers."""
+    """The source as a whole cannot be read: missing, not text, no time column, no numbers."""
 
 
 class MappingNeeded(ConnectorError):
-    """The source is readable, but which tag is OP or MV must be said by a person."""
+    """The source is readable, but a person must say which tag is OP or MV."""
 
 
 class UnknownTag(ConnectorError):
@@ -67,7 +67,7 @@ WHOLE = Window()
 
 @dataclass(frozen=True, kw_only=True)
 class TagInfo:
-    """What a source says of one of its tags, before anyone has given it a role."""
+    """One tag of a source: unit, description, samples, and the role and valve proposed for it."""
 
     tag: str
     unit: str = ""
@@ -110,9 +110,9 @@ class ArchiveConnector(Connector, Protocol):
 
 @runtime_checkable
 class ArchiveAddress(Protocol):
-    """What is needed to open an archive: hashable, picklable, and shown without secrets.
+    """How to open an archive: hashable, picklable, and printed without secrets.
 
-    Work is sent to where the data is: a task carries an address, never samples.
+    A task carries the address, and the worker reads the samples.
     """
 
     def open(self) -> ArchiveConnector: ...

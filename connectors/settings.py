@@ -1,5 +1,5 @@
-"""What a connector asks of the plant file: its ``[[sources]]`` table, as a pydantic model, and what
-is said of a mistake in it.
+"""Settings of a source in the plant file: its ``[[sources]]`` table as a pydantic model, and the
+messages for mistakes in it.
 
 Each field's description is what an error says was expected.
 """
@@ -101,6 +101,6 @@ NotEmpty = Annotated[str, Field(min_length=1)]
 
 
 class SourceSettings(TomlTable):
-    """What the ``[[sources]]`` tables of every kind have."""
+    """Keys that the ``[[sources]]`` tables of every kind have."""
 
     name: Name = Field(description="a name of its own for the source, as text of 1 to 200 letters")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import io
 
-# What Python takes for blank beside spaces, and no spreadsheet writes: the separators of files,
+# Control codes that Python takes for blanks and no spreadsheet writes: the separators of files,
 # groups, records and units. A row that holds one is damaged, not empty.
 _SEPARATOR_CODES = "\x1c\x1d\x1e\x1f"
 
 
 class ListFault(Exception):
-    """What spoils a list as a whole: the ``line``, and the two halves of a sentence."""
+    """Why a list cannot be read at all: the ``line``, what was found and what was expected."""
 
     def __init__(self, line: int, found: str, expected: str) -> None:
         self.line, self.found, self.expected = line, found, expected
@@ -43,8 +43,8 @@ def separator_of(text: str) -> str:
 def records_of(text: str, separator: str) -> list[tuple[int, list[str]]]:
     """The cells of each record that is not blank, with the number of its first line.
 
-    Raises ``ListFault`` for a quotation mark that is never closed: what follows it would all be one
-    cell, and every record in it would vanish.
+    Raises ``ListFault`` for a quotation mark that is never closed: all records after it would be
+    read as one cell.
     """
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     records: list[tuple[int, list[str]]] = []

@@ -58,13 +58,13 @@ SCHEMA = REPOSITORY / "service/report/contract.schema.json"
 def _commands() -> dict[str, click.Command]:
     group = typer.main.get_command(app)
     assert hasattr(group, "commands")
-    found: dict[str, click.Command] = {}
+    commands: dict[str, click.Command] = {}
     for name, command in group.commands.items():
         inner = getattr(command, "commands", None)  # a group, such as modbus
-        found |= (
+        commands |= (
             {f"{name} {verb}": one for verb, one in inner.items()} if inner else {name: command}
         )
-    return found
+    return commands
 
 
 def _options(command: click.Command) -> set[str]:

@@ -1,5 +1,5 @@
-"""What connectors to archives share: numbers with times and quality codes, to one recording.
+"""Shared by connectors to archives: numbers with times and quality codes become one recording.
 
-A Parquet folder, an OPC UA server and a database all deliver numbers rather than text; from there
-on the same rules hold for them as for the text exports of a historian.
+Parquet files, OPC UA servers and databases deliver numbers instead of text; apart from that, the
+rules are those of a historian's text exports.
 """

@@ -71,7 +71,7 @@ def bad_by_code(
 ) -> tuple[Bools, Mapping[str, int]]:
     """(n,) True where the code is not good, and how often each bad code occurs."""
     count = len(codes.words)
-    seen = np.bincount(codes.index, minlength=count)
+    count_of_code = np.bincount(codes.index, minlength=count)
     with_value = np.bincount(codes.index[has_value], minlength=count) > 0
     verdict = quality_of(
         codes.words,
@@ -85,7 +85,7 @@ def bad_by_code(
     bad_words = verdict == Quality.BAD
     why = {
         f"{codes.name} {word.strip()}"[:_SHOWN]: int(n)
-        for word, n, bad in zip(codes.words, seen, bad_words, strict=True)
+        for word, n, bad in zip(codes.words, count_of_code, bad_words, strict=True)
         if bad and n
     }
     return np.asarray(bad_words[codes.index]), why

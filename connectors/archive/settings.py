@@ -13,7 +13,7 @@ from stemwatch.connectors.settings import Name, NotNegative, SourceSettings, Zon
 
 
 class ArchiveSettings(SourceSettings):
-    """What every kind of archive has. A connector adds its own keys and says what they come to.
+    """Keys of every kind of archive. A connector adds its own and makes an address of them all.
 
     A key that ends in ``_variable`` names an environment variable that holds a secret, and
     ``secret_file`` a file that does: both are kept out of logs.
@@ -36,8 +36,8 @@ class ArchiveSettings(SourceSettings):
         plant file's, and ``zone`` is the plant's."""
 
     def read_options(self, zone: str | None) -> ReadOptions:
-        """Of these settings those that ``ReadOptions`` knows; ``zone`` where they name none."""
-        given = self.model_dump(include=set(ReadOptions.__dataclass_fields__), exclude_none=True)
-        if "good_quality" in given:
-            given["good_quality"] = tuple(given["good_quality"])
-        return ReadOptions(**({"zone": zone} | given))
+        """The ``ReadOptions`` among these settings; ``zone`` where they name none."""
+        settings = self.model_dump(include=set(ReadOptions.__dataclass_fields__), exclude_none=True)
+        if "good_quality" in settings:
+            settings["good_quality"] = tuple(settings["good_quality"])
+        return ReadOptions(**({"zone": zone} | settings))

@@ -1,4 +1,4 @@
-"""``ValveColumns``: the tags of one valve as read from an archive, ready to be laid on a clock."""
+"""``ValveColumns``: the tags of one valve as read from an archive, before they share a clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Bounds = tuple[int | None, int | None]
 
 @dataclass(frozen=True, kw_only=True)
 class ValveColumns:
-    """Columns by tag, and what is known of their times. A ``SampleSource``."""
+    """Columns by tag, and whether their dates and zone are known. A ``SampleSource``."""
 
     where: str
     layout: str

@@ -8,8 +8,8 @@ import random
 class Backoff:
     """Waits that double from ``first_s`` to ``longest_s``, each shortened at random by up to half.
 
-    The chance keeps a hundred clients of one gateway that restarts from knocking all at once. The
-    longest wait is also the longest time for which a device that is back goes unnoticed.
+    The random part keeps many clients of one restarted gateway from connecting all at once. A
+    device that is back is noticed after the longest wait at the latest.
     """
 
     def __init__(

@@ -1,7 +1,8 @@
-"""``BlockReader``: the words of a whole block at once, each register as ``Register.read`` has it.
+"""``BlockReader``: decodes all registers of a block in arrays, with the results of
+``Register.read``.
 
-A poll of 1500 tags takes a tenth of a core when each is decoded by itself, and next to nothing in
-arrays. ``Register.read`` stays the definition; a test holds the two together.
+A poll of 1500 tags takes a tenth of a core when each is decoded by itself, and hardly any time in
+arrays. ``Register.read`` is the definition; a test compares the two.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ _DTYPES = {
 
 
 class Columns:
-    """What a poll has found: ``values`` (n,), ``quality`` (n,) and ``reasons`` of n tags.
+    """Results of a poll: ``values`` (n,), ``quality`` (n,) and ``reasons`` of n tags.
 
-    NaN, MISSING and no reason until something is found.
+    NaN, MISSING and no reason until a register is read.
     """
 
     def __init__(self, count: int) -> None:
@@ -47,7 +48,7 @@ class Columns:
         self.reasons = [""] * count
 
     def mark(self, places: Sequence[int], quality: Quality, reason: str) -> None:
-        """No value at ``places``."""
+        """Set ``places`` to NaN with this quality and reason."""
         for place in places:
             self.values[place] = np.nan
             self.quality[place] = quality
@@ -72,7 +73,7 @@ class _Alike:
         self._invalid = np.array([next(iter(r.invalid), np.nan) for r in registers])
 
     def read(self, words: np.ndarray[tuple[int], np.dtype[np.uint16]], into: Columns) -> None:
-        """Decode, scale and judge; the checks stand in the order of ``Register.read``."""
+        """Decode, scale and check, in the order of ``Register.read``."""
         picked = words[self._index]
         if self._swaps:
             picked = picked.byteswap()
@@ -101,7 +102,7 @@ class _Alike:
 class BlockReader:
     """Reads the words of ``block`` into the columns of a poll, at the places of its tags.
 
-    It does not hold on to the block, so that one the plan forgot can go.
+    It keeps no reference to the block, so that a block that is no longer asked for can be freed.
     """
 
     def __init__(self, block: Block, place_of: Mapping[str, int]) -> None:
@@ -131,6 +132,6 @@ class BlockReader:
 
 
 def _fits_arrays(register: Register) -> bool:
-    """Whether one comparison tells invalid values; above 2**53 a double is not exact enough."""
+    """Whether one comparison finds invalid values; above 2**53 a double is not exact enough."""
     exact = register.kind not in (DataType.INT64, DataType.UINT64) or not register.invalid
     return not register.invalid_words and len(register.invalid) <= 1 and exact

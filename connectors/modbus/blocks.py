@@ -1,4 +1,5 @@
-"""Neighbouring registers are asked for together: fewer requests, and tags of one instant."""
+"""Blocks: neighbouring registers in one request, so that there are fewer and values are of one
+instant."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from stemwatch.connectors.modbus.register_address import Table
 MAX_WORDS = 125  # the protocol's own limit for functions 3 and 4
 
 
-@dataclass(frozen=True, eq=False)  # a block is itself: a plan asks for it again and again
+@dataclass(frozen=True, eq=False)  # compared by identity: a plan uses the same block again
 class Block:
     """One request: registers of one unit and table, in the order of their addresses."""
 
@@ -49,17 +50,17 @@ class Block:
         return words[start : start + register.kind.words]
 
     def halves(self) -> tuple[Block, Block] | None:
-        """The block in two, at its widest hole, or in the middle where it has none.
+        """The block in two, at its widest gap, or in the middle where it has none.
 
-        A hole comes first: devices refuse what is not there rather than what a map names. ``None``
-        where there is nothing to divide: registers that all begin at one address.
+        Devices rather refuse addresses in a gap than those of the map. ``None`` where all registers
+        begin at one address, so that they cannot be divided.
         """
         return max(self._cuts(), key=self._natural, default=None)
 
     def avoiding(self, counts: Collection[int]) -> tuple[Block, ...]:
-        """The block in as few pieces as bear none of ``counts`` as their ``count``.
+        """The block in as few pieces as have no ``count`` that is in ``counts``.
 
-        A piece that bears one of them all the same has registers that cannot be divided.
+        A piece that has one all the same consists of registers that cannot be divided.
         """
         cuts = self._cuts() if self.count in counts else []
         if not cuts:
@@ -89,10 +90,10 @@ class Block:
 def plan_blocks(
     registers: Iterable[Register], *, max_words: int = MAX_WORDS, max_gap: int = 0
 ) -> tuple[Block, ...]:
-    """As few requests as hold all ``registers``.
+    """The fewest requests for all ``registers``.
 
-    A request has at most ``max_words`` words and bridges at most ``max_gap`` words that nobody
-    asked for; no value is torn apart. Raises ``ValueError`` for a limit that no request can keep.
+    A request has at most ``max_words`` words and includes at most ``max_gap`` unused words between
+    two registers; a value is never split. Raises ``ValueError`` for a limit out of range.
     """
     if not 4 <= max_words <= MAX_WORDS:
         raise ValueError(f"max_words must be 4 to {MAX_WORDS}, received {max_words}")
@@ -122,10 +123,10 @@ def _same_memory(register: Register, other: Register) -> bool:
     return (register.unit_id, register.address.table) == (other.unit_id, other.address.table)
 
 
-# After this long, blocks that were split are tried whole again: a device that is being programmed
-# refuses everything for a while, and 1500 single requests are no way to go on.
+# After this time blocks that were split are tried whole again: a device that is being programmed
+# refuses everything for a while, and must not be asked in 1500 single requests afterwards.
 FORGET_S = 600.0
-# How long a register that is refused by itself is left alone.
+# After this time a single register that was refused is asked for again.
 REST_S = 60.0
 
 
@@ -160,11 +161,11 @@ class BlockPlan:
         return halves
 
     def rest(self, block: Block, fault: ReadFault) -> None:
-        """Leave ``block``, which is refused by itself, alone for a while."""
+        """Do not ask for ``block``, which was refused and cannot be divided, for ``REST_S``."""
         self._resting[block] = (self._now_s() + REST_S, fault)
 
     def resting(self, block: Block) -> ReadFault | None:
-        """Why ``block`` is left alone, or ``None``."""
+        """The fault for which ``block`` is not asked for now, or ``None``."""
         if block not in self._resting:
             return None
         until_s, fault = self._resting[block]
@@ -175,5 +176,5 @@ class BlockPlan:
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """The tags that the device does not hand out."""
+        """The tags that the device refuses to read."""
         return tuple(register.tag for block in self._resting for register in block.registers)

@@ -1,4 +1,4 @@
-"""A look at a device before its map is trusted: raw words beside everything they could mean."""
+"""Commissioning: raw registers in every type and byte order, and a trial of a register map."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _SMALLEST, _LARGEST = 1e-4, 1e7
 
 @dataclass(frozen=True)
 class Meaning:
-    """What words are as ``kind`` in ``order``. ``likely`` is false where a plant value would hardly
-    look so: not finite, or a fraction far too small or too large."""
+    """The value of words as ``kind`` in ``order``. ``likely`` is false for what is hardly a plant
+    value: not finite, or far too small or too large."""
 
     kind: DataType
     order: ByteOrder
@@ -31,8 +31,8 @@ class Meaning:
 
 
 @dataclass(frozen=True)
-class Tried:
-    """One register of a map as the device gave it; ``fault`` instead of words where it did not."""
+class TriedRegister:
+    """One register of a map and the device's answer: words and reading, or the ``fault``."""
 
     register: Register
     words: tuple[int, ...] = ()
@@ -61,24 +61,24 @@ def _likely(value: Number, kind: DataType) -> bool:
     return math.isfinite(size) and (size == 0.0 or _SMALLEST <= size <= _LARGEST)
 
 
-async def look(link: Link, unit_id: int, at: RegisterAddress, count: int) -> list[int]:
-    """The ``count`` words from ``at`` on, 1 to 125.
+async def read_raw_words(link: Link, unit_id: int, first: RegisterAddress, count: int) -> list[int]:
+    """The ``count`` words from ``first`` on, 1 to 125.
 
     Raises ``ReadFault`` where the device cannot be reached or refuses, ``ValueError`` for a count
     out of range.
     """
-    if not 1 <= count <= min(MAX_WORDS, LAST_ADDRESS + 1 - at.offset):
+    if not 1 <= count <= min(MAX_WORDS, LAST_ADDRESS + 1 - first.offset):
         raise ValueError(f"1 to {MAX_WORDS} registers up to {LAST_ADDRESS} are read, not {count}")
     async with _opened(link) as line:
-        return await line.read(unit_id, at.table, at.offset, count)
+        return await line.read(unit_id, first.table, first.offset, count)
 
 
-async def try_map(device: Device) -> list[Tried]:
+async def try_map(device: Device) -> list[TriedRegister]:
     """Every register of ``device``, in the order of the map, read once in the blocks of a poll.
 
     Raises ``ReadFault`` where the device cannot be reached; what it refuses is in the result.
     """
-    tried: dict[str, Tried] = {}
+    tried: dict[str, TriedRegister] = {}
     async with _opened(device.link) as line:
         for block in device.blocks():
             for answer in await _try_block(line, block):
@@ -86,7 +86,7 @@ async def try_map(device: Device) -> list[Tried]:
     return [tried[tag] for tag in device.tags]
 
 
-async def _try_block(line: Connection, block: Block) -> list[Tried]:
+async def _try_block(line: Connection, block: Block) -> list[TriedRegister]:
     try:
         words = await line.read(block.unit_id, block.table, block.first, block.count)
     except ReadFault as fault:
@@ -95,28 +95,28 @@ async def _try_block(line: Connection, block: Block) -> list[Tried]:
             return [tried for half in halves for tried in await _try_block(line, half)]
         if not await line.reopen():
             raise
-        return [Tried(register, fault=fault.reason) for register in block.registers]
+        return [TriedRegister(register, fault=fault.reason) for register in block.registers]
     tried = []
     for register in block.registers:
-        own = tuple(block.words_of(register, words))
-        tried.append(Tried(register, own, register.read(own)))
+        words_of_register = tuple(block.words_of(register, words))
+        tried.append(TriedRegister(register, words_of_register, register.read(words_of_register)))
     return tried
 
 
-def other_orders(tried: Tried) -> tuple[Meaning, ...]:
-    """The orders in which the words of ``tried`` look likely though the map's own does not.
+def other_orders(tried: TriedRegister) -> tuple[Meaning, ...]:
+    """Byte orders in which the words of ``tried`` give a likely value where the map's does not.
 
     Empty where the map's order looks likely, or none does.
     """
     kind, order = tried.register.kind, tried.register.order
     if not tried.words or kind.words == 1:
         return ()
-    orders = [each for each in meanings(tried.words) if each.kind is kind]
-    own = next(each for each in orders if each.order is order)
-    tiny = kind.is_float and 0.0 < abs(own.value) < TINY
-    if own.likely and not tiny:
+    orders = [meaning for meaning in meanings(tried.words) if meaning.kind is kind]
+    by_map = next(meaning for meaning in orders if meaning.order is order)
+    tiny = kind.is_float and 0.0 < abs(by_map.value) < TINY
+    if by_map.likely and not tiny:
         return ()
-    return tuple(each for each in orders if each.likely and each.order is not order)
+    return tuple(meaning for meaning in orders if meaning.likely and meaning.order is not order)
 
 
 @asynccontextmanager

@@ -1,7 +1,7 @@
-"""``Connection``: one connection to a device. The only file that knows pymodbus.
+"""``Connection``: one connection to a device. The only file that uses pymodbus.
 
-It can ask for holding and input registers and nothing else: what leaves passes a gate that lets
-functions 3 and 4 through, whatever is called above it.
+It reads holding and input registers and nothing else: every outgoing frame is checked, and only
+functions 3 and 4 are sent, whatever is called above it.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 
 READING = frozenset(FUNCTION.values())
 _REFUSAL_BYTES = 5  # unit, function, code, checksum: an RTU answer without data
-# A peer that lost our connection without saying so would otherwise be asked in vain for ever.
+# After so many time-outs in a row: the other side may have lost the connection without closing it.
 _SILENCES_BEFORE_CLOSING = 3
 _LOST = "the connection was closed by the other side"
 
 
 class OnlyReading(Exception):
-    """Something tried to send a function other than 3 and 4; nothing was sent."""
+    """An attempt to send a function other than 3 and 4; nothing was sent."""
 
 
 def gate(frame: bytes, *, rtu: bool) -> bytes:
@@ -57,32 +57,32 @@ def gate(frame: bytes, *, rtu: bool) -> bytes:
 
 
 class Connection:
-    """A connection that is opened, asked, and opened again after it was lost.
+    """A connection that is opened, used for requests, and opened again after it was lost.
 
-    Not for two askers at a time: Modbus knows one open request for each line.
+    Not for two callers at a time: Modbus allows one open request for each line.
 
-    RTU frames bear no number that ties an answer to its request. Nothing is asked for whose answer
-    could be one that is still to come, on a connection made anew no less than on the old one: there
-    are serial servers that hand what arrives late to whoever is connected then.
+    RTU frames have no number that ties an answer to its request. A request is therefore not sent
+    while an answer that looks the same may still come, even after a reconnection: some serial
+    servers pass a late answer on to whichever client is connected then.
     """
 
     def __init__(self, link: Link) -> None:
         self.link = link
         self._client: Client | None = None
-        self._why = ""  # the last opening failed
-        self._heard = 0  # bytes since the last request
-        self._silences = 0
+        self._why = ""  # why the last opening failed
+        self._heard = 0  # bytes received since the last request
+        self._silences = 0  # time-outs in a row
         self._request: SentRequest | None = None  # the open one
         self._unanswered = Unanswered(link.answers_until_s)
         self._closed_in_doubt = False
 
     @property
     def connected(self) -> bool:
-        """Whether there is a connection, as far as anyone can know without asking."""
+        """Whether there is a connection, as far as is known without a request."""
         return self._client is not None and self._client.connected
 
     async def open(self) -> None:
-        """Connect. Raises ``ReadFault`` with what stood in the way."""
+        """Connect. Raises ``ReadFault`` with the reason where that fails."""
         if self._client is None:
             self._client = _new_client(self.link, self)
             _listen_in(self._client, self)
@@ -95,31 +95,31 @@ class Connection:
             raise no_connection(self._why)
 
     async def reopen(self) -> bool:
-        """Connect at once where the connection was given up because an answer may come late, so
-        that the other units are asked on. Whether there is a connection now."""
+        """Connect again at once where the connection was closed because an answer may come late, so
+        that the other units are read. Returns whether there is a connection now."""
         if self._closed_in_doubt and not self.connected:
             with contextlib.suppress(ReadFault):
                 await self.open()
         return self.connected
 
     def close(self) -> None:
-        """Hang up; ``open`` connects again."""
+        """Close the connection; ``open`` connects again."""
         if self._client is not None:
             self._client.close()
 
     def doubtful(self, unit_id: int, table: Table) -> frozenset[int]:
-        """How many words must not be asked for of this unit and table now: answers of that length
-        may still come, and could not be told apart."""
+        """The lengths in words that must not be requested of this unit and table now: late answers
+        of these lengths may still come and could not be told apart."""
         return self._unanswered.counts(unit_id, table) if self.link.is_rtu else frozenset()
 
     async def read(self, unit_id: int, table: Table, first: int, count: int) -> list[int]:
         """``count`` words of ``table`` from protocol address ``first`` on.
 
-        Repeats the request ``link.retries`` times where nothing or nonsense was heard. Raises
-        ``ReadFault`` with the reason where no words came.
+        Repeats the request ``link.retries`` times where no answer or an invalid one came. Raises
+        ``ReadFault`` with the reason where there are no words.
         """
         request = SentRequest(unit_id, table, first, count)
-        # Answers to this same request are not meant: one that was asked for again is as good.
+        # An answer to an earlier request of the same words is as good as to this one.
         alike = any(request.looks_alike(other) for other in self._unanswered)
         if alike and self.link.is_rtu:
             raise not_asked(self.link.timeout_s)
@@ -186,10 +186,10 @@ class Connection:
         return silent(self.link.timeout_s)
 
     def _hang_up_after(self, fault: ReadFault) -> None:
-        """Begin anew where nothing more can be hoped for on this connection.
+        """Close a TCP connection that is out of step or has timed out several times.
 
-        A TCP stream in which something was misread has lost its beat. A serial line finds it again
-        at the next silence, and other units answer on it.
+        After an invalid answer the frame boundaries of a TCP stream are unknown. A serial line is
+        in step again after the next silence, and other units answer on it.
         """
         out_of_step = fault.kind is FaultKind.NONSENSE and self.link.kind is LinkKind.TCP
         deaf = self._silences >= _SILENCES_BEFORE_CLOSING and self.link.kind is LinkKind.TCP
@@ -201,8 +201,8 @@ class Connection:
         self.close()
 
     def take_late_answers(self, data: bytes) -> int:
-        """How many bytes at the start of ``data`` are answers to earlier requests. They are noted:
-        what they were mistaken for until now may be asked for again."""
+        """How many bytes at the start of ``data`` are answers to earlier requests. These requests
+        then count as answered, and what looks like them may be requested again."""
         taken = 0
         while frame := self._first_frame(data[taken:]):
             answered = self._unanswered.answered_by(frame)
@@ -213,7 +213,7 @@ class Connection:
         return taken
 
     def _first_frame(self, data: bytes) -> bytes:
-        """The RTU answer that ``data`` begins with; empty where it begins with no sound one."""
+        """The RTU answer at the start of ``data``; empty where there is no complete, valid one."""
         if len(data) < _REFUSAL_BYTES or data[1] & ~REFUSAL not in READING:
             return b""
         size = _REFUSAL_BYTES + (0 if data[1] & REFUSAL else data[2])
@@ -222,7 +222,7 @@ class Connection:
         return frame if sound else b""
 
     def pass_through(self, sending: bool, frame: bytes) -> bytes:
-        """Every frame on its way out and every byte on its way in comes through here."""
+        """Called for every outgoing frame, which is checked, and for all incoming bytes."""
         if sending:
             return gate(frame, rtu=self.link.is_rtu)
         self._heard += len(frame)
@@ -252,7 +252,7 @@ def _new_client(link: Link, line: Connection) -> Client:
     from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
     from pymodbus.exceptions import ConnectionException
 
-    # On every error pymodbus writes the last frames to standard error; here faults are data.
+    # On every error pymodbus writes the last frames to standard error; faults are reported here.
     for name in ("pymodbus", "pymodbus_internal"):
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
@@ -260,7 +260,7 @@ def _new_client(link: Link, line: Connection) -> Client:
         if not connected:
             line.fail(ConnectionException(_LOST))
 
-    # We repeat and reconnect ourselves: with chance in the waits, and with a reason for each.
+    # Repeats and reconnections are done above, with random waits and a reason for each.
     shared: dict[str, Any] = {
         "timeout": link.timeout_s,
         "retries": 0,
@@ -282,13 +282,13 @@ def _new_client(link: Link, line: Connection) -> Client:
     else:
         framer = FramerType.RTU if link.is_rtu else FramerType.SOCKET
         client = AsyncModbusTcpClient(link.target, port=link.port, framer=framer, **shared)
-    client.set_max_no_responses(2**31)  # when to hang up is decided above
+    client.set_max_no_responses(2**31)  # when to close the connection is decided above
     return client
 
 
 def _listen_in(client: Client, line: Connection) -> None:
-    """Learn why an opening failed, which answers came late, and that bytes made no sense, which
-    pymodbus keeps to itself."""
+    """Hook into pymodbus to learn why an opening failed, which answers came late, and which bytes
+    were invalid; its interface does not tell."""
     from pymodbus.exceptions import ModbusException
 
     create, receive = client.ctx.call_create, client.ctx.callback_data
@@ -307,7 +307,7 @@ def _listen_in(client: Client, line: Connection) -> None:
         try:
             return late + receive(data[late:], addr)
         except ModbusException as error:
-            # Raised into the event loop it would be logged there and help nobody.
+            # Raised into the event loop it would only be logged there.
             line.fail(error)
             return len(data)
 

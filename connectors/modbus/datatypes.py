@@ -36,7 +36,7 @@ class ByteOrder(StrEnum):
     """Where the most significant byte A of a value ``A B C D`` stands in the registers.
 
     Of 64 bits, CDAB has the four words in reverse, BADC the two bytes of each word, DCBA both.
-    A value of one register knows only whether its bytes are swapped.
+    For a value of one register only the order of its bytes matters.
     """
 
     ABCD = "ABCD"  # most significant word first: big-endian

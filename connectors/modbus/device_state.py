@@ -1,4 +1,4 @@
-"""``DeviceState``: how a device is doing, for pages, metrics and logs."""
+"""``DeviceState``: connection, counts and punctuality of a device, for pages, metrics and logs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class DeviceState:
 
     ``last_good_us`` is the instant (microseconds since 1970) of the last poll with a good sample;
     ``fault`` why a request of the last poll failed, or empty. ``refused`` are the tags that the
-    device does not hand out, which is no fault any more once it is known.
+    device refuses to read; once known, that is no fault of a poll.
     """
 
     name: str
@@ -44,5 +44,5 @@ class DeviceState:
 
 
 def _percentile(values: deque[float], percent: float) -> float | None:
-    seen = list(values)  # at once: another thread may be adding to it
-    return float(np.percentile(seen, percent)) if seen else None
+    kept = list(values)  # at once: another thread may be adding to it
+    return float(np.percentile(kept, percent)) if kept else None

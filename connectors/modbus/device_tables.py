@@ -148,8 +148,8 @@ def link_of(table: DeviceTable) -> Link:
     for key in foreign:
         if getattr(table, key) is not None:
             found = f'{key} beside type = "{table.type.value}"'
-            own = ", ".join(_OF_SERIAL if serial else _OF_TCP)
-            raise TableMistake(key, found, f"{own}, or another type")
+            keys = ", ".join(_OF_SERIAL if serial else _OF_TCP)
+            raise TableMistake(key, found, f"{keys}, or another type")
     target = table.serial_port if serial else table.host
     if target is None:
         key, example = ("serial_port", "/dev/ttyUSB0") if serial else ("host", "192.168.1.20")
@@ -172,13 +172,13 @@ def link_of(table: DeviceTable) -> Link:
 def keys_of(link: Link) -> dict[str, str | int | float]:
     """What ``link_of`` makes ``link`` from: the plant file's keys with their values, defaults
     included, and none that another type of link has."""
-    given: dict[str, str | int | float] = {"type": link.kind.value}
+    keys: dict[str, str | int | float] = {"type": link.kind.value}
     if link.kind is LinkKind.SERIAL:
-        given["serial_port"] = link.target
-        given |= {key: getattr(link, key) for key in _OF_SERIAL[1:]}
+        keys["serial_port"] = link.target
+        keys |= {key: getattr(link, key) for key in _OF_SERIAL[1:]}
     else:
-        given |= {"host": link.target, "port": link.port}
-    return given | {key: getattr(link, key) for key in _OF_BOTH}
+        keys |= {"host": link.target, "port": link.port}
+    return keys | {key: getattr(link, key) for key in _OF_BOTH}
 
 
 _HEX_WORDS = re.compile(r"0x([0-9a-fA-F]{4}(?:[ _]?[0-9a-fA-F]{4})*)")

@@ -1,7 +1,7 @@
 """``DevicePoller``: one device, polled on its schedule until told to stop.
 
-Nothing that a device does ends it: every instant yields a batch with a sample for each tag, good or
-with the reason why not.
+No fault of a device ends it: every instant yields a batch with a sample for each tag, good or with
+the reason why not.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ LATEST_S = 0.25
 _MICRO = 1_000_000
 
 log = logging.getLogger(__name__)
-LONGEST_WAIT_S = 15.0  # between attempts to reach what does not answer
+LONGEST_WAIT_S = 15.0  # between attempts to reach a device or unit that does not answer
 _FIRST_UNIT_WAIT_S = 0.5
-_SPLITS_PER_POLL = 64  # requests beyond the plan that one poll may spend on finding what is refused
-_MARKED_MISSES = 100  # instants missed in a row that are marked; a longer hole is a hole
+_SPLITS_PER_POLL = 64  # more requests that one poll may send to find the refused registers
+_MARKED_MISSES = 100  # instants missed in a row that are marked; after these there are no samples
 NOT_POLLED = "not polled: the poll before it took too long"
 Deliver = Callable[[SampleBatch], None]
 
@@ -99,7 +99,7 @@ class PollSchedule:
 
 @dataclass
 class _Unit:
-    """A unit that did not answer, and until when it is left alone."""
+    """A unit that did not answer, and until when it is not asked again."""
 
     backoff: Backoff
     until_s: float = 0.0
@@ -108,14 +108,14 @@ class _Unit:
 
 @dataclass
 class _Poll:
-    """What one poll has found so far."""
+    """The results of one poll so far."""
 
     columns: Columns
     splits_left: int = _SPLITS_PER_POLL
     fault: str = ""
 
     def mark(self, reader: BlockReader, fault: ReadFault, *, known: bool = False) -> None:
-        """No words for a block; ``known`` where that is no news of this poll."""
+        """Mark a block without words; ``known`` where the fault is not of this poll."""
         self.fault = self.fault or ("" if known else fault.reason)
         missing = fault.kind in (FaultKind.NO_CONNECTION, FaultKind.SILENT, FaultKind.NOT_ASKED)
         quality = Quality.MISSING if missing else Quality.BAD
@@ -170,7 +170,7 @@ class DevicePoller:
         await asyncio.wait([self._reconnect()], timeout=self.device.link.timeout_s)
 
     async def stop(self) -> None:
-        """Hang up, and try no further to connect."""
+        """Close the connection and stop trying to connect."""
         if self._opening is not None:
             self._opening.cancel()
         self._line.close()
@@ -190,7 +190,7 @@ class DevicePoller:
         return batch
 
     async def _guarded(self, at_us: int) -> SampleBatch:
-        """A poll that nothing ends: what nobody thought of costs its samples only."""
+        """A poll that raises nothing: an unforeseen error costs only its samples."""
         began_us = self._schedule.now_us()
         try:
             batch = await self.poll(at_us)
@@ -271,13 +271,13 @@ class DevicePoller:
         unit.until_s = time.monotonic() + unit.backoff.failed()
 
     def _reconnect(self) -> asyncio.Task[None]:
-        """Try to connect beside the schedule, until it succeeds."""
+        """Try to connect in the background until it succeeds."""
         if self._opening is None or self._opening.done():
             self._opening = asyncio.create_task(self._keep_opening())
         return self._opening
 
     async def _keep_opening(self) -> None:
-        if self.state.polls:  # a device that accepts connections only to drop them is not hammered
+        if self.state.polls:  # wait first: some devices accept connections and drop them at once
             await asyncio.sleep(self._backoff.failed())
         while not self._line.connected:
             try:
@@ -298,7 +298,7 @@ class DevicePoller:
             await asyncio.sleep(self._backoff.failed())
 
     def _account_for(self, slot: Slot) -> None:
-        """Mark what was missed before ``slot``."""
+        """Deliver marked samples for the instants missed before ``slot``."""
         if slot.clock_went_back:
             log.warning(
                 "device %s: the computer's clock was set back; samples of times that are in the "
@@ -332,7 +332,7 @@ class DevicePoller:
 
 
 def _stop_if_cancelled() -> None:
-    """Be cancelled after all, where that came in the very moment of an answer.
+    """Raise a cancellation that came at the same moment as an answer.
 
     Until Python 3.12 ``asyncio.wait_for``, through which every answer comes, then returns the
     answer and forgets the cancellation; the task still counts it.

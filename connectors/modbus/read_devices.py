@@ -46,36 +46,36 @@ class _Reader:
     problems: list[Problem] = field(default_factory=list)
 
     def at(self, file: str, line: int | None) -> _Reader:
-        """A reader that notes its mistakes with this one's, all of them at ``line`` of ``file``."""
+        """A reader of ``line`` of ``file`` that adds to the problems of this one."""
         return _Reader(file, lambda path: line, self.folder, self.problems)
 
-    def say(self, path: KeyPath, shown: str, found: str, expected: str) -> None:
-        """Note a mistake at ``path``, which readers see as ``shown``."""
+    def say(self, path: KeyPath, label: str, found: str, expected: str) -> None:
+        """Add a problem at ``path``, which messages call ``label``."""
         line = self.line_of(path)
-        problem = Problem(file=self.file, line=line, key=shown, found=found, expected=expected)
+        problem = Problem(file=self.file, line=line, key=label, found=found, expected=expected)
         self.problems.append(problem)
 
     def table(
-        self, model: type[BaseModel], table: Mapping[str, Any], path: KeyPath, shown: str
+        self, model: type[BaseModel], table: Mapping[str, Any], path: KeyPath, label: str
     ) -> Any:
         """``table`` as ``model``, or ``None`` and its problems."""
         try:
             return model.model_validate(table)
         except ValidationError as error:
-            said: set[KeyPath] = set()
+            reported: set[KeyPath] = set()
             for details in error.errors(include_url=False):
                 # A union reports each of its branches; the field's description covers them all.
                 place = tuple(details["loc"])[:1]
-                if place not in said:
-                    said.add(place)
-                    self._explain(details, model, path, shown)
+                if place not in reported:
+                    reported.add(place)
+                    self._explain(details, model, path, label)
             return None
 
     def _explain(
-        self, details: ErrorDetails, model: type[BaseModel], path: KeyPath, shown: str
+        self, details: ErrorDetails, model: type[BaseModel], path: KeyPath, label: str
     ) -> None:
         key = str(details["loc"][0]) if details["loc"] else ""
-        where, name = (*path, key), f"{shown}.{key}"
+        where, name = (*path, key), f"{label}.{key}"
         fields = {field.alias or name: field for name, field in model.model_fields.items()}
         if details["type"] == "extra_forbidden":
             self.say(where, name, "an unknown key", either_of(fields) + nearest(key, fields))
@@ -105,35 +105,35 @@ def read_devices(
     for place, table in enumerate(tables):
         path = (*at, place)
         name = table.get("name")
-        shown = f"{at[-1]}[{name if isinstance(name, str) and name.strip() else place + 1}]"
-        device = _device(reader, table, path, shown)
+        label = f"{at[-1]}[{name if isinstance(name, str) and name.strip() else place + 1}]"
+        device = _device(reader, table, path, label)
         if device is None:
             continue
         if device.name in devices:
             found = f"{device.name!r}, which an earlier device has already"
-            reader.say((*path, "name"), f"{shown}.name", found, "a name of its own")
+            reader.say((*path, "name"), f"{label}.name", found, "a name of its own")
             continue
         devices[device.name] = device
     return DeviceMap(tuple(devices.values()), tuple(reader.problems))
 
 
-def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str) -> Device | None:
-    rows = _rows(reader, table, path, shown)
+def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, label: str) -> Device | None:
+    rows = _rows(reader, table, path, label)
     if rows is None:
         return None
     if isinstance(table.get("registers"), str):
         table = {**table, "registers": [dict(row.table) for row in rows]}
-    read: DeviceTable | None = reader.table(DeviceTable, table, path, shown)
+    read: DeviceTable | None = reader.table(DeviceTable, table, path, label)
     if read is None:
         return None
     try:
         link = link_of(read)
     except TableMistake as mistake:
-        reader.say((*path, mistake.key), f"{shown}.{mistake.key}", mistake.found, mistake.expected)
+        reader.say((*path, mistake.key), f"{label}.{mistake.key}", mistake.found, mistake.expected)
         return None
     registers = _registers(rows, read)
     if not registers:
-        reader.say(path, shown, "no register that can be read", "at least one")
+        reader.say(path, label, "no register that can be read", "at least one")
         return None
     device = Device(
         name=read.name,
@@ -143,12 +143,12 @@ def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str
         max_words=read.max_words,
         max_gap=read.max_gap,
     )
-    return device if _can_keep_pace(reader, device, path, shown) else None
+    return device if _can_keep_pace(reader, device, path, label) else None
 
 
 @dataclass(frozen=True)
 class _Row:
-    """A table of a register, who notes its mistakes, where it stands and how readers see it."""
+    """A register's table, the reader that notes problems, its path, and its name in messages."""
 
     table: Mapping[str, Any]
     reader: _Reader
@@ -157,29 +157,29 @@ class _Row:
 
 
 def _rows(
-    reader: _Reader, table: Mapping[str, Any], path: KeyPath, shown: str
+    reader: _Reader, table: Mapping[str, Any], path: KeyPath, label: str
 ) -> list[_Row] | None:
-    """The registers of a device, from its tables or its list; ``None`` where the list is of no
-    use, which is said."""
-    listed = table.get("registers")
-    if isinstance(listed, str) and listed.strip():
-        return _listed(reader, listed.strip(), path, shown)
-    tables = listed if isinstance(listed, list) else []
+    """The registers of a device, from its tables or its list; ``None`` where the list cannot be
+    used, which is noted as a problem."""
+    registers = table.get("registers")
+    if isinstance(registers, str) and registers.strip():
+        return _listed(reader, registers.strip(), path, label)
+    tables = registers if isinstance(registers, list) else []
     return [
         _Row(
-            table, reader, (*path, "registers", place), f"{shown}.registers[{_name(table, place)}]"
+            table, reader, (*path, "registers", place), f"{label}.registers[{_name(table, place)}]"
         )
         for place, table in enumerate(tables)
         if isinstance(table, Mapping)
     ]
 
 
-def _listed(reader: _Reader, name: str, path: KeyPath, shown: str) -> list[_Row] | None:
+def _listed(reader: _Reader, name: str, path: KeyPath, label: str) -> list[_Row] | None:
     try:
         register_list = read_register_list(reader.folder / name)
     except ListUnusable as mistake:
         if mistake.line is None:
-            key = f"{shown}.registers"
+            key = f"{label}.registers"
             reader.say((*path, "registers"), key, f"{name!r}: {mistake.found}", mistake.expected)
         else:
             key = f"column {mistake.key}" if mistake.key else "row"
@@ -188,7 +188,7 @@ def _listed(reader: _Reader, name: str, path: KeyPath, shown: str) -> list[_Row]
     for line, what, expected in register_list.faulty:
         reader.at(name, line).say((), "row", what, expected)
     if not register_list.rows:
-        reader.say((*path, "registers"), f"{shown}.registers", f"no row in {name!r}", "one or more")
+        reader.say((*path, "registers"), f"{label}.registers", f"no row in {name!r}", "one or more")
         return None
     return [
         _Row(row.table, reader.at(name, row.line), (), f"registers[{_name(row.table, place)}]")
@@ -228,8 +228,8 @@ def _each(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register,
             say((*inner, "address"), f"{label}.address", error.found, error.expected)
 
 
-def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, shown: str) -> bool:
-    """Whether a serial line carries the map in time; the wire decides it, so it is arithmetic."""
+def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, label: str) -> bool:
+    """Whether the serial line is fast enough to read the whole map in one polling interval."""
     if device.link.kind is not LinkKind.SERIAL:
         return True
     needed_s = poll_time_s(device.blocks(), device.link)
@@ -237,7 +237,7 @@ def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, shown: str) -
         return True
     found = f"{device.every_s:g} s, while one poll occupies the line for at least {needed_s:.2f} s"
     expected = f"more than {needed_s:.2f} s, a higher baudrate, or fewer registers"
-    reader.say((*path, "every_s"), f"{shown}.every_s", found, expected)
+    reader.say((*path, "every_s"), f"{label}.every_s", found, expected)
     return False
 
 

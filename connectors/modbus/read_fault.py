@@ -1,4 +1,4 @@
-"""Why a read gave no words, in reasons that a sample can carry."""
+"""``ReadFault``: why a request gave no words, with the reason that its samples carry."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from enum import StrEnum
 
 
 class FaultKind(StrEnum):
-    """What went wrong, as far as it decides what is done next."""
+    """Kinds of fault, by what is to be done next."""
 
     NO_CONNECTION = "no connection"
     SILENT = "no answer"
     REFUSED = "refused"  # an exception reply
-    NONSENSE = "nonsense"  # an answer that is none
-    NOT_ASKED = "not asked"  # an earlier answer, still to come, could be taken for this one
+    NONSENSE = "nonsense"  # an invalid answer
+    NOT_ASKED = "not asked"  # a late answer to an earlier request could be taken for this one's
 
 
 EXCEPTIONS = {
@@ -26,14 +26,14 @@ EXCEPTIONS = {
     10: "gateway path unavailable",
     11: "gateway target does not answer",
 }
-# The block may ask for an address that is not there, or for more than the device hands out at once.
+# The block may include an address that does not exist, or more than the device sends at once.
 _SPLITTING = (2, 3)
-# The gateway has already waited for this unit in vain.
+# The gateway has already waited for this unit.
 _SILENT_BEHIND_GATEWAY = (10, 11)
 
 
 class ReadFault(Exception):
-    """One request brought no words. ``reason`` is the same for the same cause, time after time."""
+    """A request gave no words. ``reason`` is always the same for the same cause."""
 
     def __init__(self, kind: FaultKind, reason: str, code: int | None = None) -> None:
         self.kind, self.reason, self.code = kind, reason, code
@@ -56,29 +56,29 @@ class ReadFault(Exception):
 
 
 def refused(code: int) -> ReadFault:
-    """The fault that an exception reply with ``code`` is."""
+    """The fault of an exception reply with ``code``."""
     meaning = EXCEPTIONS.get(code, "an exception the protocol does not name")
     return ReadFault(FaultKind.REFUSED, f"exception {code} ({meaning})", code)
 
 
 def silent(timeout_s: float) -> ReadFault:
-    """The fault that nothing was heard within ``timeout_s`` seconds."""
+    """The fault of no answer within ``timeout_s`` seconds."""
     return ReadFault(FaultKind.SILENT, f"no answer within {timeout_s:g} s")
 
 
 def nonsense(what: str) -> ReadFault:
-    """The fault that something was heard that is no answer; ``what`` says what."""
+    """The fault of an invalid answer; ``what`` describes it."""
     return ReadFault(FaultKind.NONSENSE, f"nonsense: {what}")
 
 
 def no_connection(why: str) -> ReadFault:
-    """The fault that there is no line to ask on; ``why`` is empty where nobody knows."""
+    """The fault of no connection; ``why`` is empty where the cause is not known."""
     return ReadFault(FaultKind.NO_CONNECTION, f"no connection: {why}" if why else "no connection")
 
 
 def not_asked(timeout_s: float) -> ReadFault:
-    """The fault that an earlier request found no answer within ``timeout_s`` seconds, and that its
-    answer would look like the answer to this one."""
+    """The fault of a request that is not sent, because an earlier one timed out after ``timeout_s``
+    seconds and its late answer would look like the answer to this one."""
     return ReadFault(
         FaultKind.NOT_ASKED,
         f"not asked: an answer that did not come within {timeout_s:g} s may still come, and could "

@@ -1,4 +1,4 @@
-"""``Register``: one signal in a device's memory, and what its words say."""
+"""``Register``: one signal in a device's memory, and how its words are read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, decode
 from stemwatch.connectors.modbus.register_address import RegisterAddress
 from stemwatch.models.recording import Quality
 
-# A measured value of a plant is zero or far above this; a float read in the wrong order is not.
+# A measured value is zero or far larger; a float read in the wrong byte order may be smaller.
 TINY = 1e-30
 
 WRONG_ORDER = "a number below 1e-30 that is not zero: wrong byte order?"
@@ -22,7 +22,7 @@ ABOVE = "above the highest value the signal can have"
 
 
 class Reading(NamedTuple):
-    """A value in engineering units; NaN with quality and reason where there is no honest one."""
+    """A value in engineering units; NaN with quality and reason where there is no good value."""
 
     value: float
     quality: Quality
@@ -64,7 +64,7 @@ class Register:
         return self.address.offset + self.kind.words
 
     def read(self, words: Sequence[int]) -> Reading:
-        """What ``words`` (as many as ``kind`` takes) say."""
+        """The reading of ``words`` (as many as ``kind`` takes), in engineering units."""
         raw = decode(words, self.kind, self.order)
         # A NaN is in no set, and the words settle what a float's comparison cannot.
         if raw in self.invalid or (self.invalid_words and tuple(words) in self.invalid_words):

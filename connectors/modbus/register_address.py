@@ -1,9 +1,8 @@
-"""Register addresses: one inside the program, several ways to write them in the field.
+"""Register addresses: one form inside the program, several ways to write them in the field.
 
-The protocol counts from 0 and names the table apart. Most manuals print Modicon numbers, which
-count from 1 and carry the table in front: 40001 is the first holding register. A number that can be
-read both ways is refused with both readings, because each is plausible and one is off by forty
-thousand.
+The protocol counts from 0 and names the table separately. Most manuals print Modicon numbers, which
+count from 1 and begin with the table: 40001 is the first holding register. A number that can be
+read both ways is refused with both readings.
 """
 
 from __future__ import annotations

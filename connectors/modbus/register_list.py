@@ -65,8 +65,8 @@ class RegisterList:
 
 
 def read_register_list(path: Path) -> RegisterList:
-    """The rows of the list at ``path``. Numbers are numbers where they can be read as such; what a
-    register must be is the business of whoever makes registers of the rows.
+    """The rows of the list at ``path``, with numbers where a cell can be read as one. Whether a row
+    describes a valid register is checked later (``register_of``).
 
     Raises ``ListUnusable`` where a mistake concerns every row.
     """
@@ -105,7 +105,7 @@ def _records(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
 
 
 def _heading(cells: Sequence[str], line: int) -> list[str]:
-    """The columns. A misread one would be wrong for every register, so it ends the reading."""
+    """The columns. A misread one would be wrong for every register, so the list is refused."""
     written = [cell.strip().lower().replace(" ", "_") for cell in cells]
     while written and not written[-1]:
         written.pop()
@@ -134,8 +134,8 @@ def _table(given: dict[str, str], separator: str) -> dict[str, Any]:
         if ends == [None, None]:
             continue
         if None in ends:
-            there, missing = ("low", "high") if ends[1] is None else ("high", "low")
-            found = f"{pair}_{there} without {pair}_{missing}"
+            given_end, missing = ("low", "high") if ends[1] is None else ("high", "low")
+            found = f"{pair}_{given_end} without {pair}_{missing}"
             raise TableMistake(f"{pair}_{missing}", found, "both, or neither")
         table[pair] = ends
     if "unit_id" in table:
@@ -156,7 +156,7 @@ def _whole(text: str) -> int | str:
 
 
 def _number(text: str, separator: str) -> float | int | str:
-    """A number, or the text where it is none; whoever needs a number says what is wrong."""
+    """A number, or the text where it is none, which is refused where a number is needed."""
     plain = text if separator == "," else text.replace(",", ".")
     if (whole := _whole(plain)) != plain:
         return whole

@@ -1,4 +1,4 @@
-"""Which answers may still be on their way, so that none is taken for the answer to another request.
+"""Requests without an answer yet: a late answer must not be taken for that to another request.
 
 Modbus TCP numbers its requests. An RTU frame bears the unit, the function and a length, and no
 number: an answer that comes after its time-out fits the next request of the same unit, function

@@ -44,7 +44,7 @@ _SEVERITY, _DESCRIBES_VALUE, _INTERPOLATED, _CALCULATED = 0xC0000000, 0x400, 0x2
 
 @dataclass(frozen=True, kw_only=True)
 class OpcUaAddress(OpcUaServer):
-    """A server as it travels to the worker that asks it; an ``ArchiveAddress``.
+    """A server, as it is sent to the worker that reads it; an ``ArchiveAddress``.
 
     ``before_s`` seconds before each window are read too, because servers keep values when they
     change.
@@ -142,7 +142,7 @@ class OpcUaArchive:
         self.address = address
 
     def tags(self) -> Sequence[TagInfo]:
-        """Every node below Objects whose history may be read; how much it has is not counted."""
+        """Every node below Objects whose history may be read; samples are not counted."""
         from stemwatch.connectors.opcua.session import browse, connected
 
         async def ask() -> list[TagInfo]:
@@ -164,8 +164,8 @@ class OpcUaArchive:
             async with connected(self.address) as client:
                 return {tag for tag in optional if await exists(client, tag, self.address)}
 
-        there = asyncio.run(ask())
-        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in there}
+        existing = asyncio.run(ask())
+        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
         return replace(valve, tags=tags)
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
@@ -213,9 +213,9 @@ class OpcUaArchive:
                     histories[tag] = await read_history(client, tag, start, stop, self.address)
                 except UnknownTag as error:
                     names = [node.tag for node in await browse(client)]
-                    near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-                    shown = ", ".join(map(repr, near)) or "none: nothing has a history"
-                    raise UnknownTag(f"{error}; the nearest are {shown}") from None
+                    nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
+                    listed = ", ".join(map(repr, nearest)) or "none: nothing has a history"
+                    raise UnknownTag(f"{error}; the nearest are {listed}") from None
         return histories
 
     def _column(
@@ -246,8 +246,8 @@ class OpcUaArchive:
 
 
 def is_bad(codes: NDArray[np.int64]) -> Bools:
-    """(n,) True where a status code is bad or uncertain, or says that the archive drew or
-    calculated the value: such a value is no measurement."""
+    """(n,) True where a status code is bad or uncertain, or says that the archive interpolated or
+    calculated the value, which is then no measurement."""
     made_up = (codes & _DESCRIBES_VALUE != 0) & (codes & (_INTERPOLATED | _CALCULATED) != 0)
     return np.asarray((codes & _SEVERITY != 0) | made_up)
 

@@ -1,4 +1,4 @@
-"""The only file that knows the OPC UA library: it connects, browses and reads, nothing else."""
+"""The only file that uses the OPC UA library: it connects, browses and reads, nothing else."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MISSING = (
 class Security:
     """How a connection is secured: policy and mode by their OPC UA names, certificates as paths.
 
-    Without ``server_certificate`` the server's own word for its certificate is taken.
+    Without ``server_certificate`` the certificate that the server presents is accepted.
     """
 
     policy: str = "None"
@@ -88,9 +88,9 @@ async def connected(server: OpcUaServer) -> AsyncIterator[Any]:
     except ConnectorError:
         raise
     except (TimeoutError, uaerrors.UaError, OSError, ValueError) as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        text = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ConnectorError(
-            f"{server}: the server could not be asked ({type(error).__name__}: {said}); check "
+            f"{server}: the server could not be asked ({type(error).__name__}: {text}); check "
             "that it is reached, its security policy, and that it trusts this client's certificate"
         ) from None
 
@@ -118,8 +118,8 @@ async def read_history(
 ) -> History:
     """All raw values of a node from ``start`` to ``stop``, page by page.
 
-    A server that has more says so by a continuation point; one that only cuts off at the number
-    asked for is asked again from the last time it gave. Raises ``UnknownTag`` for a node it does
+    A server that has more gives a continuation point; one that stops at the requested number
+    without one is asked again from the last time it gave. Raises ``UnknownTag`` for a node it does
     not have and ``ConnectorError`` for one without a history.
     """
     from asyncua import ua
@@ -177,7 +177,7 @@ def _take(history: History, page: Sequence[Any]) -> None:
 
 
 def _moment(instant: datetime) -> datetime:
-    """As this version of the library wants it: older ones take naive UTC."""
+    """The instant as this version of the library expects it: older ones take naive UTC."""
     from asyncua import ua
 
     utc = instant.astimezone(UTC)

@@ -76,7 +76,7 @@ class Groups:
 
 
 class ArchiveFile:
-    """A file of the archive; nothing is read of it until it is asked for."""
+    """A file of the archive; nothing is read before it is needed."""
 
     def __init__(self, filesystem: Any, path: str, keys: Mapping[str, str]) -> None:
         self._filesystem = filesystem
@@ -226,10 +226,10 @@ def _groups(metadata: Any, layout: ColumnLayout, keys: Mapping[str, str]) -> Gro
 
 def _unit_ns(column: Any) -> int | None:
     """Nanoseconds of one count of a timestamp, as the file itself stores it."""
-    said = json.loads(column.logical_type.to_json())
-    if column.physical_type != "INT64" or said.get("Type") != "Timestamp":
+    logical_type = json.loads(column.logical_type.to_json())
+    if column.physical_type != "INT64" or logical_type.get("Type") != "Timestamp":
         return None
-    return _UNIT_NS.get(said.get("timeUnit"))
+    return _UNIT_NS.get(logical_type.get("timeUnit"))
 
 
 def _span(statistics: Any, unit_ns: int) -> tuple[int, int]:
@@ -261,5 +261,5 @@ def as_floats(array: Any) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def one_line(error: Exception) -> str:
-    """What a library says, without the line breaks in it."""
+    """An error's message on one line."""
     return " ".join(str(error).split())

@@ -1,4 +1,4 @@
-"""The files of an archive and what their folders say, such as ``date=2026-01-05/area=100``."""
+"""The files of an archive and the keys in their folders, such as ``date=2026-01-05/area=100``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.parquet.archive_file import ArchiveFile
 
 ENDINGS = (".parquet", ".parq", ".pq")
-FRESH_S = 10.0  # a listing is looked at again after this: a service runs for months
+FRESH_S = 10.0  # files are listed again after this time, since a service runs for months
 _DATES = ("date", "day", "dt")
 # A partition by local date may lie a zone away from the UTC date.
 _MARGIN = timedelta(days=1)
@@ -80,7 +80,7 @@ def _infos(path: str) -> tuple[Any, str, list[Any]]:
 
 
 def partition_keys(path: str) -> dict[str, str]:
-    """What the folders of a path say: ``area=100/part-0.parquet`` is in area 100."""
+    """The keys in the folders of a path: ``area=100/part-0.parquet`` gives ``area`` 100."""
     keys: dict[str, str] = {}
     for part in path.replace("\\", "/").split("/")[:-1]:
         name, sign, value = part.partition("=")

@@ -1,4 +1,4 @@
-"""Which column of a Parquet file is what: time, tag, value, quality."""
+"""The layout of a Parquet file: which columns are time, tag, value and quality."""
 
 from __future__ import annotations
 
@@ -192,5 +192,5 @@ def _alone(schema: Any, value: str, time: str) -> bool:
 
 
 def _unit(schema: Any, name: str) -> str:
-    said = (schema.field(name).metadata or {}).get(b"unit", b"").decode("utf-8", "replace")
-    return canonical(said) if said else split_unit(name)[1]
+    unit = (schema.field(name).metadata or {}).get(b"unit", b"").decode("utf-8", "replace")
+    return canonical(unit) if unit else split_unit(name)[1]

@@ -209,10 +209,10 @@ class ParquetArchive:
         if self._has(tag):
             return empty_column(tag)
         names = self.names()
-        near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
+        nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
         raise UnknownTag(
             f"{self.path}: there is no tag {tag!r} among {len(names)}; the nearest are "
-            f"{', '.join(map(repr, near))}"
+            f"{', '.join(map(repr, nearest))}"
         )
 
     def _holds(self, tag: str) -> str:
@@ -232,7 +232,7 @@ def is_parquet(path: str | os.PathLike[str]) -> bool:
 
 
 def split_archives(sources: Sequence[str]) -> tuple[list[str], list[str]]:
-    """What a user typed, as Parquet archives and as what may hold text exports.
+    """Split the sources that a user named into Parquet archives and possible text exports.
 
     A folder may hold both and is then in both lists; a pattern is taken by its ending.
     """

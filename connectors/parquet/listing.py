@@ -1,4 +1,4 @@
-"""What an archive holds: its tags, and the time they cover, from footers where those say it."""
+"""The tags of an archive and the time they cover, from the files' footers where possible."""
 
 from __future__ import annotations
 
@@ -96,5 +96,5 @@ def covered(files: Sequence[ArchiveFile], tag: str, options: ReadOptions) -> str
                 last = max(last, groups.last_ns[group])
     if first > last:
         return "the files do not say what time they cover"
-    shown = (f"{instant_of(ns):%Y-%m-%d %H:%M:%S}" for ns in (first, last))
-    return f"the archive covers {' to '.join(shown)} by its own clock"
+    dates = (f"{instant_of(ns):%Y-%m-%d %H:%M:%S}" for ns in (first, last))
+    return f"the archive covers {' to '.join(dates)} by its own clock"

@@ -1,4 +1,4 @@
-"""Rows of a valve's tags in a window, out of however many files, to columns."""
+"""Reads a valve's tags in a window from all files of an archive into columns."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class TagPlace:
 
 @dataclass
 class Pieces:
-    """What was read of one tag, row group by row group."""
+    """Rows of one tag, row group by row group."""
 
     stamps: list[Stamps] = field(default_factory=list)
     values: list[Any] = field(default_factory=list)  # Arrow, as the files have them
@@ -110,10 +110,10 @@ def _read_file(
     if not places:
         return
     naive = is_naive(file.fragment.physical_schema, layout.time)
-    own = file_bounds(bounds, naive, options, file.path)
+    bounds_in_file = file_bounds(bounds, naive, options, file.path)
     keys = None if layout.key is None else sorted({str(p.key) for p in places.values()})
     groups = file.groups(layout)
-    wanted = groups.wanted(keys, own)
+    wanted = groups.wanted(keys, bounds_in_file)
     mixed = [g for g in wanted if groups.only(g) is None]
     columns = _columns(layout, places.values(), with_key=bool(mixed), file=file)
     for group, table in file.read(wanted, columns, layout.key if mixed else None):
@@ -186,8 +186,8 @@ def _add(
     pieces.written = not str(table.schema.field(layout.time).type).startswith(("timestamp", "date"))
     pieces.unit = pieces.unit or layout.units.get(place.column, "")
     if not pieces.unit and layout.unit_column and len(value):
-        said = table.column(layout.unit_column)
-        first = said.filter(pa.array(rows))[0] if not isinstance(rows, bool) else said[0]
+        units = table.column(layout.unit_column)
+        first = units.filter(pa.array(rows))[0] if not isinstance(rows, bool) else units[0]
         pieces.unit = canonical(str(first.as_py() or ""))
 
 

@@ -121,8 +121,8 @@ class SqlSettings(ArchiveSettings):
 
     @model_validator(mode="after")
     def _only_reads(self) -> Self:
-        for key, given in (("query", self.query), ("tags_query", self.tags_query)):
-            if given is not None and (fault := fault_of(given, with_tag=key == "query")):
+        for key, query in (("query", self.query), ("tags_query", self.tags_query)):
+            if query is not None and (fault := fault_of(query, with_tag=key == "query")):
                 raise contradiction((key,), fault.found, fault.expected)
         return self
 
@@ -177,14 +177,14 @@ class SqlArchive:
         with self._database.reading() as connection:
             names, parts = ask(connection, self.address.tags_query, {}, self.address.chunk)
             lower = [name.lower() for name in names]
-            at = {key: lower.index(key) for key in ("tag", "unit", "samples") if key in lower}
-            at.setdefault("tag", 0)
+            place = {key: lower.index(key) for key in ("tag", "unit", "samples") if key in lower}
+            place.setdefault("tag", 0)
             rows = [row for part in parts for row in part]
         return [
             TagInfo(
-                tag=str(row[at["tag"]]),
-                unit=str(row[at["unit"]] or "") if "unit" in at else "",
-                samples=int(row[at["samples"]] or 0) if "samples" in at else 0,
+                tag=str(row[place["tag"]]),
+                unit=str(row[place["unit"]] or "") if "unit" in place else "",
+                samples=int(row[place["samples"]] or 0) if "samples" in place else 0,
             )
             for row in rows
         ]
@@ -195,8 +195,8 @@ class SqlArchive:
         if not optional:
             return valve
         with self._database.reading() as connection:
-            there = {tag for tag in optional if self._has(connection, tag)}
-        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in there}
+            existing = {tag for tag in optional if self._has(connection, tag)}
+        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
         return replace(valve, tags=tags)
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
@@ -285,7 +285,8 @@ class SqlArchive:
         }
 
     def _bound(self, instant: datetime) -> Any:
-        """An instant; local without an offset where the zone was said; text where it is text."""
+        """A bound as the database compares it: an instant, a local time of the given zone, or a
+        text where times are kept as text."""
         zone, dialect = self.address.options.zone, self._database.dialect
         if dialect == "postgresql" and not self.address.bounds_format:
             return instant if zone is None else instant.astimezone(ZoneInfo(zone))
@@ -295,7 +296,7 @@ class SqlArchive:
         return local.isoformat(sep=" ") if dialect == "sqlite" else local
 
     def _check_texts(self, samples: Samples, start: Any) -> None:
-        """Texts are compared letter by letter: bounds must be written as the times are."""
+        """Check that bounds are written as the times are, since texts are compared by letters."""
         first = samples.times[0] if samples.times else None
         if not isinstance(first, str) or not isinstance(start, str):
             return
@@ -308,7 +309,7 @@ class SqlArchive:
             )
 
     def _has(self, connection: Connection, tag: str) -> bool:
-        """Whether there is a row at any time; its time shows how times are written."""
+        """Whether the tag has a row at any time; also checks how times are written."""
         from itertools import islice
 
         from stemwatch.connectors.sql.database import ask
@@ -322,8 +323,10 @@ class SqlArchive:
 
     def _unknown(self, tag: str) -> UnknownTag:
         names = [info.tag for info in self.tags()]
-        near = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-        shown = f"the nearest of {len(names)} are {', '.join(map(repr, near))}" if near else ""
+        nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
+        shown = (
+            f"the nearest of {len(names)} are {', '.join(map(repr, nearest))}" if nearest else ""
+        )
         return UnknownTag(
             f"{self.address}: the query gives no sample of {tag!r} at any time; "
             + (shown or "say tags_query, which lists the tags, and the nearest are shown here")

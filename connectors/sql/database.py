@@ -1,4 +1,4 @@
-"""The only place that talks to the database: it connects, asks, and never commits."""
+"""The only place that talks to the database: it connects, queries, and never commits."""
 
 from __future__ import annotations
 
@@ -82,10 +82,10 @@ class Database:
         return engine
 
     def _explained(self, error: Exception) -> ConnectorError:
-        said = masked(str(getattr(error, "orig", None) or error)).strip()
-        shown = said.splitlines()[0] if said else type(error).__name__
+        message = masked(str(getattr(error, "orig", None) or error)).strip()
+        first_line = message.splitlines()[0] if message else type(error).__name__
         return ConnectorError(
-            f"{self.name}: the database did not answer the query ({shown}); check that it is "
+            f"{self.name}: the database did not answer the query ({first_line}); check that it is "
             "reached and that the query runs there as it stands, with this account"
         )
 
@@ -108,7 +108,7 @@ def _execute(raw: Any, statement: str) -> None:
 
 
 def _check_file(backend: str, database: str | None, name: str) -> None:
-    """SQLite would make a file that is not there."""
+    """Raise ``UnreadableSource`` for a missing SQLite file, which SQLite would create."""
     if backend != "sqlite" or not database or database == ":memory:":
         return
     if not database.startswith("file:") and not Path(database).is_file():

@@ -35,7 +35,7 @@ _WRITING = frozenset(
 
 
 class Fault(NamedTuple):
-    """What is wrong with a template, as an error says it."""
+    """A mistake in a query template: what was found and what was expected."""
 
     found: str
     expected: str
@@ -45,27 +45,27 @@ def fault_of(text: str, *, with_tag: bool = True) -> Fault | None:
     """Why ``text`` cannot be used as a template, or ``None``.
 
     It must be one SELECT, which may begin with WITH, without any word that writes; ``with_tag``:
-    it must have the parameters ``:tag``, ``:start`` and ``:end``, else none at all. This is the
-    first of three guards: the transaction is read only where the engine can, and is never
-    committed.
+    it must have the parameters ``:tag``, ``:start`` and ``:end``, else none at all. Besides, the
+    transaction is read only where the engine can, and is never committed.
     """
-    wanted = "one statement that begins with SELECT or WITH and only reads"
+    expected_statement = "one statement that begins with SELECT or WITH and only reads"
     if _DOLLAR.search(_QUOTED.sub(" ", text)):
         return Fault("a dollar-quoted text", "texts between single quotes")
     bare = _bare(text)
     if ";" in bare:
-        return Fault("several statements", wanted)
+        return Fault("several statements", expected_statement)
     words = re.findall(r"[a-z_]\w*", bare.lower())
     if not words or words[0] not in ("select", "with"):
         return Fault(
-            f"a statement that begins with {repr(words[0]) if words else 'nothing'}", wanted
+            f"a statement that begins with {repr(words[0]) if words else 'nothing'}",
+            expected_statement,
         )
     writing = [word for word in words if word in _WRITING]
     if writing:
         hint = "; put a column of that name in double quotes"
-        return Fault(f"the word {writing[0]!r}", wanted + hint)
+        return Fault(f"the word {writing[0]!r}", expected_statement + hint)
     if re.search(r"\bfor\s+(?:no\s+key\s+)?(?:update|share|key)", bare, re.I):
-        return Fault("a lock (FOR UPDATE)", wanted)
+        return Fault("a lock (FOR UPDATE)", expected_statement)
     named = set(_PARAMETER.findall(bare))
     needed = set(PARAMETERS) if with_tag else set()
     if named != needed:
@@ -82,9 +82,9 @@ def _bare(text: str) -> str:
 
 @dataclass
 class Samples:
-    """What the query gave of one tag, as the driver gave it.
+    """The rows of one tag, as the driver gave them.
 
-    Numbers are kept in arrays of a chunk each; rows of text are rare and kept as they are.
+    Numbers are kept in one array for each chunk; text values are rare and kept as they are.
     """
 
     times: list[Any] = field(default_factory=list)
@@ -98,13 +98,13 @@ class Samples:
         """Take a chunk; ``where`` are the places of time, value and quality."""
         time, value, quality = where
         self.times += [row[time] for row in rows]
-        given = [row[value] for row in rows]
-        if self.texts is None and any(isinstance(value, str) for value in given):
+        cells = [row[value] for row in rows]
+        if self.texts is None and any(isinstance(value, str) for value in cells):
             self.texts = [_text(value) for part in self.values for value in part.tolist()]
         if self.texts is not None:
-            self.texts += [_text(value) for value in given]
+            self.texts += [_text(value) for value in cells]
         else:
-            self.values.append(np.array([_number(value) for value in given], dtype=np.float64))
+            self.values.append(np.array([_number(value) for value in cells], dtype=np.float64))
         if quality is not None:
             self.has_quality = True
             codes = ("" if row[quality] is None else str(row[quality]).strip() for row in rows)
@@ -137,8 +137,8 @@ def _text(value: Any) -> str:
 
 
 def instants_of(samples: Samples, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
-    """The times of all rows. Datetimes with an offset are what they say; those without are local
-    times of the zone that was given; texts and numbers are understood as in a text export."""
+    """The times of all rows. Datetimes with an offset are instants; those without are local times
+    of the given zone; texts and numbers are read as in a text export."""
     times = samples.times
     if not all(isinstance(time, datetime) for time in times):
         table = RawTable(

@@ -41,7 +41,7 @@ def calibrate_mismatch(
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.proof.draw import CALIBRATED_WITH
-    from stemwatch.service.studies.proof.nulls import calibrate, common, term_nulls
+    from stemwatch.service.studies.proof.nulls import calibrate, common_limit, term_nulls
 
     if seed not in CALIBRATED_WITH:
         views.say(f"Seed {seed} is not one that is kept for calibration; do not prove with it.")
@@ -50,7 +50,7 @@ def calibrate_mismatch(
         scores = calibrate(
             cases, seed, choose_executor(workers), lambda done: progress.update(bar, completed=done)
         )
-    rows, together = term_nulls(scores, t, share), common(scores, t, share)
+    rows, together = term_nulls(scores, t, share), common_limit(scores, t, share)
     views.out.print(_table(rows))
     views.out.print(
         f"One limit for all terms: mean {together.mean_limit:.2f} with t {together.t_limit:.1f} "

@@ -105,7 +105,7 @@ def _split(host: str) -> tuple[str, int]:
 
 def _show_words(link: Link, unit: int, written: str, count: int) -> None:
     from stemwatch.connectors.connector import ConnectorError
-    from stemwatch.connectors.modbus.commissioning import look
+    from stemwatch.connectors.modbus.commissioning import read_raw_words
     from stemwatch.connectors.modbus.read_fault import ReadFault
     from stemwatch.connectors.modbus.register_address import AddressError, Table, parse_address
     from stemwatch.service.cli import modbus_views, views
@@ -120,7 +120,7 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
         hint = f"{error}; on the command line holding:0 or input:0 counts from 0"
         raise typer.BadParameter(hint, param_hint="--register") from error
     try:
-        words = asyncio.run(look(link, unit, at, count))
+        words = asyncio.run(read_raw_words(link, unit, at, count))
     except ReadFault as fault:
         where = f"{link}, unit {unit}, {at} to {at.offset + count - 1}"
         raise ConnectorError(f"{where}: {fault.reason}{modbus_views.advice(fault)}") from fault

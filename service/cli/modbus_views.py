@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table as Grid
 
-from stemwatch.connectors.modbus.commissioning import Meaning, Tried, meanings, other_orders
+from stemwatch.connectors.modbus.commissioning import Meaning, TriedRegister, meanings, other_orders
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number
 from stemwatch.connectors.modbus.device import Device
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
@@ -62,7 +62,7 @@ def meanings_table(at: RegisterAddress, words: Sequence[int]) -> Grid:
     return grid
 
 
-def map_table(device: Device, tried: Sequence[Tried]) -> Grid:
+def map_table(device: Device, tried: Sequence[TriedRegister]) -> Grid:
     """The map of ``device`` as it was read: addresses, words, value, and why there is none."""
     asked = f"{len(tried)} registers, requests for each poll: {len(device.blocks())}"
     title = f"{device.name} at {device.link}: {asked}"
@@ -88,7 +88,7 @@ def map_table(device: Device, tried: Sequence[Tried]) -> Grid:
     return grid
 
 
-def doubts(tried: Sequence[Tried]) -> Iterator[str]:
+def doubts(tried: Sequence[TriedRegister]) -> Iterator[str]:
     """One line for each register whose value looks likelier in another byte order."""
     for answer in tried:
         if others := other_orders(answer):
@@ -108,7 +108,7 @@ def _number(value: Number) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
-def _value(tried: Tried) -> str:
+def _value(tried: TriedRegister) -> str:
     if tried.reading is None or tried.reading.reason:
         return "-"
     return escape(f"{tried.reading.value:.6g} {tried.register.unit}".strip())

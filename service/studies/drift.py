@@ -60,7 +60,7 @@ HEALTHY = (ValveFate.UNCHANGED, ValveFate.OPERATED)
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """One valve, one way: the ratio in each later window, ``None`` where the baseline refused.
+    """One valve and one fate: the ratio in each later window, ``None`` where the baseline refused.
 
     ``S`` and ``J`` (percent of span) are those of the last window. ``reason`` is set where no
     baseline could be trained.
@@ -106,7 +106,7 @@ def run_drift(
 ) -> list[Followed]:
     """Follow ``valves`` loops, drawn healthy with ``seed``, in each of ``ways``.
 
-    The ways of a loop share its baseline. ``tell`` hears how many loops are done.
+    The fates of a loop share its baseline. ``tell`` is called with the number of loops done.
     """
     drawn = list(enumerate(draw_healthy(valves, seed)))
     batches = [
@@ -124,13 +124,16 @@ def follow_batch(batch: DriftBatch) -> list[Followed]:
     """Simulate the baseline windows, train on them, simulate the later windows and score them."""
     from stemwatch.models.narx.training import train
 
-    first = [simulate_loop(loop, _chance(batch.seed, at)).recording for at, loop in batch.loops]
+    first = [
+        simulate_loop(loop, _chance(batch.seed, place_in_draw)).recording
+        for place_in_draw, loop in batch.loops
+    ]
     # On the CPU, so that the counts are the same on every machine.
     settings = NarxSettings(device="cpu")
     fits = train([_example(recording) for recording in first], settings)
     return [
-        _follow(batch.seed, at, loop, way, fit.network, fit.reason or "")
-        for (at, loop), fit in zip(batch.loops, fits, strict=True)
+        _follow(batch.seed, place_in_draw, loop, way, fit.network, fit.reason or "")
+        for (place_in_draw, loop), fit in zip(batch.loops, fits, strict=True)
         for way in batch.ways
     ]
 
@@ -144,12 +147,19 @@ def _example(recording: Recording) -> NarxExample:
 
 
 def _follow(
-    seed: int, at: int, loop: PlantLoop, way: ValveFate, baseline: NarxNetwork | None, reason: str
+    seed: int,
+    place_in_draw: int,
+    loop: PlantLoop,
+    way: ValveFate,
+    baseline: NarxNetwork | None,
+    reason: str,
 ) -> Followed:
     number = tuple(ValveFate).index(way)
-    rng = np.random.default_rng([seed, at, number, 0])
+    rng = np.random.default_rng([seed, place_in_draw, number, 0])
     operation = (
-        tuple(OperatingChange)[at % len(OperatingChange)] if way is ValveFate.OPERATED else None
+        tuple(OperatingChange)[place_in_draw % len(OperatingChange)]
+        if way is ValveFate.OPERATED
+        else None
     )
     later = [
         _window(_operated(loop, operation, rng), valve, rng)
@@ -167,7 +177,7 @@ def _follow(
     )
     if baseline is None:
         return followed
-    seeds = [_chance(seed, at, number, 1 + place) for place in range(WINDOWS)]
+    seeds = [_chance(seed, place_in_draw, number, 1 + place) for place in range(WINDOWS)]
     scores = [_score(baseline, window, chance) for window, chance in zip(later, seeds, strict=True)]
     return replace(followed, ratios=tuple(score.ratio for score in scores))
 
@@ -175,14 +185,14 @@ def _follow(
 def _valves(
     valve: SimulatedValve, way: ValveFate, rng: np.random.Generator
 ) -> list[SimulatedValve]:
-    """The valve in each later window; growing stiction gets to its end in equal steps."""
+    """The valve in each later window; growing stiction rises in equal steps."""
     if way is not ValveFate.GROWING:
         return [valve] * WINDOWS
     ratio = float(rng.uniform(0.0, 1.0))
     low, high = _GROWN_S_PERCENT
     # A positioner divides what its packing shows by 1 + gain, so that less can be seen of it.
-    most = _MOST_FRICTION_PERCENT / ((1.0 + valve.positioner_gain) * (1.0 + ratio))
-    end = float(np.exp(rng.uniform(np.log(low), np.log(max(min(high, most), low)))))
+    largest_S = _MOST_FRICTION_PERCENT / ((1.0 + valve.positioner_gain) * (1.0 + ratio))
+    end = float(np.exp(rng.uniform(np.log(low), np.log(max(min(high, largest_S), low)))))
     shares = np.arange(1, WINDOWS + 1) / WINDOWS
     return [
         SimulatedValve.showing(
@@ -199,7 +209,7 @@ def _valves(
 def _operated(
     loop: PlantLoop, operation: OperatingChange | None, rng: np.random.Generator
 ) -> PlantLoop:
-    """The loop run otherwise: the valve, its transmitter and the process stay as they are."""
+    """The loop operated differently, with the same valve, transmitter and process."""
     controller = loop.controller
     if operation is OperatingChange.OPENING:
         away = 12.0 if controller.output < 50.0 else -12.0
@@ -254,7 +264,7 @@ def _score(baseline: NarxNetwork, window: PlantLoop, chance: int) -> BaselineSco
 
 
 def scores(followed: Sequence[Followed], *ways: ValveFate) -> list[float]:
-    """The scores of the valves that went one of ``ways`` and have one."""
+    """The scores of the valves with one of these fates, where they have one."""
     return [valve.score for valve in followed if valve.way in ways and valve.score is not None]
 
 

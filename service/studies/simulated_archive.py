@@ -1,6 +1,6 @@
-"""``write_archive``: a simulated plant of thousands of valves as a company's archive holds it.
+"""``write_archive``: a simulated plant of thousands of valves as an archive.
 
-A few hundred megabytes to many gigabytes, written piece by piece in as many processes as there are.
+A few hundred megabytes to many gigabytes, written in pieces by several processes.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class ArchivePlan:
     """What to simulate: ``valves`` valves of ``hours`` hours, a sample every ``interval_s`` s.
 
     One in ``sticky_every`` sticks. ``distinct`` loops are simulated; where that is fewer than the
-    valves, each is used again, turned round in time by a part of its length and with fresh noise
-    on the position: good for timing, not for counting right verdicts. Raises ``ValueError`` on
-    what makes no archive.
+    valves, each is used again, shifted in time (cyclically) and with new noise on the position:
+    good for timing, not for counting right verdicts. Raises ``ValueError`` on numbers that make no
+    archive.
     """
 
     valves: int
@@ -84,7 +84,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class _Loop:
-    """What is used of a simulated loop: its signals, each (samples,), and its truth."""
+    """A simulated loop: its signals, each (samples,), and its truth."""
 
     signals: dict[Role, Floats]
     truth: dict[str, object]
@@ -109,8 +109,8 @@ def write_archive(
     with tempfile.TemporaryDirectory(dir=folder, prefix="loops-") as loops:
         pieces = _pieces(plan, folder, Path(loops))
         if plan.loops < plan.valves:
-            simulated = [replace(pieces[0], places=(at,)) for at in range(plan.loops)]
-            for _ in map_items(executor, keep_loop, simulated):
+            simulated = [replace(pieces[0], places=(number,)) for number in range(plan.loops)]
+            for _ in map_items(executor, store_loop, simulated):
                 pass
         for place, truth in map_items(executor, write_piece, pieces):
             truths[place] = truth
@@ -119,8 +119,12 @@ def write_archive(
     plant = folder / "plant.toml"
     plant.write_text("\n".join(_plant_toml(plan)) + "\n", encoding="utf-8", newline="\n")
     ordered = [truth for place in sorted(truths) for truth in truths[place]]
-    whole = {"start": plan.start.isoformat(), "interval_s": plan.interval_s, "valves": ordered}
-    (folder / "truth.json").write_text(json.dumps(whole) + "\n", encoding="utf-8")
+    truth_of_plant = {
+        "start": plan.start.isoformat(),
+        "interval_s": plan.interval_s,
+        "valves": ordered,
+    }
+    (folder / "truth.json").write_text(json.dumps(truth_of_plant) + "\n", encoding="utf-8")
     return plant
 
 
@@ -132,38 +136,38 @@ def _pieces(plan: ArchivePlan, folder: Path, loops: Path) -> list[Piece]:
     ]
 
 
-def keep_loop(piece: Piece) -> None:
-    """Simulate the one loop of a piece into its folder of loops: they are used again."""
+def store_loop(piece: Piece) -> None:
+    """Simulate the only loop of a piece and store it in its folder of loops, to be used again."""
     if piece.loops is None:
         raise ValueError("a piece with a folder of loops expected, received one without")
-    (at,) = piece.places
-    loop = _simulated(piece.plan, at)
+    (number,) = piece.places
+    loop = _simulated(piece.plan, number)
     named = {role.value: values for role, values in loop.signals.items()}
-    np.savez(piece.loops / f"{at}.npz", **named)  # type: ignore[arg-type]  # no allow_pickle in it
-    (piece.loops / f"{at}.json").write_text(json.dumps(loop.truth), encoding="utf-8")
+    np.savez(piece.loops / f"{number}.npz", **named)  # type: ignore[arg-type]  # no allow_pickle in it
+    (piece.loops / f"{number}.json").write_text(json.dumps(loop.truth), encoding="utf-8")
 
 
-def _kept(folder: Path | None, at: int) -> _Loop | None:
-    """The loop as ``keep_loop`` left it, if it did."""
-    if folder is None or not (folder / f"{at}.json").is_file():
+def _stored_loop(folder: Path | None, number: int) -> _Loop | None:
+    """The loop that ``store_loop`` stored, or ``None``."""
+    if folder is None or not (folder / f"{number}.json").is_file():
         return None
-    with np.load(folder / f"{at}.npz") as file:
+    with np.load(folder / f"{number}.npz") as file:
         signals = {Role(name): file[name] for name in file.files}
-    return _Loop(signals, json.loads((folder / f"{at}.json").read_text("utf-8")))
+    return _Loop(signals, json.loads((folder / f"{number}.json").read_text("utf-8")))
 
 
 def write_piece(piece: Piece) -> list[dict[str, object]]:
-    """Write one piece, and simulate what is not used again; returns what each valve really holds.
+    """Write one piece, simulating loops that are not stored; returns the truth of each valve.
 
     One loop is in memory at a time.
     """
     written: list[tuple[str, dict[Role, Floats]]] = []
     truths: list[dict[str, object]] = []
     for place in piece.places:
-        at, tag = place % piece.plan.loops, tag_of(place)
-        loop = _kept(piece.loops, at) or _simulated(piece.plan, at)
+        number, tag = place % piece.plan.loops, tag_of(place)
+        loop = _stored_loop(piece.loops, number) or _simulated(piece.plan, number)
         written.append((tag, _columns(piece.plan, loop, place)))
-        truths.append(loop.truth | {"tag": tag, "distinct": place == at})
+        truths.append(loop.truth | {"tag": tag, "distinct": place == number})
     (_write_parquet if piece.plan.format == "parquet" else _write_csv)(piece, written)
     return truths
 
@@ -173,13 +177,13 @@ def tag_of(place: int) -> str:
     return f"FV-{place + 1:05d}"
 
 
-def _simulated(plan: ArchivePlan, at: int) -> _Loop:
+def _simulated(plan: ArchivePlan, number: int) -> _Loop:
     from stemwatch.models.studies.simulator import simulate_loop
 
-    loop = _loop(plan, at)
+    loop = _loop(plan, number)
     archive = replace(loop.archive, interval_s=plan.interval_s)
     simulated = simulate_loop(
-        replace(loop, archive=archive, duration_s=3600.0 * plan.hours), plan.seed + at
+        replace(loop, archive=archive, duration_s=3600.0 * plan.hours), plan.seed + number
     )
     signals = simulated.recording.signals
     return _Loop(
@@ -187,14 +191,14 @@ def _simulated(plan: ArchivePlan, at: int) -> _Loop:
     )
 
 
-def _loop(plan: ArchivePlan, at: int) -> PlantLoop:
+def _loop(plan: ArchivePlan, number: int) -> PlantLoop:
     """One in ``sticky_every`` sticks. Each draw is that of its own seed, so that a piece needs to
     draw no more than its own loops."""
     from stemwatch.models.studies.simulator import draw_healthy, draw_sticky
 
-    draw = draw_sticky if at % plan.sticky_every == plan.sticky_every - 1 else draw_healthy
+    draw = draw_sticky if number % plan.sticky_every == plan.sticky_every - 1 else draw_healthy
     stories = 12  # the stories and shapes are taken in turn: every number of loops has them all
-    return draw(at % stories + 1, plan.seed + 1000 * at)[-1]
+    return draw(number % stories + 1, plan.seed + 1000 * number)[-1]
 
 
 def _columns(plan: ArchivePlan, loop: _Loop, place: int) -> dict[Role, Floats]:

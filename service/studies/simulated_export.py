@@ -1,7 +1,7 @@
-"""``write_export``: simulated loops as a plant would hand them over.
+"""``write_export``: simulated loops as the export files of a plant.
 
-One wide historian file for all loops, a ``plant.toml`` that describes it, and the truth beside it
-for whoever wants to mark the result.
+One wide historian file for all loops, a ``plant.toml`` that describes it, and a file with the
+truth, by which results can be checked.
 """
 
 from __future__ import annotations
@@ -105,8 +105,8 @@ def _local_times(
     texts = []
     for place in range(count):
         time = (first + timedelta(seconds=place * interval_s)).astimezone(zone)
-        shown = time if with_offset else time.replace(tzinfo=None)
-        texts.append(shown.isoformat(sep=" ", timespec=fine))
+        local = time if with_offset else time.replace(tzinfo=None)
+        texts.append(local.isoformat(sep=" ", timespec=fine))
     return texts
 
 
@@ -118,11 +118,11 @@ def _write_table(file: Path, loops: Sequence[SimulatedLoop], times: list[str]) -
             header.append(signal.tag)
             units.append(_unit(loop, role))
             columns.append(_cells(loop, role, signal, count))
-    kept = _rows_with_data(loops, count)
+    rows = _rows_with_data(loops, count)
     with file.open("w", encoding="utf-8", newline="") as out:
         writer = csv.writer(out, lineterminator="\n")
         writer.writerows([header, units])
-        writer.writerows(compress(zip(*columns, strict=True), kept))
+        writer.writerows(compress(zip(*columns, strict=True), rows))
 
 
 def _ordered(recording: Recording) -> Iterator[tuple[Role, Signal]]:
@@ -137,11 +137,11 @@ def _unit(loop: SimulatedLoop, role: Role) -> str:
 
 
 def _rows_with_data(loops: Sequence[SimulatedLoop], count: int) -> list[bool]:
-    kept = np.zeros(count, dtype=np.bool_)
+    rows = np.zeros(count, dtype=np.bool_)
     for loop in loops:
         for signal in loop.recording.signals.values():
-            kept[: signal.quality.size] |= signal.quality != Quality.MISSING
-    return [bool(keep) for keep in kept]
+            rows[: signal.quality.size] |= signal.quality != Quality.MISSING
+    return [bool(keep) for keep in rows]
 
 
 def _cells(loop: SimulatedLoop, role: Role, signal: Signal, count: int) -> list[str]:

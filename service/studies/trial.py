@@ -26,7 +26,7 @@ BATCH = 12
 
 @dataclass(frozen=True)
 class Marked:
-    """One simulated valve: what it was, and what was said of it."""
+    """One simulated valve: its truth and the result of its screening."""
 
     truth: Truth
     verdict: Verdict
@@ -46,7 +46,7 @@ class TrialBatch:
 
 
 def mark_batch(batch: TrialBatch) -> list[Marked]:
-    """Simulate, screen (which sees recordings only), and set the truth beside the verdict."""
+    """Simulate, screen the recordings alone, and put each truth beside its verdict."""
     loops = [simulate_loop(loop, seed) for loop, seed in batch.loops]
     cases = [Case(recording=loop.recording) for loop in loops]
     # On the CPU, so that the counts are the same on every machine.
@@ -100,7 +100,7 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
 
 
 def rates(marked: Sequence[Marked]) -> Iterator[tuple[str, str, int, int]]:
-    """(of which loops, what was said, how many, of how many)."""
+    """(group of loops, verdict, how many, of how many)."""
     stories = sorted({valve.truth.story for valve in marked})
     for name, group in [
         ("all healthy", [m for m in marked if m.truth.healthy]),

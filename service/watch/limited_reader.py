@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -131,12 +131,13 @@ def _opened(export: Export) -> OpenedFile:
 
 
 def _columns(opened: OpenedFile, wanted: Mapping[str, bool]) -> Iterator[tuple[str, Column]]:
-    for tag, as_mode in wanted.items():
-        try:
-            column = find_tag(opened, tag)
-        except UnknownTag:
-            continue
-        yield tag, opened.column(column, as_mode=as_mode)
+    found: dict[str, str] = {}
+    for tag in wanted:
+        with suppress(UnknownTag):
+            found[tag] = find_tag(opened, tag)
+    opened.read_ahead(found.values())
+    for tag, column in found.items():
+        yield tag, opened.column(column, as_mode=wanted[tag])
 
 
 def _batches(source: str, tag: str, column: Column) -> Iterator[SampleBatch]:

@@ -136,16 +136,16 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--reader", nargs=3, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.reader:
-        _read_here(asked.reader[0], Path(asked.reader[1]), Path(asked.reader[2]))
+    arguments = parser.parse_args()
+    if arguments.reader:
+        _read_here(arguments.reader[0], Path(arguments.reader[1]), Path(arguments.reader[2]))
         return
-    rows = measure(asked.valves, asked.hours, asked.rounds)
+    rows = measure(arguments.valves, arguments.hours, arguments.rounds)
     print("".join(f"{name.replace('_', ' '):>23}" for name in rows[0]))
     for row in rows:
         print("".join(f"{cell:>23}" for cell in row.values()))
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -72,13 +72,13 @@ def main() -> None:
     parser.add_argument("--valves", type=int, default=8)
     parser.add_argument("--seed", type=int, default=6161)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    rows = measure(asked.valves, asked.seed)
+    arguments = parser.parse_args()
+    rows = measure(arguments.valves, arguments.seed)
     print("".join(f"{name.replace('_', ' '):>18}" for name in rows[0]))
     for row in rows:
         print("".join(f"{cell:>18}" for cell in row.values()))
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -102,12 +102,12 @@ def bare_seconds(fit: StickSlipFit, simulations: int) -> float:
     """Seconds that so many bare simulations of this recording take, one vector after another."""
     problem, q = fit.evaluator.problem, to_kernel(fit.candidate, fit.evaluator.restick)[0]
     out, marks = np.empty(problem.op.size), problem.resynced_marks
-    taken = []
+    times_s = []
     for _ in range(50):
         began = time.perf_counter()
         kernel.simulate(problem.op, problem.mv, marks, problem.interval_s, q, out)
-        taken.append(time.perf_counter() - began)
-    return simulations * float(np.median(taken))
+        times_s.append(time.perf_counter() - began)
+    return simulations * float(np.median(times_s))
 
 
 def training_loss(evaluator: StickSlipEvaluator) -> Callable[[Floats], Floats]:
@@ -228,13 +228,13 @@ def main() -> None:
     parser.add_argument("--valves", type=int, default=16)
     parser.add_argument("--seed", type=int, default=5151)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    rows = measure(asked.valves, asked.seed)
+    arguments = parser.parse_args()
+    rows = measure(arguments.valves, arguments.seed)
     print("".join(f"{name.replace('_', ' '):>14}" for name in rows[0]))
     for row in rows:
         print("".join(f"{'-' if cell is None else cell:>14}" for cell in row.values()))
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

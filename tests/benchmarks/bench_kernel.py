@@ -74,15 +74,15 @@ def measure(samples: int, rounds: int) -> list[dict[str, object]]:
             in_c(op, op, 1.0, q, theirs)
             if not np.allclose(ours, theirs, rtol=0.0, atol=AGREES):
                 sys.exit(f"bench_kernel: {name}: the two differ by {np.abs(ours - theirs).max()}")
-            taken: tuple[list[float], list[float]] = ([], [])
+            seconds: tuple[list[float], list[float]] = ([], [])
             for _ in range(rounds):
                 began = time.perf_counter()
                 kernel.simulate(op, op, start, 1.0, q, ours)
                 between = time.perf_counter()
                 in_c(op, op, 1.0, q, theirs)
-                taken[0].append(between - began)
-                taken[1].append(time.perf_counter() - between)
-            own, c = (1e6 * float(np.median(one)) for one in taken)
+                seconds[0].append(between - began)
+                seconds[1].append(time.perf_counter() - between)
+            own, c = (1e6 * float(np.median(one)) for one in seconds)
             rows.append(
                 {
                     "case": name,
@@ -101,16 +101,16 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=86400)
     parser.add_argument("--rounds", type=int, default=200)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    rows = measure(asked.samples, asked.rounds)
+    arguments = parser.parse_args()
+    rows = measure(arguments.samples, arguments.rounds)
     print(f"{'case':16}{'samples':>9}{'kernel, us':>12}{'C, us':>10}{'ratio':>8}")
     for row in rows:
         print(
             f"{row['case']:16}{row['samples']:>9}{row['kernel_us']:>12}{row['c_us']:>10}"
             f"{row['ratio']:>8}"
         )
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

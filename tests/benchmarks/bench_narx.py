@@ -188,19 +188,19 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=4242)
     parser.add_argument("--batches", default="1,64")
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    batches = [int(size) for size in asked.batches.split(",")]
-    found = {
+    arguments = parser.parse_args()
+    batches = [int(size) for size in arguments.batches.split(",")]
+    results = {
         name: measure(valves, batches)
-        for name, valves in populations(asked.valves, asked.seed).items()
+        for name, valves in populations(arguments.valves, arguments.seed).items()
     }
-    for name, rows in found.items():
+    for name, rows in results.items():
         table = Table(*(one.replace("_", " ") for one in rows[0]), title=name)
         for one in rows:
             table.add_row(*("-" if value is None else str(value) for value in one.values()))
         Console(width=140).print(table)
-    if asked.json:
-        asked.json.write_text(json.dumps({"seed": asked.seed, "rows": found}, indent=2))
+    if arguments.json:
+        arguments.json.write_text(json.dumps({"seed": arguments.seed, "rows": results}, indent=2))
 
 
 if __name__ == "__main__":

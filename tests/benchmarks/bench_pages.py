@@ -154,7 +154,7 @@ def write_samples(store: Store, days: float) -> None:
 async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
     """Milliseconds of ``TIMES`` requests for each path, after one that is not counted."""
     transport = httpx.ASGITransport(create_app(site))
-    found: dict[str, list[float]] = {}
+    milliseconds: dict[str, list[float]] = {}
     user = site.store.accounts.add("bench", UserRole.ADMIN, "no hash", by="bench", now=NOW)
     cookies = {NAME: begin_session(site.store, user.id, now=NOW)}
     async with httpx.AsyncClient(
@@ -167,19 +167,19 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
                 spent = 1e3 * (time.perf_counter() - began)
                 answer.raise_for_status()
                 if place:
-                    found.setdefault(path, []).append(spent)
-    return found
+                    milliseconds.setdefault(path, []).append(spent)
+    return milliseconds
 
 
 def thinning(store: Store) -> list[tuple[str, float]]:
     """Milliseconds to thin one tag over an hour, a day, a week."""
-    found = []
+    milliseconds = []
     for name, length in (("1 h", 1 / 24), ("1 d", 1.0), ("7 d", 7.0)):
         began = time.perf_counter()
         start = NOW - timedelta(days=length)
         assert store.samples.plot_points(SOURCE, "FIC-00001.OP", start, NOW, 1600) is not None
-        found.append((name, 1e3 * (time.perf_counter() - began)))
-    return found
+        milliseconds.append((name, 1e3 * (time.perf_counter() - began)))
+    return milliseconds
 
 
 PATHS = [
@@ -213,9 +213,9 @@ def main() -> None:
         open_store(given.url or f"sqlite:///{Path(folder) / 'bench.db'}") as store,
     ):
         fill(store, given.valves, given.runs)
-        found = asyncio.run(measure(Site(store=store, clock=lambda: NOW), PATHS))
+        results = asyncio.run(measure(Site(store=store, clock=lambda: NOW), PATHS))
         print(f"{given.valves} valves, {given.runs} runs, {TIMES} requests each, ms")
-        for path, spent in found.items():
+        for path, spent in results.items():
             late = "  OVER THE LIMIT" if statistics.median(spent) > LIMIT_MS else ""
             print(f"{statistics.median(spent):8.1f} {max(spent):8.1f}  {path}{late}")
         write_samples(store, 7.0)

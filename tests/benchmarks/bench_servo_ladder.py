@@ -212,14 +212,16 @@ def main() -> None:
     )
     parser.add_argument("--every", type=int, default=1, help="only every so many-th recording")
     parser.add_argument("--json", type=Path, help="write the rows to this file")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     place = folder()
     with (place / "conditions.csv").open(encoding="utf-8", newline="") as text:
-        conditions = list(csv.DictReader(text))[:: asked.every]
+        conditions = list(csv.DictReader(text))[:: arguments.every]
     rows = [row(place / f"{one['file']}.gz", one) for one in conditions]
     print("\n".join(table(rows)))
-    if asked.json is not None:
-        asked.json.write_text(json.dumps([asdict(one) for one in rows], indent=1), encoding="utf-8")
+    if arguments.json is not None:
+        arguments.json.write_text(
+            json.dumps([asdict(one) for one in rows], indent=1), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

@@ -88,18 +88,18 @@ def measure(store: Store, total: int) -> list[dict[str, Any]]:
     ways: dict[str, Insert] = {"COPY": insert_samples, "INSERT from arrays": insert_arrays}
     if store.transactions.is_sqlite:
         ways = {"prepared INSERT": insert_samples}
-    found: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     first_s = now_s
     write_all(store, insert_samples, batches(1_500, 1_500, now_s - 10))  # tags, days, caches
     for size in SIZES:
-        for way, insert in ways.items():
+        for method, insert in ways.items():
             count = min(total, max(size, total // 4)) if size < 20_000 else max(total, size)
             rate = write_all(store, insert, batches(size, count, first_s))
-            found.append({"what": f"write, {size} at once, {way}", "samples_per_s": rate})
+            rows.append({"what": f"write, {size} at once, {method}", "samples_per_s": rate})
             first_s += count // len(NAMES) + 1
-    found.append({"what": "read one tag, all of it", "samples_per_s": _read(store)})
-    found.append({"what": "backup, compared by digest", "samples_per_s": _backup(store)})
-    return found
+    rows.append({"what": "read one tag, all of it", "samples_per_s": _read(store)})
+    rows.append({"what": "backup, compared by digest", "samples_per_s": _backup(store)})
+    return rows
 
 
 def _read(store: Store) -> float:
@@ -121,23 +121,23 @@ def main() -> None:
     parser.add_argument("--url", default="", help="an empty PostgreSQL database")
     parser.add_argument("--samples", type=int, default=600_000, help="in each measurement")
     parser.add_argument("--json", type=Path, help="write the figures to this file too")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        address = DatabaseUrl(asked.url or f"sqlite:///{folder}/bench.db")
+        address = DatabaseUrl(arguments.url or f"sqlite:///{folder}/bench.db")
         with open_store(address) as store:
             if store.samples.tags("bench"):
                 raise SystemExit(f"{address}: is not empty; give an empty database")
             try:
-                found = measure(store, asked.samples)
+                results = measure(store, arguments.samples)
             finally:
                 with store.transactions.writing("removing the samples again") as session:
                     session.execute(text("DELETE FROM samples"))
                     session.execute(text("DELETE FROM tags WHERE source = 'bench'"))
     print(f"{platform.machine()}, Python {platform.python_version()}, {address}")
-    for row in found:
+    for row in results:
         print(f"{row['what']:45} {row['samples_per_s']:>12,.0f} samples/s")
-    if asked.json:
-        asked.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -93,16 +93,15 @@ def screened(batch: list[Recording]) -> list[Fitted]:
     Scored on the samples that neither the screening nor the others were fitted to.
     """
     began = time.process_time()
-    found = screen([Case(recording=recording) for recording in batch])
+    fits = screen([Case(recording=recording) for recording in batch])
     seconds = (time.process_time() - began) / len(batch)
     return [
-        (seconds, _screened_fit(one, recording))
-        for one, recording in zip(found, batch, strict=True)
+        (seconds, _screened_fit(one, recording)) for one, recording in zip(fits, batch, strict=True)
     ]
 
 
-def _screened_fit(found: Screening, recording: Recording) -> float | None:
-    narx, heldout_from = found.traces.narx, found.traces.heldout_from
+def _screened_fit(fits: Screening, recording: Recording) -> float | None:
+    narx, heldout_from = fits.traces.narx, fits.traces.heldout_from
     if narx is None or heldout_from is None or recording.mv is None:
         return None
     first = max(heldout_from, int(TRAINED_SHARE * len(recording)))

@@ -405,18 +405,18 @@ def main() -> None:
     args = parser.parse_args()
     folder = args.keep or Path(tempfile.mkdtemp(prefix="whole-job-"))
     folder.mkdir(parents=True, exist_ok=True)
-    found: dict[str, Any] = {"machine": machine(), "jobs": []}
+    results: dict[str, Any] = {"machine": machine(), "jobs": []}
     try:
         for form in () if args.only_growth else args.format:
-            found["jobs"].append(measured(folder, form, args))
+            results["jobs"].append(measured(folder, form, args))
         if args.growth or args.only_growth:
-            found["growth"] = growth(folder, args)
+            results["growth"] = growth(folder, args)
     finally:  # what was measured is told, whatever came after it
         if args.keep is None:
             shutil.rmtree(folder, ignore_errors=True)
-        show(found)
+        show(results)
         if args.json:
-            args.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+            args.json.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -160,17 +160,17 @@ def main() -> None:
     names = [one.name for one in SUITE]
     parser.add_argument("--only", nargs="+", choices=names, default=names)
     parser.add_argument("--out", type=Path, default=Path("bench"))
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
     about, outcomes = machine(), []
     for one in SUITE:
-        if one.name not in asked.only:
+        if one.name not in arguments.only:
             continue
         print(f"{one.about} ... ", end="", flush=True)
-        outcomes.append(run(one, asked.out, full=asked.full))
+        outcomes.append(run(one, arguments.out, full=arguments.full))
         print(outcomes[-1].fault or f"{outcomes[-1].seconds:.0f} s")
-        _write(asked.out, about, outcomes)  # what is done is kept, whatever comes after it
-    print(f"Report: {asked.out / 'bench.md'}")
+        _write(arguments.out, about, outcomes)  # what is done is kept, whatever comes after it
+    print(f"Report: {arguments.out / 'bench.md'}")
     sys.exit(any(one.fault.startswith("failed") for one in outcomes))
 
 

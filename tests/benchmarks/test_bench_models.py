@@ -20,12 +20,12 @@ SAMPLES, REPEATS = 3600, 200
 def _median_us(model, op, repeats):
     q = values_of(model)
     model.simulate(op, q, 1.0, float(op[0]))
-    taken = []
+    seconds = []
     for _ in range(repeats):
         began = time.perf_counter()
         model.simulate(op, q, 1.0, float(op[0]))
-        taken.append(time.perf_counter() - began)
-    return 1e6 * float(np.median(taken))
+        seconds.append(time.perf_counter() - began)
+    return 1e6 * float(np.median(seconds))
 
 
 @pytest.fixture(scope="module")

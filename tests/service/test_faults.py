@@ -331,6 +331,15 @@ def check_answers(found: Samples, tag: str, night: Night, device: Device, late: 
     An answer is on its way when the service is killed or the connection is cut; one that came
     after its time is a bad sample that says so, and no more than ``late`` of them are there.
     """
+    missing, invented = compared(found, tag, night, device)
+    assert len(missing) <= late, (tag, missing[:5])
+    assert not invented, (tag, "not what the device said", invented[:5])
+
+
+def compared(
+    found: Samples, tag: str, night: Night, device: Device
+) -> tuple[list[tuple[float, float]], list[float]]:
+    """Answers that are not in the store, and instants of good samples that were no answer."""
     good = found.quality == 0
     at_s, values = found.at_us[good] / 1e6, found.values[good]
     place = device.place(tag)
@@ -345,8 +354,7 @@ def check_answers(found: Samples, tag: str, night: Night, device: Device, late: 
             free[near.start + same[0]] = False
         elif not on_its_way(when, night, device):
             missing.append((when, value))
-    assert len(missing) <= late, (tag, missing[:5])
-    assert not free.any(), (tag, "not what the device said", at_s[free][:5])
+    return missing, at_s[free].tolist()
 
 
 def on_its_way(when: float, night: Night, device: Device) -> bool:

@@ -12,10 +12,10 @@ from stemwatch.connectors.historian.tables.raw_table import RawTable
 
 
 class Layout(Protocol):
-    """One way of writing samples as text.
+    """One layout of samples in a text file.
 
-    ``matches`` looks for the layout's signature in the first lines and must not be fooled by
-    another layout; ``parse`` may then read the whole file. The lowest ``order`` is asked first.
+    ``matches`` looks for the layout's signature in the first lines and must not match another
+    layout; ``parse`` may then read the whole file. The lowest ``order`` is tried first.
     ``parse`` raises ``UnreadableSource`` with file, line, what was found and what was expected.
     """
 
@@ -36,10 +36,10 @@ def layouts() -> tuple[Layout, ...]:
 
 
 def parse_source(source: LayoutInput) -> RawTable:
-    """The table of ``source`` by the first layout that knows it; the generic one knows all."""
+    """The table of ``source`` by the first layout that matches; the generic one always does."""
     return layout_of(source).parse(source)
 
 
 def layout_of(source: LayoutInput) -> Layout:
-    """The first layout that knows the first lines of ``source``."""
+    """The first layout that matches the first lines of ``source``."""
     return next(layout for layout in layouts() if layout.matches(source.head))

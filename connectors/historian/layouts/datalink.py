@@ -1,7 +1,7 @@
 """PI DataLink sheets saved as CSV: tags across, any cell may hold a message, headers may return.
 
-Recognised by PI's own messages or by up to three header rows over Korean times; the reading is
-that of any wide table.
+Recognised by PI's own messages or by up to three header rows over Korean times; then read as any
+wide table.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ from stemwatch.models.recording import Quality
 
 
 class Generic:
-    """Takes every file; asked last."""
+    """Matches every file; tried last."""
 
     name = "generic"
     order = 1000
@@ -94,7 +94,7 @@ def narrow_columns(
 
 
 def _by_content(rows: Rows, structure: Structure) -> tuple[int | None, int | None]:
-    """One column of few, ever repeated words that are no states, and one of numbers."""
+    """Tag and value columns by content: one of a few repeated names, and one of numbers."""
     if len(structure.numeric) != 1 or structure.width > 5:
         return None, None
     sample = [r for r in rows.cells[structure.first_row :][:2000] if len(r) == structure.width]

@@ -1,6 +1,6 @@
-"""``judge``: CSV files to answers, by ``stemwatch explain`` in processes that see nothing else.
+"""``judge``: runs ``stemwatch explain`` on the CSV files, in processes that see nothing else.
 
-An ``BlindAnswer`` is what the JSON of ``stemwatch explain`` says of one recording.
+A ``BlindAnswer`` holds the JSON of ``stemwatch explain`` for one recording.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class NamedEffect:
 
 @dataclass(frozen=True, kw_only=True)
 class StictionNumbers:
-    """S and J in percent of span; ``None`` where the judge would not say."""
+    """S and J in percent of span; ``None`` where explain gives none."""
 
     S: float | None = None
     J: float | None = None
@@ -64,7 +64,7 @@ class BlindAnswer:
 
     @property
     def label(self) -> str:
-        """What was said, in a table of confusions."""
+        """The answer as a table of confusions names it."""
         if self.names:
             return " + ".join(name.slug for name in self.names)
         return NOTHING if self.verdict in ("none", "") else self.verdict
@@ -117,7 +117,7 @@ def _numbers(written: Mapping[str, Any] | None) -> StictionNumbers:
 
 
 CHUNK = 12  # files of one process, so that its start costs little
-_LAST_WORDS = 2000  # characters of a failing judge's messages
+_LAST_WORDS = 2000  # characters of a failing process's messages
 
 
 class JudgeFailed(ValueError):
@@ -140,11 +140,11 @@ def judge(
     tell: Callable[[int], None],
     arguments: Sequence[str] = (),
 ) -> list[BlindAnswer]:
-    """What ``stemwatch explain`` says of ``files`` (names) in ``folder``, in the order of names.
+    """The answers of ``stemwatch explain`` on ``files`` (names) in ``folder``, in order of names.
 
-    Each process is given the names of CSV files and works in their folder; the truth is in no file
-    yet. ``arguments`` are further options of explain. Raises ``JudgeFailed`` where a process ends
-    without an answer for each of its files: a crash is no miss.
+    Each process gets the names of CSV files and works in their folder; the truth is in no file yet.
+    ``arguments`` are further options of explain. Raises ``JudgeFailed`` where a process ends
+    without an answer for each of its files, since a crash must not count as a miss.
     """
     names = sorted(files)
     chunks = [
@@ -174,13 +174,13 @@ def _explain(chunk: _Chunk) -> list[BlindAnswer]:
         )
         if not answer.is_file():
             raise JudgeFailed(_failure(chunk, f"exit status {done.returncode}", done.stderr))
-        said = [read_answer(load) for load in json.loads(answer.read_text(encoding="utf-8"))]
-    silent = sorted(set(chunk.files) - {answer.file for answer in said})
-    if silent or len(said) != len(chunk.files):
+        answers = [read_answer(load) for load in json.loads(answer.read_text(encoding="utf-8"))]
+    silent = sorted(set(chunk.files) - {answer.file for answer in answers})
+    if silent or len(answers) != len(chunk.files):
         raise JudgeFailed(
             _failure(chunk, f"no single answer for {silent or 'a file'}", done.stderr)
         )
-    return said
+    return answers
 
 
 def _failure(chunk: _Chunk, what: str, words: str) -> str:

@@ -1,7 +1,7 @@
-"""Cases to files: simulated, written under names that mean nothing, and their truth sealed.
+"""Writes the cases of a blind trial to files with neutral names, and seals their truth.
 
-The files are CSV as an operator exports them from a historian. ``CALIBRATED_WITH`` are seeds that
-were looked at while the method was made: a proof must take another one.
+The files are CSV as an operator exports them from a historian. ``CALIBRATED_WITH`` are the seeds
+that the method was calibrated with: a proof must use another one.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP"}
 def write_case(file: Path, recording: Recording) -> None:
     """Time, output, position, process variable and set point in percent, one row a sample.
 
-    Tags are made of the file's name alone, so that nothing of the truth rides in them. A sample
-    without a value is written as ``Bad``.
+    Tags are made of the file's name alone, so that they do not reveal the truth. A sample without a
+    value is written as ``Bad``.
     """
     roles = [role for role in SUFFIX if role in recording.signals]
     columns = [_cells(recording.signals[role].values) for role in roles]
@@ -66,13 +66,13 @@ CALIBRATED_WITH = range(4000, 4100)
 
 BATCH = 6
 NOTHING = "none"
-POSITIONER = "positioner"  # is not among the mixed ones; drawn where it is asked for
+POSITIONER = "positioner"  # not in the mixed population, only on request
 
 Tell = Callable[[int], None]
 
 
 @dataclass(frozen=True)
-class _Order:
+class _SimulationBatch:
     """Cases that one worker simulates, each with the file it becomes."""
 
     cases: tuple[tuple[HiddenCase, str], ...]
@@ -103,15 +103,15 @@ def _check(what: str, word: str, known: Sequence[str]) -> None:
         raise ValueError(f"no {what} {word!r} is ever drawn; there are {', '.join(known)}")
 
 
-def _concealed(count: int, seed: int, under: str) -> list[HiddenCase]:
+def _concealed(count: int, seed: int, concealment: str) -> list[HiddenCase]:
     nulls, outside = count // 5, count // 10
     slugs = tuple(EFFECTS)
     rounds = -(-(count - nulls - outside) // len(slugs))
-    drawn = [draw_effect(slug, rounds, seed, under) for slug in slugs]
+    drawn = [draw_effect(slug, rounds, seed, concealment) for slug in slugs]
     singles = [case for turn in zip(*drawn, strict=True) for case in turn]
     return [
-        *draw_nulls(nulls, seed, under),
-        *draw_unknown(outside, seed, under),
+        *draw_nulls(nulls, seed, concealment),
+        *draw_unknown(outside, seed, concealment),
         *singles[: count - nulls - outside],
     ]
 
@@ -135,7 +135,8 @@ def write_cases(
     names = file_names(len(cases), seed)
     seeded = [(case, str(folder / name)) for case, name in zip(cases, names, strict=True)]
     orders = [
-        _Order(tuple(seeded[first : first + BATCH])) for first in range(0, len(seeded), BATCH)
+        _SimulationBatch(tuple(seeded[first : first + BATCH]))
+        for first in range(0, len(seeded), BATCH)
     ]
     truths: list[CaseTruth] = []
     for _, batch in map_items(executor, _fill, orders):
@@ -144,7 +145,7 @@ def write_cases(
     return seal(truths)
 
 
-def _fill(order: _Order) -> list[CaseTruth]:
+def _fill(order: _SimulationBatch) -> list[CaseTruth]:
     return [_write(case, Path(file)) for case, file in order.cases]
 
 

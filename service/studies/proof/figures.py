@@ -1,4 +1,4 @@
-"""The figures of a blind trial that are no rates: fits, errors of S and J, time."""
+"""The figures of a blind trial besides rates: fits, errors of S and J, computing time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DRAWS = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
+class MedianFit:
     """Median fit in percent, and median error in percent of span, on data that no fit saw."""
 
     of: int
@@ -29,7 +29,7 @@ class Fit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bias:
+class StictionBias:
     """Median absolute error of ``name`` (S or J), percent of span, over ``of`` biased cases.
 
     ``ratio`` is restated over naive, ``low`` and ``high`` its 95 % bootstrap interval over cases.
@@ -50,7 +50,7 @@ class Bias:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Time:
+class ComputingTime:
     """Seconds a valve: median and 95th percentile over ``of`` records of at least an hour."""
 
     of: int
@@ -63,7 +63,7 @@ class Time:
         return self.median <= MOST_SECONDS
 
 
-def heldout(marks: Sequence[CaseMark]) -> Fit | None:
+def heldout(marks: Sequence[CaseMark]) -> MedianFit | None:
     """Before and after, where physics was hidden and excited and both fits are known.
 
     A case in which nothing was named counts with its naive fit on both sides.
@@ -78,7 +78,7 @@ def heldout(marks: Sequence[CaseMark]) -> Fit | None:
     if not rows:
         return None
     medians = [float(value) for value in np.median(np.array(rows), axis=0)]
-    return Fit(
+    return MedianFit(
         of=len(rows),
         fit_naive=medians[0],
         fit_extended=medians[1],
@@ -92,10 +92,10 @@ def _hidden(marks: Sequence[CaseMark]) -> list[CaseMark]:
     return [m for m in marks if m.truth.kind in kinds and m.truth.excited]
 
 
-def stiction_errors(marks: Sequence[CaseMark]) -> list[Bias]:
+def stiction_errors(marks: Sequence[CaseMark]) -> list[StictionBias]:
     """Naive and restated S and J against the truth, wherever the hidden effect biases the naive.
 
-    A restated number that was withheld counts with the naive one's error: silence is no gain.
+    A restated number that was withheld counts with the naive one's error.
     """
     biases = []
     for name in ("S", "J"):
@@ -113,13 +113,13 @@ def stiction_errors(marks: Sequence[CaseMark]) -> list[Bias]:
     return biases
 
 
-def _bias(name: str, errors: np.ndarray) -> Bias:
+def _bias(name: str, errors: np.ndarray) -> StictionBias:
     """``errors`` (k, 2): naive and restated, percent of span."""
     naive, restated = np.median(errors, axis=0)
     draws = np.random.default_rng(0).integers(len(errors), size=(_DRAWS, len(errors)))
     medians = np.median(errors[draws], axis=1)
     low, high = np.quantile(medians[:, 1] / medians[:, 0], (0.025, 0.975))
-    return Bias(
+    return StictionBias(
         name=name,
         of=len(errors),
         naive=float(naive),
@@ -130,9 +130,11 @@ def _bias(name: str, errors: np.ndarray) -> Bias:
     )
 
 
-def seconds(marks: Sequence[CaseMark]) -> Time | None:
+def seconds(marks: Sequence[CaseMark]) -> ComputingTime | None:
     """Computing time of records of an hour at 1 s, as the judge states it."""
     times = [m.said.seconds for m in marks if m.truth.samples >= HOUR]
     if not times:
         return None
-    return Time(of=len(times), median=float(np.median(times)), p95=float(np.quantile(times, 0.95)))
+    return ComputingTime(
+        of=len(times), median=float(np.median(times)), p95=float(np.quantile(times, 0.95))
+    )

@@ -1,4 +1,4 @@
-"""``mark``: one case's truth against what was said of it. The rules of the count stand here."""
+"""``mark``: compares one case's truth with the answer, by the rules of the blind trial."""
 
 from __future__ import annotations
 
@@ -67,28 +67,28 @@ def mark(truth: CaseTruth, said: BlindAnswer) -> CaseMark:
     )
 
 
-def _null(_physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
-    return CaseOutcome.FALSE_ALARM if said.names else CaseOutcome.QUIET
+def _null(_physics: Sequence[str], answer: BlindAnswer) -> CaseOutcome:
+    return CaseOutcome.FALSE_ALARM if answer.names else CaseOutcome.QUIET
 
 
-def _single(physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
-    if not said.names:
+def _single(physics: Sequence[str], answer: BlindAnswer) -> CaseOutcome:
+    if not answer.names:
         return CaseOutcome.MISS
-    (slug,), first = physics, said.names[0]
+    (slug,), first = physics, answer.names[0]
     if first.slug == slug:
         return CaseOutcome.EXACT
     return CaseOutcome.CLASS if first.holds(slug) else CaseOutcome.WRONG
 
 
-def _pair(physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
-    if not said.names:
+def _pair(physics: Sequence[str], answer: BlindAnswer) -> CaseOutcome:
+    if not answer.names:
         return CaseOutcome.MISS
-    named = _found(physics, said.names)
+    named = _found(physics, answer.names)
     return (CaseOutcome.WRONG, CaseOutcome.ONE, CaseOutcome.BOTH)[min(named, 2)]
 
 
 def _found(physics: Sequence[str], names: Sequence[NamedEffect]) -> int:
-    """The most truths that names can be given to, each name to one truth."""
+    """The largest number of truths that are named, each name counting for one truth."""
     wide = [*names, *[None] * len(physics)]
     return max(
         sum(
@@ -98,7 +98,7 @@ def _found(physics: Sequence[str], names: Sequence[NamedEffect]) -> int:
     )
 
 
-def _unknown(_physics: Sequence[str], said: BlindAnswer) -> CaseOutcome:
-    if said.names:
+def _unknown(_physics: Sequence[str], answer: BlindAnswer) -> CaseOutcome:
+    if answer.names:
         return CaseOutcome.MISNAMED
-    return CaseOutcome.CAUGHT if said.verdict == "unknown" else CaseOutcome.MISS
+    return CaseOutcome.CAUGHT if answer.verdict == "unknown" else CaseOutcome.MISS

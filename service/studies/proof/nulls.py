@@ -1,8 +1,8 @@
-"""What nothing hidden looks like: scores of every term on simulated nulls, and limits from them.
+"""Scores of every term on simulated nulls (valves with nothing hidden), and limits from them.
 
-A term is named where its advantage on blocks that it was not fitted to has a mean and a t-like
-value above limits. The limits are to let through at most a given share of *valves* on which nothing
-is hidden, whatever the term: they rest on the null distribution of the maximum over all terms.
+A term is named where its advantage on held-out blocks has a mean and a t value above limits. At
+most a given share of *valves* with nothing hidden may pass them with any term, so they rest on the
+null distribution of the maximum over all terms.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class TermNulls:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Common:
+class CommonLimit:
     """A limit of the mean for all terms alike: the quantile of the maximum over the terms.
 
     ``passing`` of ``of`` nulls have a term whose t and mean are above both limits.
@@ -70,12 +70,12 @@ def term_nulls(scores: Scores, t_limit: float, share: float) -> list[TermNulls]:
     return sorted(rows, key=lambda row: (-row.limit, row.slug))
 
 
-def common(scores: Scores, t_limit: float, share: float) -> Common:
+def common_limit(scores: Scores, t_limit: float, share: float) -> CommonLimit:
     """The one limit of the mean that at most ``share`` of the nulls exceed with any term."""
     grid = np.array(list(scores.values()))
     highest = np.where(grid[:, :, 1] >= t_limit, grid[:, :, 0], 0.0).max(axis=0)
     limit = _limit(highest, share)
-    return Common(
+    return CommonLimit(
         t_limit=t_limit,
         share=share,
         mean_limit=limit,

@@ -1,4 +1,4 @@
-"""The rates of a blind trial, each with its interval and the target that it is held against."""
+"""The rates of a blind trial, each with its interval and its target."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Rate:
 
 
 def headline(marks: Sequence[CaseMark]) -> list[Rate]:
-    """The rates that a target was set for, and those that tell how far to trust them."""
+    """The rates with a target, and those that show how far these can be trusted."""
     singles = [m for m in marks if m.truth.kind is CaseKind.SINGLE and m.truth.excited]
     routine = [m for m in singles if m.truth.concealment not in (QUANTISED, *HARD)]
     quantised = _under(singles, QUANTISED)
@@ -154,10 +154,10 @@ def _nulls(marks: Sequence[CaseMark]) -> list[Rate]:
 
 def _unknowns(marks: Sequence[CaseMark]) -> list[Rate]:
     group = [m for m in marks if m.truth.kind is CaseKind.UNKNOWN]
-    shown = [m for m in group if m.truth.excited]
+    excited = [m for m in group if m.truth.excited]
     name = CaseKind.UNKNOWN.value
     return [
-        _rate(name, "caught as unknown", shown, lambda m: m.outcome is CaseOutcome.CAUGHT, 0.90),
+        _rate(name, "caught as unknown", excited, lambda m: m.outcome is CaseOutcome.CAUGHT, 0.90),
         _rate(
             name, "misnamed", group, lambda m: m.outcome is CaseOutcome.MISNAMED, 0.03, at_most=True
         ),
@@ -165,7 +165,7 @@ def _unknowns(marks: Sequence[CaseMark]) -> list[Rate]:
 
 
 def _unexcited(marks: Sequence[CaseMark]) -> list[Rate]:
-    """Where the record cannot show the effect: silence is right, a wrong name is wrong."""
+    """Cases whose record cannot show the effect: naming nothing is right."""
     kinds = (CaseKind.SINGLE, CaseKind.PAIR)
     group = [m for m in marks if m.truth.kind in kinds and not m.truth.excited]
     return [
@@ -182,9 +182,9 @@ def record_rates(marks: Sequence[CaseMark]) -> list[Rate]:
     """How often each record effect is found where it is, and claimed where it is not."""
     rates = []
     for slug in RECORD_EFFECTS:
-        there = [m for m in marks if slug in m.truth.record_effects]
+        present = [m for m in marks if slug in m.truth.record_effects]
         absent = [m for m in marks if slug not in m.truth.record_effects]
-        for name, group in (("found", there), ("claimed in error", absent)):
+        for name, group in (("found", present), ("claimed in error", absent)):
             hits = sum(slug in m.said.record_effects for m in group)
             rates.append(Rate(group=slug, name=name, hits=hits, of=len(group)))
     return rates
@@ -254,7 +254,7 @@ def _answer(mark: CaseMark) -> str:
 def without_verdict(marks: Sequence[CaseMark]) -> list[tuple[str, int]]:
     """(reason, how often) where the judge gave no verdict, the commonest first.
 
-    Such a case counts as silence in every rate; a judge that broke down would look cautious.
+    Such a case counts in every rate as one in which nothing was named.
     """
     return Counter(
         m.said.reason or "no reason given" for m in marks if m.said.verdict == NO_VERDICT

@@ -1,4 +1,4 @@
-"""What a case really holds, and the seal that closes it until the judging is over."""
+"""The truth of a case, and the seal that proves it was not changed before the scoring."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class BrokenSeal(ValueError):
 
 
 class CaseKind(StrEnum):
-    """What a case asks of the judge."""
+    """Kinds of case, by the number of hidden effects."""
 
     NULL = "nothing hidden"
     SINGLE = "one effect"
@@ -54,7 +54,7 @@ class CaseTruth:
 
     @property
     def physics(self) -> tuple[str, ...]:
-        """The slugs that the judge should name."""
+        """The slugs that a right answer names."""
         return tuple(slug for slug in self.effects if slug not in (*RECORD_EFFECTS, OUTSIDE))
 
     @property

@@ -7,7 +7,13 @@ import asyncio
 import pytest
 from pymodbus.constants import ExcCodes
 
-from stemwatch.connectors.modbus.commissioning import Tried, look, meanings, other_orders, try_map
+from stemwatch.connectors.modbus.commissioning import (
+    TriedRegister,
+    meanings,
+    other_orders,
+    read_raw_words,
+    try_map,
+)
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.read_fault import ReadFault
 from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
@@ -35,7 +41,7 @@ def test_raw_words_are_read_once() -> None:
 
     async def run() -> list[int]:
         async with serving(sim_device(1, Behaviour(inputs={7: 0xABCD}))) as served:
-            return await look(tcp(served.port), 1, RegisterAddress(Table.INPUT, 6), 3)
+            return await read_raw_words(tcp(served.port), 1, RegisterAddress(Table.INPUT, 6), 3)
 
     assert asyncio.run(run()) == [0, 0xABCD, 0]
 
@@ -44,7 +50,7 @@ def test_raw_words_are_read_once() -> None:
 def test_a_count_that_no_request_can_have_is_refused(first: int, count: int) -> None:
     """Before anything is sent."""
     with pytest.raises(ValueError, match="1 to 125"):
-        asyncio.run(look(tcp(1), 1, RegisterAddress(Table.HOLDING, first), count))
+        asyncio.run(read_raw_words(tcp(1), 1, RegisterAddress(Table.HOLDING, first), count))
 
 
 def test_a_map_is_tried_register_by_register_where_the_device_refuses() -> None:
@@ -59,7 +65,7 @@ def test_a_map_is_tried_register_by_register_where_the_device_refuses() -> None:
         register("SWAPPED", 0, DataType.FLOAT32),
     )
 
-    async def run() -> list[Tried]:
+    async def run() -> list[TriedRegister]:
         async with serving(sim_device(1, behaviour)) as served:
             return await try_map(device(tcp(served.port), *registers))
 

@@ -230,7 +230,7 @@ def test_a_silent_device_leaves_no_hole_in_time_and_comes_back() -> None:
 
 def test_a_dead_unit_does_not_take_the_others_with_it() -> None:
     """Two units on one line: the living one is read while the dead one is left alone."""
-    living, dead = Behaviour(holding={0: 5}), Behaviour(delay_s=1.0)
+    living, dead = Behaviour(holding={0: 5}), Behaviour(delay_s=60.0)
 
     async def run() -> Polled:
         async with serving(sim_device(1, living), sim_device(2, dead)) as served:
