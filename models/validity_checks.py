@@ -23,7 +23,7 @@ from stemwatch.models.signal_pairing import (
     samples_exchanged,
     tells_two_places,
 )
-from stemwatch.models.stickslip.best_pairing import BEFORE, NEAR, Explained, Pairing, paired
+from stemwatch.models.stickslip.best_pairing import BEFORE, NEAR, BestShift, Pairing, paired
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.words import share, times
@@ -229,7 +229,7 @@ def wiring_obstacles(recording: Recording, as_stored: Recording | None = None) -
     simpler = SURELY_SWAPPED if as_stored is None else SWAPPED_AND_LATE
     reverse = _explained(as_stored or recording, Role.MV, Role.OP)
     mixed_up = [(Role.OP, Role.MV, reverse / simpler)]
-    far = Explained(np.inf, 0.0)
+    far = BestShift(np.inf, 0.0)
     if near.left >= DOUBTED:
         far = own.far_away()
         mixed_up += [

@@ -33,7 +33,7 @@ NEVER_MOVES = 50.0  # times the swing of OP
 
 
 @dataclass(frozen=True)
-class Explained:
+class BestShift:
     """What is ``left`` of the loss of a stem that never moves, with the command brought forward by
     ``samples``."""
 
@@ -61,11 +61,11 @@ class Pairing:
         still = _loss(evaluator, problem, stuck[None, :])
         return cls(evaluator, _elements(evaluator, base), still) if still > 0.0 else None
 
-    def explained(self, samples: Sequence[float]) -> Explained:
+    def explained(self, samples: Sequence[float]) -> BestShift:
         """The best over commands brought forward by each of ``samples``."""
         problem = self.evaluator.problem
         tried = [
-            Explained(
+            BestShift(
                 _loss(self.evaluator, _shifted(problem, by), self.candidates) / self.still, by
             )
             for by in samples
@@ -85,13 +85,13 @@ class Pairing:
         )
         return min(alone, *behind) / self.still
 
-    def far_away(self) -> Explained:
+    def far_away(self) -> BestShift:
         """The best over commands from 20 to 600 samples earlier or later."""
         problem = self.evaluator.problem
         furthest = problem.op.size / 3.0
         tried = [by for by in (*FAR, *_where_moves_agree(problem)) if FAR[0] <= by <= furthest]
         if not tried:
-            return Explained(np.inf, 0.0)
+            return BestShift(np.inf, 0.0)
         best = self.explained([way * by for by in tried for way in (1.0, -1.0)])
         return self.explained([best.samples, *np.round(best.samples * ABOUT)])
 
