@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
     from stemwatch.service.studies.miswiring import WiringRow
 
-DEVELOPED_WITH = (5151, 7171, 8181)  # seeds that were looked at while the checks were made
+DEVELOPED_WITH = (
+    5151,
+    6161,
+    7171,
+    8181,
+    8383,
+    9393,
+)  # seeds that were looked at in making the checks
 
 
 def miswiring(
