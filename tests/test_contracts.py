@@ -24,13 +24,6 @@ FILE_METHODS = frozenset(
 )
 NUMPY_FILES = frozenset({"load", "save", "savez", "loadtxt", "savetxt", "fromfile", "memmap"})
 
-# Public classes whose name two modules may share, and why.
-SHARED_NAMES = {
-    "Answer": "what an executor gives back, and an answer within the robustness study",
-    "Valve": "a valve of the plant file, and one of the robustness study",
-    "Way": "where in the chain a term acts, and a way of storing in the robustness study",
-}
-
 OF_ALEMBIC = frozenset({"upgrade", "downgrade"})  # the module says what its migration does
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -64,14 +57,14 @@ def test_every_module_says_what_it_is() -> None:
 
 
 def test_a_name_means_one_class() -> None:
-    """No two modules have a public class of one name, but for those above."""
+    """No two modules have a public class of one name."""
     places: dict[str, list[str]] = {}
     for path in _sources(PACKAGES):
         for node in _tree(path).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, []).append(_place(path, node))
     doubled = {name: here for name, here in places.items() if len(here) > 1}
-    assert {name: here for name, here in doubled.items() if name not in SHARED_NAMES} == {}
+    assert doubled == {}
 
 
 def test_every_public_function_and_class_says_what_it_does() -> None:

@@ -23,7 +23,7 @@ from stemwatch.models.stickslip.clock_shift import late_evidence
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.service.executors import Executor, map_items
-from stemwatch.service.studies.robustness import WAYS, Valve, draw_valves
+from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
 NOISY, NOISE = "noisy PV", 1.5  # percent
@@ -67,7 +67,7 @@ class Limit:
         return not self.worst > self.limit if self.above else not self.worst < self.limit
 
 
-def shown_by(valve: Valve) -> list[Shown]:
+def shown_by(valve: StudiedValve) -> list[Shown]:
     """One valve as it is, stored late, and stored slowly; a healthy one also with a noisy PV."""
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording

@@ -94,7 +94,7 @@ def _reported(deviation: float) -> Callable[[Floats], Floats]:
 
 
 @dataclass(frozen=True)
-class Way:
+class StoredAs:
     """How a recording is changed; ``strokes`` where OP then means other percents of travel.
 
     ``true`` are effects that the change really puts there: naming them is no error.
@@ -105,48 +105,50 @@ class Way:
     true: frozenset[str] = frozenset()
 
 
-WAYS: dict[str, Way] = {
-    "as it is": Way(lambda r: r),
-    "split range: OP 50 to 100 % strokes 0 to 100 %": Way(
+WAYS: dict[str, StoredAs] = {
+    "as it is": StoredAs(lambda r: r),
+    "split range: OP 50 to 100 % strokes 0 to 100 %": StoredAs(
         lambda r: _changed(r, op=lambda v: 50 + v / 2), strokes=True
     ),
-    "split range: OP 0 to 50 % strokes 0 to 100 %": Way(
+    "split range: OP 0 to 50 % strokes 0 to 100 %": StoredAs(
         lambda r: _changed(r, op=lambda v: v / 2), strokes=True
     ),
-    "OP 25 to 75 % strokes 0 to 100 %": Way(
+    "OP 25 to 75 % strokes 0 to 100 %": StoredAs(
         lambda r: _changed(r, op=lambda v: 25 + v / 2), strokes=True
     ),
-    "equal percentage between OP and stroke": Way(
+    "equal percentage between OP and stroke": StoredAs(
         lambda r: _changed(r, op=_equal_percentage), strokes=True
     ),
-    "square root between OP and stroke": Way(
+    "square root between OP and stroke": StoredAs(
         lambda r: _changed(r, op=lambda v: _opening(v) ** 2 / 100), strokes=True
     ),
-    "square between OP and stroke": Way(
+    "square between OP and stroke": StoredAs(
         lambda r: _changed(r, op=lambda v: 10 * np.sqrt(_opening(v))), strokes=True
     ),
-    "position reversed": Way(lambda r: _changed(r, mv=lambda v: 100 - v)),
+    "position reversed": StoredAs(lambda r: _changed(r, mv=lambda v: 100 - v)),
     # MV stands still while OP goes on: the catalogue calls that a stop.
-    "tight shut-off below 12 % of the record": Way(_shut_off, true=frozenset({"travel_stop"})),
-    "OP stored 5 s late": Way(lambda r: _changed(r, op=_late(5))),
-    "position stored 5 s late": Way(
+    "tight shut-off below 12 % of the record": StoredAs(_shut_off, true=frozenset({"travel_stop"})),
+    "OP stored 5 s late": StoredAs(lambda r: _changed(r, op=_late(5))),
+    "position stored 5 s late": StoredAs(
         lambda r: _changed(r, mv=_late(5)), true=frozenset({"dead_time"})
     ),
-    "position in steps of 0.5 %": Way(lambda r: _changed(r, mv=lambda v: np.round(2 * v) / 2)),
-    "OP in steps of 0.5 %": Way(lambda r: _changed(r, op=lambda v: np.round(2 * v) / 2)),
-    "averages of 10 s": Way(lambda r: _changed(r, every=_means(10), slower=10)),
-    "stored every 5 s": Way(lambda r: _changed(r, every=lambda v: v[::5].copy(), slower=5)),
-    "stored every 10 s": Way(lambda r: _changed(r, every=lambda v: v[::10].copy(), slower=10)),
-    "stored every 30 s": Way(lambda r: _changed(r, every=lambda v: v[::30].copy(), slower=30)),
-    "exception reporting of 0.5 %": Way(
+    "position in steps of 0.5 %": StoredAs(lambda r: _changed(r, mv=lambda v: np.round(2 * v) / 2)),
+    "OP in steps of 0.5 %": StoredAs(lambda r: _changed(r, op=lambda v: np.round(2 * v) / 2)),
+    "averages of 10 s": StoredAs(lambda r: _changed(r, every=_means(10), slower=10)),
+    "stored every 5 s": StoredAs(lambda r: _changed(r, every=lambda v: v[::5].copy(), slower=5)),
+    "stored every 10 s": StoredAs(lambda r: _changed(r, every=lambda v: v[::10].copy(), slower=10)),
+    "stored every 30 s": StoredAs(lambda r: _changed(r, every=lambda v: v[::30].copy(), slower=30)),
+    "exception reporting of 0.5 %": StoredAs(
         lambda r: _changed(r, op=_reported(0.5), mv=_reported(0.5))
     ),
-    "exception reporting of 1 %": Way(lambda r: _changed(r, op=_reported(1.0), mv=_reported(1.0))),
+    "exception reporting of 1 %": StoredAs(
+        lambda r: _changed(r, op=_reported(1.0), mv=_reported(1.0))
+    ),
 }
 
 
 @dataclass(frozen=True)
-class Valve:
+class StudiedValve:
     """A valve to be simulated, and what is true of it; S and J in percent of travel."""
 
     case: HiddenCase
@@ -156,7 +158,7 @@ class Valve:
 
 
 @dataclass(frozen=True)
-class Answer:
+class StudyAnswer:
     """What was said of one valve stored in one way. S and J in percent of OP, truth as well."""
 
     way: str
@@ -175,11 +177,11 @@ class Answer:
 class RobustnessBatch:
     """Valves that one worker simulates, changes and screens."""
 
-    valves: tuple[Valve, ...]
+    valves: tuple[StudiedValve, ...]
     ways: tuple[str, ...]
 
 
-def draw_valves(each: int, seed: int) -> list[Valve]:
+def draw_valves(each: int, seed: int) -> list[StudiedValve]:
     """``each`` sticking and as many healthy valves, an hour at 1 s with set-point moves."""
     drawn = draw_nulls(4 * each, seed, "routine")
     wide = [case for case in drawn if STICKING_S[0] <= case.loop.valve.S <= STICKING_S[1]]
@@ -195,7 +197,7 @@ def draw_valves(each: int, seed: int) -> list[Valve]:
     return [*sticking, *healthy]
 
 
-def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> Valve:
+def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> StudiedValve:
     """The case with this S and J; two packings of four give a little before they let go.
 
     Bristles let go the earlier the quicker the force grows, so a LuGre packing has the S and J that
@@ -204,14 +206,14 @@ def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> V
     valve = replace(case.loop.valve, S=S, J=J, packing=PackingDefects())
     stiff = replace(case.loop, valve=valve)
     if place % 4 < 2:
-        return Valve(replace(case, loop=stiff), sticking, S, J)
+        return StudiedValve(replace(case, loop=stiff), sticking, S, J)
     packing = PackingDefects(presliding_percent=0.002)
     soft = replace(case.loop, valve=replace(valve, packing=packing))
     if sticking:
         shown, without = (_levels_shown(loop, case.seed, J) for loop in (soft, stiff))
         level, kinetic = shown[0] - without[0], shown[1] - without[1]
         S, J = S + level + kinetic, max(J + level - kinetic, 0.0)
-    return Valve(replace(case, loop=soft), sticking, S, J)
+    return StudiedValve(replace(case, loop=soft), sticking, S, J)
 
 
 def _levels_shown(loop: PlantLoop, seed: int, J: float) -> tuple[float, float]:
@@ -236,7 +238,7 @@ def _levels_shown(loop: PlantLoop, seed: int, J: float) -> tuple[float, float]:
     return float(np.median(before)), float(np.median(after))
 
 
-def answer_batch(batch: RobustnessBatch) -> list[Answer]:
+def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
     """Simulate each valve once, store it in every way, and screen what was stored."""
     answers = []
     for valve in batch.valves:
@@ -258,7 +260,7 @@ def _op_per_travel(recording: Recording, stored: Recording) -> float:
     return float(after / before)
 
 
-def _answer(way: str, valve: Valve, screening: Screening, scale: float) -> Answer:
+def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -> StudyAnswer:
     numbers = [
         None
         if estimate.value is None or estimate.low is None or estimate.high is None
@@ -266,7 +268,7 @@ def _answer(way: str, valve: Valve, screening: Screening, scale: float) -> Answe
         for estimate in (screening.S, screening.J)
     ]
     effects = screening.mismatch.effects if screening.mismatch is not None else ()
-    return Answer(
+    return StudyAnswer(
         way=way,
         sticking=valve.sticking,
         verdict=screening.verdict,
@@ -282,7 +284,7 @@ def _answer(way: str, valve: Valve, screening: Screening, scale: float) -> Answe
 
 def run_robustness(
     each: int, seed: int, ways: Sequence[str], executor: Executor, tell: Callable[[int], None]
-) -> list[Answer]:
+) -> list[StudyAnswer]:
     """``each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown way."""
     for way in ways:
         WAYS[way]
@@ -291,7 +293,7 @@ def run_robustness(
         RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(ways))
         for first in range(0, len(valves), BATCH)
     ]
-    done: dict[int, list[Answer]] = {}
+    done: dict[int, list[StudyAnswer]] = {}
     for place, answers in map_items(executor, answer_batch, batches):
         done[place] = answers
         tell(sum(map(len, done.values())))
@@ -317,13 +319,13 @@ class Row:
     named: int  # valves of either kind of which something was named
 
 
-def rows(answers: Sequence[Answer]) -> Iterator[Row]:
+def rows(answers: Sequence[StudyAnswer]) -> Iterator[Row]:
     """One row for each way, in the order in which they were asked for."""
     for way in dict.fromkeys(answer.way for answer in answers):
         yield _row(way, [answer for answer in answers if answer.way == way])
 
 
-def _row(way: str, answers: Sequence[Answer]) -> Row:
+def _row(way: str, answers: Sequence[StudyAnswer]) -> Row:
     healthy = [answer for answer in answers if not answer.sticking]
     sticking = [answer for answer in answers if answer.sticking]
     S = [(answer.true_S, *answer.S) for answer in sticking if answer.S is not None]
