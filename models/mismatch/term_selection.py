@@ -348,12 +348,17 @@ def pruned(
     The first term of two has often stood in for both.
     """
     if len(stages) == 1:
-        only = stages[0]
-        advantage = gain(evaluator, only.before, fitted)
+        only, before = stages[0], stages[0].before
+        if before.layout.hypothesis.terms:
+            # It was found behind a term that has been dropped since.
+            alone = evaluator.layout(TermSet())
+            begun = conclude(evaluator, scored(alone, reduced(evaluator, fitted, alone.hypothesis)))
+            before = conclude(evaluator, again(evaluator, begun, CAREFUL))
+        advantage = gain(evaluator, before, fitted)
         if not convincing(advantage, evaluator.told, only.accepted[0].slug):
             # What was polished on both folds predicts less than it did at its first look.
-            return only.before, []
-        return fitted, [Needed(only, only.before, advantage)]
+            return before, []
+        return fitted, [Needed(only, before, advantage)]
     needed: list[Needed] = []
     for stage in stages:
         lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)
