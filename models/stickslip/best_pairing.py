@@ -28,7 +28,7 @@ FAR = (20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0)
 ABOUT = np.linspace(0.8, 1.25, 10)  # times the best of them
 SHARES = np.linspace(0.0, 1.0, 12) ** 1.6  # of the widest S
 RATIOS = (0.0, 0.3, 0.6, 1.0)  # J/S
-LONG_LAGS = (4.0, 8.0, 16.0, 32.0)  # samples
+LONG_LAGS = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0)  # samples
 NEVER_MOVES = 50.0  # times the swing of OP
 
 

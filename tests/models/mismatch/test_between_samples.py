@@ -16,6 +16,8 @@ from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.stickslip.slip_levels import SlipLevels
+from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Verdict
 
 S, J = 6.0, 3.0
@@ -192,3 +194,29 @@ def test_what_is_found_does_not_depend_on_how_long_a_second_is(seed: int, factor
     assert found is not None
     assert again is not None
     assert (found.kind, found.per_turn) == (again.kind, again.per_turn)
+
+
+def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both() -> None:
+    """The value stays the fit's, as a stem that answers a sample late looks the same."""
+    levels = SlipLevels(12, level=3.0, level_error=0.1, kinetic=1.8, kinetic_error=0.1, bounds=0.5)
+    archive = Archive(ArchiveKind.SNAPSHOTS, 15.0, 0.0, 5.0, levels=levels, doubted=True)
+    fitted = Estimate(value=4.0, low=3.7, high=4.3, unit=PERCENT)
+    S, J = archive.restored(fitted, replace(fitted, value=1.5, low=1.4, high=1.6), 0.0)
+    assert (S.value, S.low, J.value) == (4.0, 3.7, 1.5)
+    assert S.high is not None
+    assert S.high > levels.S
+    assert J.low is not None
+    assert J.low < levels.J < 1.4
+    assert "12 slips" in archive.sentence(0.0)
+    assert "the intervals hold both" in archive.sentence(0.0)
+
+
+@pytest.mark.parametrize("place", [1, 10, 18])
+def test_a_valve_kept_every_second_keeps_the_numbers_of_its_fit(place: int) -> None:
+    """Its slips are seen a sample late, and would have S larger by a tenth and more."""
+    simulated = simulate_loop(draw_sticky(24, 5)[place], 5 + place)
+    (found,) = screen([Case(recording=simulated.recording)], Options(narx=False, mismatch=False))
+    assert not any("slips" in sentence for sentence in found.provenance.decisions)
+    assert found.S.low is not None
+    assert found.S.high is not None
+    assert found.S.low <= simulated.truth.S <= found.S.high
