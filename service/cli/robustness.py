@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
     from stemwatch.service.studies.robustness import Row
 
-DEVELOPED_WITH = (5151, 6161, 7171, 8181, 8383, 9393)  # seeds that were looked at while the method was made
+DEVELOPED_WITH = (
+    5151,
+    6161,
+    7171,
+    8181,
+    8383,
+    9393,
+)  # seeds that were looked at while the method was made
 
 
 def robustness(
