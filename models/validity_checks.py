@@ -265,6 +265,13 @@ def _swapped(role: Role, instead: Role) -> Obstacle:
             "another valve's",
             f"{remedy} If they are right, look for this valve's position.",
         )
+    if instead is Role.MV:
+        return Obstacle(
+            "tags_swapped",
+            f"{first} and {second} seem swapped, or {first} is stored late: the position moves "
+            "first, and the recording makes more sense the other way round",
+            f"{remedy} If they are right, compare the times of a step in both.",
+        )
     return Obstacle(
         "tags_swapped",
         f"{first} and {second} seem swapped: the recording makes sense the other way round, and "
