@@ -9,6 +9,7 @@ from stemwatch.service.executors.executor import (
     Executor,
     ExecutorUnavailable,
     Outcome,
+    map_in_order,
     map_items,
     outcomes,
 )
@@ -23,6 +24,7 @@ __all__ = [
     "Outcome",
     "UnknownExecutor",
     "choose_executor",
+    "map_in_order",
     "map_items",
     "outcomes",
 ]

@@ -166,6 +166,21 @@ def map_items(
                 raise answer.failure.error or RuntimeError(answer.failure.reason)
 
 
+def map_in_order(
+    executor: Executor,
+    work: Callable[[Item], Sequence[Result]],
+    items: Iterable[Item],
+    tell: Callable[[int], None],
+) -> list[Result]:
+    """All results of ``work``, several for each item, in the order of the items; ``tell`` is given
+    how many there are so far. Raises what ``work`` raises."""
+    done: dict[int, Sequence[Result]] = {}
+    for place, results in map_items(executor, work, items):
+        done[place] = results
+        tell(sum(map(len, done.values())))
+    return [result for place in sorted(done) for result in done[place]]
+
+
 def _outcomes_of(
     numbered: Sequence[tuple[int, Item]], answer: Answer[Result]
 ) -> list[Outcome[Item, Result]]:

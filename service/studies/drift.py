@@ -25,7 +25,7 @@ from stemwatch.models.studies.simulator import (
     simulate_loop,
 )
 from stemwatch.models.studies.simulator.draw_parts import draw_setpoints
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order
 
 WINDOWS, WINDOW_S = 6, 600.0
 JUDGED = 3  # the last scored windows, whose median ratio is the valve's score
@@ -113,11 +113,7 @@ def run_drift(
         DriftBatch(tuple(drawn[first : first + BATCH]), seed, tuple(ways))
         for first in range(0, valves, BATCH)
     ]
-    done: dict[int, list[Followed]] = {}
-    for place, followed in map_items(executor, follow_batch, batches):
-        done[place] = followed
-        tell(sum(map(len, done.values())) // len(ways))
-    return [followed for place in sorted(done) for followed in done[place]]
+    return map_in_order(executor, follow_batch, batches, lambda count: tell(count // len(ways)))
 
 
 def follow_batch(batch: DriftBatch) -> list[Followed]:

@@ -23,7 +23,7 @@ from stemwatch.models.studies.simulator import (
     simulate_loop,
 )
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order
 from stemwatch.service.studies.robustness import draw_valves
 
 CONFIDENT = 0.8
@@ -382,11 +382,7 @@ def run_miswiring(
     for kind in kinds:
         KINDS[kind]
     items = [MiswiringItem(valve, tuple(kinds)) for valve in draw_miswired(loops, seed)]
-    done: dict[int, list[WiringAnswer]] = {}
-    for place, answers in map_items(executor, answer_item, items):
-        done[place] = answers
-        tell(sum(map(len, done.values())))
-    return [answer for place in sorted(done) for answer in done[place]]
+    return map_in_order(executor, answer_item, items, tell)
 
 
 @dataclass(frozen=True)

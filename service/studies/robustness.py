@@ -21,7 +21,7 @@ from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order
 
 Change = Callable[[Recording], Recording]
 
@@ -293,11 +293,7 @@ def run_robustness(
         RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(ways))
         for first in range(0, len(valves), BATCH)
     ]
-    done: dict[int, list[StudyAnswer]] = {}
-    for place, answers in map_items(executor, answer_batch, batches):
-        done[place] = answers
-        tell(sum(map(len, done.values())))
-    return [answer for place in sorted(done) for answer in done[place]]
+    return map_in_order(executor, answer_batch, batches, tell)
 
 
 @dataclass(frozen=True)

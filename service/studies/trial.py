@@ -19,7 +19,7 @@ from stemwatch.models.studies.simulator import (
     simulate_loop,
 )
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.executors import Executor, map_in_order
 
 BATCH = 12
 
@@ -77,11 +77,7 @@ def run_trial(
         TrialBatch(tuple(seeded[first : first + BATCH]), narx)
         for first in range(0, len(seeded), BATCH)
     ]
-    done: dict[int, list[Marked]] = {}
-    for place, marked in map_items(executor, mark_batch, batches):
-        done[place] = marked
-        tell(sum(map(len, done.values())))
-    return [valve for place in sorted(done) for valve in done[place]]
+    return map_in_order(executor, mark_batch, batches, tell)
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:

@@ -48,6 +48,8 @@ def test_a_weak_password_is_refused_with_what_is_expected(password: str, said: s
 def test_several_words_are_taken_in_any_script(password: str) -> None:
     """No rule about capitals, digits or special characters."""
     check_password(password, "Karl Berg")
+    with pytest.raises(WeakPassword):
+        check_password(password[: SHORTEST - 1], "Karl Berg")
 
 
 @given(st.text(max_size=SHORTEST - 1))
