@@ -50,6 +50,7 @@ class Effect:
     decide: str  # the test that would tell the members apart; empty where there is one
     parameters: Mapping[str, Estimate]
     evidence: EffectEvidence
+    inherent: bool = False  # how such a machine is made, and no defect: see ``Term.inherent``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,3 +189,8 @@ class Mismatch:
     p_value: float | None = None
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     seconds: float = 0.0
+
+    @property
+    def defects(self) -> tuple[Effect, ...]:
+        """The effects that are something to mend, strongest first."""
+        return tuple(effect for effect in self.effects if not effect.inherent)
