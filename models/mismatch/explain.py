@@ -7,7 +7,7 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
     MEAN_WHERE_MUCH_IS_LEFT,
     chance,
     convincing,
+    left,
     much_left,
     not_little_left,
 )
@@ -62,15 +63,23 @@ from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.term import Look, Term, Way
-from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
+from stemwatch.models.mismatch.term_selection import (
+    AS_GOOD,
+    Named,
+    Needed,
+    TermScore,
+    lacking,
+    name,
+)
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
-from stemwatch.models.stickslip.breakaways import breakaways
+from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+from stemwatch.models.stickslip.fit import advantage
 from stemwatch.models.stickslip.interval import REPLICATES
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
@@ -89,10 +98,14 @@ DOOR_NOISE = 0.17  # of the archive's deviation
 FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 # One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
 MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
+MUCH_NEARER = 0.7  # of the error of S and J alone
+SAME_LEVELS = 0.2  # of the level, from which breakaways and fit speak of two elements
 # A worse fit on unseen data is no explanation of the recording, percent.
 LEAST_FIT = 50.0
 # Two fits of one S that differ by less do not contradict each other.
 ALIKE_PERCENT = 0.5
+# What the worst tenth of the blocks leaves, in noise variances, that is hardly more than noise.
+HARDLY_LEFT = 6.5
 
 
 @dataclass(frozen=True)
@@ -305,6 +318,7 @@ class _Hypothesis:
 
     evaluator: Evaluator
     layout: CoordinateLayout
+    fitted: Fitted
     best: Floats
     drawn: Callable[[], Floats]
     effects: tuple[Effect, ...]
@@ -333,11 +347,12 @@ def _told(case: _Case) -> Mismatch:
     archive = _archive(case, evaluator, reached.best)
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = not effects and not reached.open_end and not reached.worse and archive is None
-    alone = _stiction(plain, lambda: draws(plain, simple, naive), naive, by_breakaways=told)
-    refitted = _stiction(evaluator, reached.drawn, reached.best, by_breakaways=told)
+    elements = (naive, reached.best) if told else ()
+    alone = _stiction(plain, lambda: draws(plain, simple, naive), naive, elements)
+    refitted = _stiction(evaluator, reached.drawn, reached.best, elements)
     if case.balance is not None and DRIVE in reached.layout.places:
         refitted = _of_balance(case.balance, refitted)
-    doubt = _doubt(reached, alone, refitted)
+    doubt = _doubt(reached, alone, refitted, naive)
     finding = _finding(effects, reached.open_end or bool(doubt))
     if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
         shown, refitted = shown.of_naive_alone(), alone
@@ -435,7 +450,8 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown), proposed
+    reached = _Hypothesis(evaluator, layout, fitted, best, drawn, effects, open_end, shown)
+    return reached, proposed
 
 
 def _worse(reached: _Hypothesis) -> str:
@@ -451,19 +467,21 @@ def _worse(reached: _Hypothesis) -> str:
     )
 
 
-def _doubt(reached: _Hypothesis, alone: Stiction, refitted: Stiction) -> str:
+def _doubt(reached: _Hypothesis, alone: Stiction, refitted: Stiction, naive: Floats) -> str:
     """Why it cannot be said that nothing was left out, though nothing is named; else empty."""
     if reached.effects:
         return ""
     if reached.worse:
         return reached.worse
-    if not _agree(alone.S, refitted.S) or not _agree(alone.J, refitted.J):
+    differ = not _agree(alone.S, refitted.S, reached) or not _agree(alone.J, refitted.J, reached)
+    if differ and not _as_good_alone(reached, naive):
         return (
             f"S and J alone are {alone.S.value:.2g} and {alone.J.value:.2g} %, fitted together "
             f"with the reading's zero and gain {refitted.S.value:.2g} and {refitted.J.value:.2g} %"
         )
-    heldout = reached.shown.heldout
-    fits = [fit for fit in (heldout.fit_naive, heldout.fit_extended) if fit is not None]
+    shown = reached.shown
+    told = (shown.heldout.fit_naive, shown.heldout.fit_extended, shown.followed)
+    fits = [fit for fit in told if fit is not None]
     if fits and max(fits) < LEAST_FIT:
         return (
             "With S and J the model does not follow the part of the recording that was not fitted "
@@ -472,12 +490,26 @@ def _doubt(reached: _Hypothesis, alone: Stiction, refitted: Stiction) -> str:
     return ""
 
 
-def _agree(one: Estimate, other: Estimate) -> bool:
-    """True where two estimates of one number do not contradict each other."""
+def _agree(one: Estimate, other: Estimate, reached: _Hypothesis) -> bool:
+    """True where two estimates of one number do not contradict each other, as far as an archive
+    that stores by exception lets them tell."""
     if one.value is None or other.value is None:
         return True
     apart = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
-    return apart <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT
+    alike = ALIKE_PERCENT + float(reached.evaluator.slack.max())
+    return apart <= 0.0 or abs(one.value - other.value) <= alike
+
+
+def _as_good_alone(reached: _Hypothesis, naive: Floats) -> bool:
+    """Whether what was fitted with the reading's zero and gain does as well as S and J alone,
+    ``naive`` (6,), by what these were fitted to, free runs, and leaves hardly more than noise: they
+    differ then because a free run that misses a slip tells S and J less well."""
+    if left(reached.evaluator, reached.fitted) > HARDLY_LEFT:
+        return False
+    free = naive_evaluator(reached.evaluator)
+    alone = free.block_losses(naive_layout(free), naive[None, : base_coordinate.N_BASE])[0]
+    refitted = free.block_losses(reached.layout, reached.best[None])[0]
+    return advantage(refitted, alone, free.counts, free.delta).t < AS_GOOD
 
 
 def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
@@ -507,7 +539,12 @@ def _standing(
     noise_known = case.own_reading and not _compressed(case.settled)
     open_end = noise_known and not_little_left(evaluator, fitted)
     if noise_known and much_left(evaluator, fitted):
-        effects = tuple(effect for effect in effects if effect.evidence.mean >= _least_mean(effect))
+        nearer = _much_nearer(heldout)
+        effects = tuple(
+            effect
+            for effect in effects
+            if effect.evidence.mean >= _least_mean(effect) or (nearer and _of_air(effect))
+        )
     lines = [effect for effect in effects if effect.slug in STRAIGHT_LINE]
     if lines and (
         _refuted(heldout) or convincing(curvature(evaluator, fitted), evaluator.told, BEND)
@@ -515,6 +552,18 @@ def _standing(
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
         open_end = open_end or not effects
     return effects, open_end
+
+
+def _much_nearer(heldout: HeldOutFit) -> bool:
+    """True where the free run on unseen samples loses a good part of its error, beyond chance."""
+    if heldout.rmse_naive is None or heldout.rmse_extended is None or heldout.gain_low is None:
+        return False
+    return heldout.rmse_extended <= MUCH_NEARER * heldout.rmse_naive and heldout.gain_low > 0.0
+
+
+def _of_air(effect: Effect) -> bool:
+    """True for what shapes the command: friction or a force that wanders is not like it."""
+    return catalogue()[effect.slug].way is Way.COMMAND
 
 
 def _least_mean(effect: Effect) -> float:
@@ -530,13 +579,15 @@ def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floa
 
 
 def _stiction(
-    evaluator: Evaluator, drawn: Callable[[], Floats], best: Floats, *, by_breakaways: bool
+    evaluator: Evaluator, drawn: Callable[[], Floats], best: Floats, elements: Sequence[Floats]
 ) -> Stiction:
+    """S and J of the fit ``best``; by the breakaways instead, where they are those of one of the
+    ``elements`` that were fitted."""
     S = float(best[base_coordinate.S_PERCENT])
     J = S * float(best[base_coordinate.RATIO])
     gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
-    seen = breakaways(evaluator.problem, gain, zero, S, J) if by_breakaways else None
-    if seen is not None:
+    seen = breakaways(evaluator.problem, gain, zero, S, J) if elements else None
+    if seen is not None and any(_same_element(seen, element) for element in elements):
         S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
         return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
     error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
@@ -548,6 +599,15 @@ def _stiction(
             estimate(S_drawn * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
         ),
     )
+
+
+def _same_element(seen: Breakaways, element: Floats) -> bool:
+    """Whether both levels of the breakaways are near those of an ``element`` that was fitted: what
+    an operator's steps and ramps move the command by in the sample of a slip can mislead them."""
+    S, ratio = float(element[base_coordinate.S_PERCENT]), float(element[base_coordinate.RATIO])
+    level, kinetic = 0.5 * S * (1.0 + ratio), 0.5 * S * (1.0 - ratio)
+    apart = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
+    return apart <= SAME_LEVELS * level
 
 
 def _of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
