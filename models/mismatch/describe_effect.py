@@ -116,8 +116,18 @@ def by_events(told: Effect, seen: Dwelling, term: Term, way: Directions) -> Effe
     return replace(told, sentence=sentence, evidence=evidence, parameters=parameters)
 
 
-def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
-    """Where ``simulated`` (n,), percent, differs from the reading of the evaluator's record."""
+def residual_map(
+    evaluator: Evaluator,
+    simulated: Floats,
+    stem: Floats | None = None,
+    sigma: float | None = None,
+) -> ResidualMap:
+    """Where ``simulated`` (n,), percent, differs from the reading of the evaluator's record.
+
+    ``stem`` (n,), percent, is the run that says where the stem is and what it does, as near to the
+    recording as any but without its noise; ``simulated`` itself where it is not given. ``sigma`` is
+    the noise of MV in percent, where it is better known than the problem knows it.
+    """
     problem = evaluator.problem
     return locate(
         problem.op,
@@ -126,8 +136,9 @@ def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
         evaluator.measured,
         problem.block,
         problem.interval_s,
-        problem.sigma,
+        problem.sigma if sigma is None else sigma,
         problem.unit_s,
+        stem=stem,
     )
 
 
@@ -147,4 +158,4 @@ def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
     if len(members) > 1:
         others = ", ".join(slug.replace("_", " ") for slug in members[1:])
         return f"{note}; this recording cannot tell it from {others}."
-    return f"{note}; no other effect of the catalogue does as well."
+    return f"{note}; no other effect of the catalogue does as well in its place."

@@ -64,6 +64,7 @@ from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect,
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.tried import what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
@@ -310,6 +311,7 @@ class _Hypothesis:
     effects: tuple[Effect, ...]
     open_end: bool
     shown: HeldOutComparison
+    named: Named
     worse: str = ""
 
 
@@ -341,8 +343,13 @@ def _told(case: _Case) -> Mismatch:
     finding = _finding(effects, reached.open_end or bool(doubt))
     if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
         shown, refitted = shown.of_naive_alone(), alone
-    before = residual_map(evaluator, shown.runs.naive)
-    after = residual_map(evaluator, shown.runs.extended)
+    # The same samples make the same cell of both maps: where the better of the models says that the
+    # stem is, which way it goes and when it rests.
+    nearest = shown.runs.extended
+    noise = shown.heldout.noise_floor
+    before = residual_map(evaluator, shown.runs.naive, nearest, noise)
+    after = residual_map(evaluator, nearest, nearest, noise)
+    tried, together = what_was_tried(reached.named, effects)
     mismatch = Mismatch(
         finding=finding,
         sentence=_sentence(finding, effects, case.refused, before, doubt),
@@ -355,6 +362,8 @@ def _told(case: _Case) -> Mismatch:
         before=before,
         after=after,
         runs=shown.runs,
+        tried=tried,
+        together=together,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
@@ -435,7 +444,7 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown), proposed
+    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown, named), proposed
 
 
 def _worse(reached: _Hypothesis) -> str:
