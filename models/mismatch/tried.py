@@ -40,7 +40,10 @@ def what_was_tried(
                 outcome=outcome,
             )
         )
-    together = gain(named.evaluator, named.base, named.fitted) if slugs else None
+    # The reading's own errors are free in every hypothesis, so that what all gain together over a
+    # reading without them was never tried.
+    of_terms = bool(slugs) and slugs <= {one.slug for one in tried}
+    together = gain(named.evaluator, named.base, named.fitted) if of_terms else None
     return tuple(tried), None if together is None else _gain(together)
 
 

@@ -118,7 +118,7 @@ def picture_of(weeks: list[Week]) -> Markup | None:
         ("unjudged", "cannot be judged", [week.counts.not_judged for week in weeks], True),
         ("watched", "to watch", [week.counts.watch for week in weeks], False),
     )
-    top = max(1, *(count for _, _, counts, _ in lines for count in counts))
+    top = max(4, *(count for _, _, counts, _ in lines for count in counts))
     plot = SmallPlot(
         x_label="days before now",
         y_label="valves",

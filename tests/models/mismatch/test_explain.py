@@ -146,6 +146,9 @@ def test_what_was_tried_is_kept_with_its_scores(slug, seed, name, size, within):
     for effect in found.effects:
         for other in set(effect.members[1:]) - named:
             assert by_slug[other].outcome is TriedOutcome.AS_GOOD
+    if {effect.slug for effect in found.effects} - named:  # an error of the reading
+        assert found.together is None
+        return
     assert found.together is not None
     assert found.together.mean >= max(by_slug[slug].alone.mean for slug in named) - 0.05
     for one in found.tried:
