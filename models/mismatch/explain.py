@@ -41,12 +41,14 @@ from stemwatch.models.mismatch.describe_effect import (
     directions,
     effect,
     residual_map,
+    scores_of,
 )
 from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
+    EffectScore,
     Finding,
     HeldOutFit,
     Mismatch,
@@ -310,6 +312,7 @@ class _Hypothesis:
     effects: tuple[Effect, ...]
     open_end: bool
     shown: HeldOutComparison
+    scores: tuple[EffectScore, ...]
     worse: str = ""
 
 
@@ -356,6 +359,7 @@ def _told(case: _Case) -> Mismatch:
         after=after,
         runs=shown.runs,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
+        scores=reached.scores,
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
@@ -435,7 +439,8 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown), proposed
+    told = scores_of(named, effects)
+    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown, told), proposed
 
 
 def _worse(reached: _Hypothesis) -> str:

@@ -53,6 +53,20 @@ class Effect:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EffectScore:
+    """What one effect would gain on unseen blocks, on top of all that was named beside it.
+
+    ``mean``, ``t`` and ``strength`` as in ``EffectEvidence``. It is there for every effect that the
+    recording could have shown, named or not: other recordings of the valve may confirm it.
+    """
+
+    slug: str
+    mean: float
+    t: float
+    strength: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecordEffect:
     """What recorder and archive did to the numbers; settled before any physics is named."""
 
@@ -186,5 +200,6 @@ class Mismatch:
     runs: FreeRuns | None = None
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None
+    scores: tuple[EffectScore, ...] = ()  # of the effects that this recording could have shown
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     seconds: float = 0.0

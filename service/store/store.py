@@ -12,6 +12,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
+from stemwatch.models.evidence_over_windows import WindowEvidence
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
@@ -39,6 +40,7 @@ from stemwatch.service.store.samples.sources import Sources
 from stemwatch.service.store.screenings import (
     baselines,
     daily_stiction,
+    evidence,
     false_discoveries,
     history,
     ranking,
@@ -305,6 +307,12 @@ class Store:
         """How S of each of ``valves`` changes over weeks, where that is known."""
         with self.transactions.reading() as session:
             return daily_stiction.read_trends(session, valves)
+
+    def evidence(self, valves: Sequence[str]) -> dict[str, list[WindowEvidence]]:
+        """The windows of the last weeks of those of ``valves`` on which one of them named an effect
+        beside S and J, since the last work on each, in order of time."""
+        with self.transactions.reading("reading the evidence of weeks") as session:
+            return evidence.read_evidence(session, valves)
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""
