@@ -7,8 +7,8 @@ them only. Gains are not added up, because a bias would be added up with them.
     confirmed    two of the last ``MEMORY`` windows name it (they agree), or one names it and the
                  other windows of these, which do not, gain by it together
     standing     confirmed before, and still so
-    gone         confirmed before, and now so many windows on end do not name it as chance would
-                 leave out once in twenty, given how often it was named
+    gone         confirmed before, and now so many windows on end neither name it nor gain by it
+                 as chance would leave out once in twenty, given how often it was named
 
 With mean gains m_i and t values t_i of the n windows that do not name it (``EffectScore``), they
 confirm it where
@@ -35,7 +35,7 @@ from enum import StrEnum
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.acceptance_limits import HARDER
+from stemwatch.models.mismatch.acceptance_limits import HARDER, NULL_RATE
 from stemwatch.models.mismatch.findings import EffectScore, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats
 
@@ -63,7 +63,8 @@ class WindowEvidence:
 
     ``named`` has the class of each effect that was named: its slug, then those that the window
     could not tell from it. ``scores`` are those of all effects that it could have shown, named or
-    not. ``S`` and ``J`` are restated with what was named, percent of OP span. ``begins_anew`` says
+    not. ``S`` and ``J`` are restated with what was named, percent of OP span; ``p_value`` is how
+    probable as strong an effect is on a valve with nothing hidden. ``begins_anew`` says
     why earlier windows do not describe this valve any more; empty where they do.
     """
 
@@ -73,6 +74,7 @@ class WindowEvidence:
     scores: tuple[EffectScore, ...] = ()
     S: Estimate | None = None
     J: Estimate | None = None
+    p_value: float | None = None
     begins_anew: str = ""
 
     @classmethod
@@ -95,6 +97,7 @@ class WindowEvidence:
             scores=mismatch.scores,
             S=mismatch.restated.S,
             J=mismatch.restated.J,
+            p_value=mismatch.p_value,
             begins_anew=begins_anew,
         )
 
@@ -117,7 +120,8 @@ class LastingFinding:
 
     ``named`` of ``of`` windows, the last ``MEMORY`` that could have shown it, name it. ``mean`` and
     ``t`` are what the others of these gain by it together; ``None`` where there are too few.
-    ``confirmed`` is when it was first confirmed, ``None`` where it never was.
+    ``confirmed`` is when it was last confirmed anew, ``None`` where it never was. ``p_value`` is how
+    probable it is that as many windows name it as strongly on a valve with nothing hidden.
     """
 
     slug: str
@@ -129,6 +133,7 @@ class LastingFinding:
     of: int
     mean: float | None = None
     t: float | None = None
+    p_value: float = 1.0
 
     @property
     def holds(self) -> bool:
@@ -195,7 +200,7 @@ def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | 
         if state in (FindingState.FIRST_SEEN, FindingState.GONE):
             if agreed and (state is FindingState.FIRST_SEEN or names[place]):
                 state, confirmed = FindingState.CONFIRMED, place
-        elif _left_out_too_often(names[: place + 1]):
+        elif _is_gone(slug, shown[: place + 1], names[: place + 1]):
             state = FindingState.GONE
         else:
             state = FindingState.STANDING
@@ -214,7 +219,24 @@ def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | 
         of=len(recent),
         mean=mean,
         t=t,
+        p_value=_chance(slug, recent),
     )
+
+
+def _chance(slug: str, windows: Sequence[WindowEvidence]) -> float:
+    """``min over k of C(n, k) p_1 ... p_k``, at most 1, with n windows and in rising order the p
+    values of those that name the effect: how probable it is that chance makes k of them as small,
+    for whichever k that is least."""
+    named = sorted(
+        NULL_RATE if window.p_value is None else window.p_value
+        for window in windows
+        if window.names(slug)
+    )
+    least = product = 1.0
+    for k, p_value in enumerate(named, start=1):
+        product *= p_value
+        least = min(least, math.comb(len(windows), k) * product)
+    return least
 
 
 def _confirms(slug: str, recent: Sequence[WindowEvidence], names: Sequence[bool]) -> bool:
@@ -222,9 +244,13 @@ def _confirms(slug: str, recent: Sequence[WindowEvidence], names: Sequence[bool]
     agree = AGREE + (slug in HARDER)
     if sum(names) >= agree:
         return True
-    mean, t = _together(slug, recent)
-    others = mean is not None and t is not None and mean >= LEAST_MEAN and t >= LEAST_T
-    return others and sum(names) == agree - 1
+    return sum(names) == agree - 1 and _gain(slug, recent)
+
+
+def _gain(slug: str, windows: Sequence[WindowEvidence]) -> bool:
+    """Whether the windows that do not name the effect gain by it together."""
+    mean, t = _together(slug, windows)
+    return mean is not None and t is not None and mean >= LEAST_MEAN and t >= LEAST_T
 
 
 def _together(
@@ -239,13 +265,16 @@ def _together(
     return mean, sum(score.t for score in known) / math.sqrt(len(known))
 
 
-def _left_out_too_often(names: Sequence[bool]) -> bool:
-    """Whether so many windows at the end do not name the effect that chance hardly explains it."""
+def _is_gone(slug: str, windows: Sequence[WindowEvidence], names: Sequence[bool]) -> bool:
+    """Whether so many windows at the end do not name the effect that chance hardly explains it, and
+    they do not gain by it together either."""
     without = next((k for k, named in enumerate(reversed(names)) if named), len(names))
     before = names[: len(names) - without][-MEMORY:]
     share = sum(before) / (len(before) + 1.0)
     enough = math.log(LEFT_OUT_BY_CHANCE) / math.log(max(1.0 - share, 1e-9))
-    return without >= min(max(math.ceil(enough), FEWEST_WITHOUT), MEMORY)
+    if without < min(max(math.ceil(enough), FEWEST_WITHOUT), MEMORY):
+        return False
+    return not _gain(slug, windows[len(windows) - without :][-MEMORY:])
 
 
 def pooled_stiction(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -178,3 +179,21 @@ def test_windows_that_disagree_widen_the_pooled_interval():
     apart = [window(day, SLUG, S=S) for day, S in enumerate((3.0, 5.0, 3.2, 4.8))]
     pooled = pooled_stiction(apart, lasting_findings(apart))
     assert pooled.S.high - pooled.S.low > 1.0
+
+
+def test_a_finding_stays_while_windows_gain_by_it_without_naming_it():
+    """A weak effect is named now and then: what the others gain by it speaks for it."""
+    little = [window(day, mean=0.05, t=0.9) for day in range(1, 20)]
+    assert states([window(0, SLUG), *little]) == {SLUG: FindingState.STANDING}
+
+
+def test_chance_of_what_many_windows_name():
+    """One window of eight at 0.01 is worth 0.08, two are worth 28 times the square."""
+    named = [replace(window(day, SLUG), p_value=0.01) for day in range(2)]
+    rest = [window(day) for day in range(2, 8)]
+    (long_ago,) = lasting_findings([named[0], *rest, window(8), window(9)])
+    assert long_ago.p_value == 1.0
+    (one,) = lasting_findings([named[0], *rest])
+    assert one.p_value == pytest.approx(7 * 0.01)
+    (two,) = lasting_findings([*named, *rest])
+    assert two.p_value == pytest.approx(28 * 0.01**2)

@@ -17,8 +17,8 @@ _DIGITS = 4
 
 
 def evidence_json(screening: Screening) -> dict[str, Any] | None:
-    """``named``, ``scores`` (mean, t and strength by slug), S and J (value, low, high), and what
-    ``begins_anew``; ``None`` where no effect was looked for."""
+    """``named``, ``scores`` (mean, t and strength by slug), S and J (value, low, high), the
+    p value, and what ``begins_anew``; ``None`` where no effect was looked for."""
     mismatch, at = screening.mismatch, screening.window[1] or datetime.min
     if mismatch is None:
         return None
@@ -31,6 +31,7 @@ def evidence_json(screening: Screening) -> dict[str, Any] | None:
         },
         "S": _triple(told.S),
         "J": _triple(told.J),
+        "p_value": finite(told.p_value),
         "begins_anew": told.begins_anew,
     }
 
@@ -47,6 +48,7 @@ def evidence_of(stored: dict[str, Any], start: datetime | None, at: datetime) ->
         ),
         S=_estimate(stored.get("S")),
         J=_estimate(stored.get("J")),
+        p_value=stored.get("p_value"),
         begins_anew=stored.get("begins_anew", ""),
     )
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import text
 
-from stemwatch.models.evidence_over_windows import FindingState, lasting_findings
+from stemwatch.models.evidence_over_windows import FindingState
 from stemwatch.models.mismatch.findings import EffectScore, Finding, Mismatch
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
@@ -47,7 +47,7 @@ def test_each_window_comes_back_with_what_it_named_and_scored(store: Store) -> N
     scores."""
     found, nothing = named(), nothing_left()
     save(store, on_day(1, nothing), on_day(0, found))
-    first, second = store.evidence(["FIC-1"])["FIC-1"]
+    first, second = store.evidence(["FIC-1"])["FIC-1"].windows
     assert first.names(SLUG)
     assert second.named == ()
     assert first.scores == second.scores == SCORES
@@ -69,12 +69,12 @@ def test_work_on_the_valve_begins_anew(store: Store) -> None:
     """What two windows agreed on before describes the valve before the work."""
     found = named()
     save(store, *[on_day(day, found) for day in range(3)])
-    (finding,) = lasting_findings(store.evidence(["FIC-1"])["FIC-1"])[:1]
+    finding = store.evidence(["FIC-1"])["FIC-1"].findings[0]
     assert finding.state is FindingState.STANDING
     store.record_maintenance("FIC-1", BEGAN + 2.5 * DAY, "exhaust cleared", "")
-    assert lasting_findings(store.evidence(["FIC-1"]).get("FIC-1", [])) == ()
+    assert store.evidence(["FIC-1"]) == {}
     save(store, on_day(3, found))
-    (after,) = lasting_findings(store.evidence(["FIC-1"])["FIC-1"])[:1]
+    after = store.evidence(["FIC-1"])["FIC-1"].findings[0]
     assert after.state is FindingState.FIRST_SEEN
     assert after.first_seen.date() == (BEGAN + 3 * DAY).date()
 
@@ -82,14 +82,15 @@ def test_work_on_the_valve_begins_anew(store: Store) -> None:
 def test_a_change_that_the_screening_names_is_kept(store: Store) -> None:
     """A curve from OP to stroke that changed: the windows before are of another valve."""
     save(store, on_day(0, named()), on_day(1, named(), changed="The curve is another one."))
-    windows = store.evidence(["FIC-1"])["FIC-1"]
-    assert [window.begins_anew for window in windows] == ["", "The curve is another one."]
+    told = store.evidence(["FIC-1"])["FIC-1"]
+    assert [window.begins_anew for window in told.windows] == ["The curve is another one."]
+    assert told.findings[0].first_seen > BEGAN + DAY
 
 
 def test_months_ago_is_not_read(store: Store) -> None:
     """The last weeks only, from the valve's latest screening."""
     save(store, on_day(0, named()), on_day(100, named()))
-    (window,) = store.evidence(["FIC-1"])["FIC-1"]
+    (window,) = store.evidence(["FIC-1"])["FIC-1"].windows
     assert window.at > BEGAN + 99 * DAY
 
 
@@ -98,14 +99,14 @@ def test_a_row_of_an_older_version_says_what_it_named(store: Store) -> None:
     save(store, on_day(0, named()), on_day(1, named()))
     with store.transactions.writing("the test") as session:
         session.execute(text("UPDATE screenings SET evidence = NULL"))
-    windows = store.evidence(["FIC-1"])["FIC-1"]
-    assert [window.scores for window in windows] == [(), ()]
-    assert any(finding.slug == SLUG and finding.holds for finding in lasting_findings(windows))
+    told = store.evidence(["FIC-1"])["FIC-1"]
+    assert [window.scores for window in told.windows] == [(), ()]
+    assert SLUG in {finding.slug for finding in told.confirmed}
 
 
 def test_a_window_that_could_not_be_tested_is_no_evidence(store: Store) -> None:
     """It neither names nor denies."""
     blind = replace(nothing_left(), finding=Finding.NOT_TESTABLE, scores=())
     save(store, on_day(0, named()), replace(on_day(1, blind), mismatch=blind))
-    (finding, *_) = lasting_findings(store.evidence(["FIC-1"])["FIC-1"])
+    (finding, *_) = store.evidence(["FIC-1"])["FIC-1"].findings
     assert finding.of == 1
