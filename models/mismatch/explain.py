@@ -61,6 +61,7 @@ from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
+from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
@@ -143,7 +144,8 @@ def explain(
         mismatch = _through_curve(recording, settled, ceiling, curve)
     else:
         mismatch = _explained(recording, settled, ceiling)
-    return replace(mismatch, seconds=time.perf_counter() - began)
+    left = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
+    return replace(mismatch, open_question=left, seconds=time.perf_counter() - began)
 
 
 def _explained(
@@ -310,6 +312,7 @@ class _Hypothesis:
     effects: tuple[Effect, ...]
     open_end: bool
     shown: HeldOutComparison
+    named: Named
     worse: str = ""
 
 
@@ -356,6 +359,7 @@ def _told(case: _Case) -> Mismatch:
         after=after,
         runs=shown.runs,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
+        open_question=left_open(evaluator, reached.named, [effect.slug for effect in effects]),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
@@ -435,7 +439,7 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown), proposed
+    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown, named), proposed
 
 
 def _worse(reached: _Hypothesis) -> str:

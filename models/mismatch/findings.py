@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
@@ -187,4 +188,5 @@ class Mismatch:
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
+    open_question: OpenQuestion | None = None  # what a planned test would have to tell
     seconds: float = 0.0
