@@ -31,7 +31,7 @@ def _lagged(mv: np.ndarray, gain: float, lag_s: float, late: int) -> np.ndarray:
 
 
 def test_gain_and_sign_are_found_behind_lag_and_delay_in_noise():
-    """A gain of -2.5 behind 12 s of lag and 5 s of delay is found to a twentieth, with its interval."""
+    """A gain of -2.5 behind 12 s of lag and 5 s of delay is found to a twentieth."""
     mv = _moves()
     noise = np.random.default_rng(1).normal(0.0, 1.0, mv.size)
     seen = process_response(_recording(mv, _lagged(mv, -2.5, 12.0, 5) + noise))
@@ -70,7 +70,7 @@ def test_upset_takes_the_end_of_the_interval_that_is_farther_from_zero():
     ],
 )
 def test_gain_that_nothing_tells_is_not_known_and_says_why(pv, why):
-    """Without PV, with one that rests or one that does something else there is a reason, no number."""
+    """Without PV, with one that rests or that does something else there is a reason only."""
     seen = process_response(_recording(_moves(), pv))
     assert seen.gain.value is None
     assert why in seen.gain.reason

@@ -27,7 +27,7 @@ openings = st.floats(0.0, 100.0)
 @example(amplitude=0.2, op=50.0, least_hold_s=1.0, data=None)
 @example(amplitude=5.0, op=2.0, least_hold_s=1.0, data=None)
 def test_no_sequence_of_moves_leaves_the_limits(amplitude, op, least_hold_s, data):
-    """Whatever moves follow each other, OP stays within amplitude and limits and ends where it began."""
+    """Whatever moves follow each other, OP stays within its limits and ends where it began."""
     limits = TestLimits(amplitude=amplitude)
     down, up = limits.room(op)
     moves = possible_moves(down, up, limits.duration_s, least_hold_s)
