@@ -96,6 +96,7 @@ def effect(
             strength=strength(advantage, evaluator.told, term.slug),
             note=_note(advantage, members),
         ),
+        inherent=term.inherent(values, evaluator.look),
     )
 
 

@@ -51,6 +51,7 @@ class Effect:
     decide: str  # the test that would tell the members apart; empty where there is one
     parameters: Mapping[str, Estimate]
     evidence: EffectEvidence
+    inherent: bool = False  # how such a machine is made, and no defect: see ``Term.inherent``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,3 +191,8 @@ class Mismatch:
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     open_question: OpenQuestion | None = None  # what a planned test would have to tell
     seconds: float = 0.0
+
+    @property
+    def defects(self) -> tuple[Effect, ...]:
+        """The effects that are something to mend, strongest first."""
+        return tuple(effect for effect in self.effects if not effect.inherent)
