@@ -229,9 +229,10 @@ def line(row: Played) -> str:
 def summary(rows: Sequence[Played]) -> str:
     """The table."""
     lines = ["", "cases               n   before  plan  staircase"]
-    groups = [("all", rows)]
+    groups: list[tuple[str, Sequence[Played]]] = [("all", rows)]
     kinds = Counter(row.kind for row in rows)
-    groups += [(kind, [row for row in rows if row.kind == kind]) for kind in kinds]
+    for kind in kinds:
+        groups.append((kind, [row for row in rows if row.kind == kind]))
     for name, group in (
         ("one effect hidden", [r for r in rows if r.in_rivals and r.hidden]),
         ("nothing hidden", [r for r in rows if not r.hidden]),
