@@ -231,13 +231,9 @@ def summary(rows: Sequence[Played]) -> str:
     lines = ["", "cases               n   before  plan  staircase"]
     groups: list[tuple[str, Sequence[Played]]] = [("all", rows)]
     kinds = Counter(row.kind for row in rows)
-    for kind in kinds:
-        groups.append((kind, [row for row in rows if row.kind == kind]))
-    for name, group in (
-        ("one effect hidden", [r for r in rows if r.in_rivals and r.hidden]),
-        ("nothing hidden", [r for r in rows if not r.hidden]),
-    ):
-        groups.append((name, group))
+    groups.extend((kind, [row for row in rows if row.kind == kind]) for kind in kinds)
+    groups.append(("one effect hidden", [r for r in rows if r.in_rivals and r.hidden]))
+    groups.append(("nothing hidden", [r for r in rows if not r.hidden]))
     for name, group in groups:
         counts = (
             sum(r.right_before for r in group),
