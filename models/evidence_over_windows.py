@@ -120,8 +120,8 @@ class LastingFinding:
 
     ``named`` of ``of`` windows, the last ``MEMORY`` that could have shown it, name it. ``mean`` and
     ``t`` are what the others of these gain by it together; ``None`` where there are too few.
-    ``confirmed`` is when it was last confirmed anew, ``None`` where it never was. ``p_value`` is how
-    probable it is that as many windows name it as strongly on a valve with nothing hidden.
+    ``confirmed`` is when it was last confirmed anew, ``None`` where it never was. ``p_value`` is
+    how probable it is that as many windows name it as strongly on a valve with nothing hidden.
     """
 
     slug: str

@@ -212,6 +212,7 @@ class PreviousFinding:
     J: float | None = None
     finding: str | None = None
     effects: tuple[str, ...] = ()
+    defects: tuple[str, ...] | None = None  # those of them to mend; ``None``: all
     held_back: bool = False  # the effects did not stand among all valves of their run
 
 

@@ -48,7 +48,6 @@ from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
-    EffectScore,
     Finding,
     HeldOutFit,
     Mismatch,
@@ -63,6 +62,7 @@ from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
+from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
@@ -145,7 +145,8 @@ def explain(
         mismatch = _through_curve(recording, settled, ceiling, curve)
     else:
         mismatch = _explained(recording, settled, ceiling)
-    return replace(mismatch, seconds=time.perf_counter() - began)
+    left = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
+    return replace(mismatch, open_question=left, seconds=time.perf_counter() - began)
 
 
 def _explained(
@@ -312,7 +313,7 @@ class _Hypothesis:
     effects: tuple[Effect, ...]
     open_end: bool
     shown: HeldOutComparison
-    scores: tuple[EffectScore, ...]
+    named: Named
     worse: str = ""
 
 
@@ -359,7 +360,8 @@ def _told(case: _Case) -> Mismatch:
         after=after,
         runs=shown.runs,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
-        scores=reached.scores,
+        open_question=left_open(evaluator, reached.named, [effect.slug for effect in effects]),
+        scores=scores_of(reached.named, effects),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
@@ -439,8 +441,7 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    told = scores_of(named, effects)
-    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown, told), proposed
+    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown, named), proposed
 
 
 def _worse(reached: _Hypothesis) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
@@ -50,6 +51,7 @@ class Effect:
     decide: str  # the test that would tell the members apart; empty where there is one
     parameters: Mapping[str, Estimate]
     evidence: EffectEvidence
+    inherent: bool = False  # how such a machine is made, and no defect: see ``Term.inherent``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,4 +204,10 @@ class Mismatch:
     p_value: float | None = None
     scores: tuple[EffectScore, ...] = ()  # of the effects that this recording could have shown
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
+    open_question: OpenQuestion | None = None  # what a planned test would have to tell
     seconds: float = 0.0
+
+    @property
+    def defects(self) -> tuple[Effect, ...]:
+        """The effects that are something to mend, strongest first."""
+        return tuple(effect for effect in self.effects if not effect.inherent)

@@ -119,6 +119,7 @@ def _effect(effect: Effect) -> dict[str, Any]:
             "strength": finite(evidence.strength),
             "note": printable(evidence.note),
         },
+        "inherent": effect.inherent,
     }
 
 

@@ -9,12 +9,20 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 
-class CommandTerm:
+class _Defect:
+    """What most terms are: material, it is something to mend."""
+
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """Never how a machine is made."""
+        return False
+
+
+class CommandTerm(_Defect):
     """A term that shapes the command and leaves the stem alone."""
 
     way = Way.COMMAND
@@ -24,7 +32,7 @@ class CommandTerm:
         """Nothing: it acts on the command."""
 
 
-class StemTerm:
+class StemTerm(_Defect):
     """A term that changes the stem and leaves the command as it is."""
 
     way = Way.STEM

@@ -23,6 +23,7 @@ from stemwatch.models.stickslip.kernel import Marks
 SLOWEST = 8.0  # s per %, as for the rate limit
 FREE = 100.0  # %/s, as for the rate limit
 MATERIAL = 10.0  # %/s, as for the rate limit
+AS_BUILT = 2.5  # %/s, as for the rate limit
 MATERIAL_RATIO = 1.5  # below, it is one limit
 
 
@@ -114,6 +115,10 @@ class AsymmetricRateLimit(CommandTerm):
         fast, slow = sorted((float(values[0]), float(values[1])))
         matters = slow * MATERIAL >= 1.0 and slow * look.swing >= 0.7 * look.interval_s
         return matters and slow >= MATERIAL_RATIO * fast
+
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """The slower way is as fast as large actuators without a booster are built."""
+        return bool(np.max(values) * AS_BUILT <= 1.0)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The top speeds of the position; 100 %/s stands for no limit."""

@@ -22,6 +22,7 @@ from stemwatch.models.stickslip.kernel import Marks
 SLOWEST = 8.0  # s per %: a full stroke in 13 minutes; more where samples are further apart
 FREE = 100.0  # %/s: a full stroke in a second is as good as no limit
 MATERIAL = 10.0  # %/s: a full stroke in 10 s is what valves of usual size do
+AS_BUILT = 2.5  # %/s: large actuators without a booster take up to 40 s for a full stroke
 
 
 @njit(cache=True)
@@ -106,6 +107,10 @@ class RateLimit(CommandTerm):
         """Slow for a valve, and slow enough to take most of a sample over the swing of OP."""
         slowness = float(values[0])
         return slowness * MATERIAL >= 1.0 and slowness * look.swing >= 0.7 * look.interval_s
+
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """As fast as large actuators without a booster are built."""
+        return bool(values[0] * AS_BUILT <= 1.0)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The top speed; 100 %/s stands for no limit."""

@@ -87,6 +87,21 @@ MATTERS = [
 ]
 
 
+# slug, coordinates of how such a machine is made; all other material sizes are defects
+AS_BUILT = [
+    ("asymmetric_rate_limit", [1 / 15.0, 1 / 2.8]),
+    ("dead_time", [0.97]),
+    ("load_by_position", [20.0, 0.0, -3.0]),
+    ("motor_drive", [20.0, 3.0, 0.0]),
+    ("rate_limit", [1 / 3.2]),
+]
+DEFECTS = [
+    ("asymmetric_rate_limit", [0.0, 1 / 1.5]),
+    ("dead_time", [1.6]),
+    ("rate_limit", [1 / 1.5]),
+]
+
+
 def said(slug: str, values: list[float], spread: float = 0.05) -> str:
     """The sentence of a term whose coordinates are ``values``, with intervals."""
     term = CATALOGUE[slug]
@@ -329,3 +344,14 @@ def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
             assert said[1] == pytest.approx([unit_s * one for one in said[0]], rel=0.02)
         elif faster[0]:
             assert said[1] == pytest.approx([one / unit_s for one in said[0]], rel=0.02)
+
+
+@everywhere
+def test_what_belongs_to_the_machine_is_told_from_a_defect(slug: str):
+    """A motor's lag, a load, and a stroke as slow as large actuators have; nothing else."""
+    term = CATALOGUE[slug]
+    for name, values in AS_BUILT:
+        assert name != slug or term.inherent(np.array(values), LOOK)
+    worth_work = [(name, large) for name, _, large in MATTERS if name not in dict(AS_BUILT)]
+    for name, values in (*worth_work, *DEFECTS):
+        assert name != slug or not term.inherent(np.array(values), LOOK)
