@@ -61,7 +61,7 @@ class FindingState(StrEnum):
 class WindowEvidence:
     """What one window of a valve said; ``at`` is its end, ``start`` its beginning where known.
 
-    ``named`` has the class of each effect that was named: its slug, then those that the window
+    ``named`` has the class of each defect that was named: its slug, then those that the window
     could not tell from it. ``scores`` are those of all effects that it could have shown, named or
     not. ``S`` and ``J`` are restated with what was named, percent of OP span; ``p_value`` is how
     probable as strong an effect is on a valve with nothing hidden. ``begins_anew`` says
@@ -92,7 +92,7 @@ class WindowEvidence:
             start=start,
             named=tuple(
                 (effect.slug, *(slug for slug in effect.members if slug != effect.slug))
-                for effect in mismatch.effects
+                for effect in mismatch.defects
             ),
             scores=mismatch.scores,
             S=mismatch.restated.S,
