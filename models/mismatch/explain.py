@@ -41,6 +41,7 @@ from stemwatch.models.mismatch.describe_effect import (
     directions,
     effect,
     residual_map,
+    scores_of,
 )
 from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
@@ -61,6 +62,7 @@ from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
+from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
@@ -144,7 +146,8 @@ def explain(
         mismatch = _through_curve(recording, settled, ceiling, curve)
     else:
         mismatch = _explained(recording, settled, ceiling)
-    return replace(mismatch, seconds=time.perf_counter() - began)
+    left = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
+    return replace(mismatch, open_question=left, seconds=time.perf_counter() - began)
 
 
 def _explained(
@@ -365,6 +368,8 @@ def _told(case: _Case) -> Mismatch:
         tried=tried,
         together=together,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
+        open_question=left_open(evaluator, reached.named, [effect.slug for effect in effects]),
+        scores=scores_of(reached.named, effects),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 

@@ -8,6 +8,7 @@ from enum import StrEnum
 from math import exp
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
@@ -87,6 +88,21 @@ class Effect:
     decide: str  # the test that would tell the members apart; empty where there is one
     parameters: Mapping[str, Estimate]
     evidence: EffectEvidence
+    inherent: bool = False  # how such a machine is made, and no defect: see ``Term.inherent``
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectScore:
+    """What one effect would gain on unseen blocks, on top of all that was named beside it.
+
+    ``mean``, ``t`` and ``strength`` as in ``EffectEvidence``. It is there for every effect that the
+    recording could have shown, named or not: other recordings of the valve may confirm it.
+    """
+
+    slug: str
+    mean: float
+    t: float
+    strength: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,5 +242,12 @@ class Mismatch:
     together: Gain | None = None
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None
+    scores: tuple[EffectScore, ...] = ()  # of the effects that this recording could have shown
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
+    open_question: OpenQuestion | None = None  # what a planned test would have to tell
     seconds: float = 0.0
+
+    @property
+    def defects(self) -> tuple[Effect, ...]:
+        """The effects that are something to mend, strongest first."""
+        return tuple(effect for effect in self.effects if not effect.inherent)

@@ -105,6 +105,11 @@ class Term(Protocol):
         """True where an effect of this size is worth a work order."""
         ...
 
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """True where an effect of this size is how such a machine is made, and no defect: it is
+        named, and S and J are restated with it, but it asks for no work."""
+        ...
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The coordinates in the terms of the field: name to (value, unit)."""
         ...

@@ -183,9 +183,9 @@ def _sticky(judged: JudgedScreening) -> str:
 
 
 def _mismatch(judged: JudgedScreening) -> str:
-    if judged.mismatch is None or not judged.mismatch.effects:
+    if judged.mismatch is None or not judged.mismatch.defects:
         return "Something beside stiction was found."
-    return present_effect(judged.mismatch.effects[0]).in_short
+    return present_effect(judged.mismatch.defects[0]).in_short
 
 
 def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreening) -> RaisedAlert:

@@ -5,7 +5,7 @@ HTML, PDF, work orders, tables, JSON, mail and terminal lay these texts out; non
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
@@ -164,13 +164,23 @@ def _evidence(effect: Effect) -> str:
 
 
 def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
-    """The screening's reason, and each effect that stands."""
-    said = [screening.reason]
-    said += beyond((effect.sentence for effect in decision.effects), screening.reason)
+    """The screening's reason, each effect that stands, and which of them are no defects."""
+    said, standing = [screening.reason], (*decision.effects, *decision.inherent)
+    said += beyond((effect.sentence for effect in standing), screening.reason)
+    if decision.inherent:
+        said.append(belong_to_machine(decision.inherent))
     mismatch = screening.mismatch
     if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
         said += beyond([mismatch.sentence], screening.reason)
     return tuple(said)
+
+
+def belong_to_machine(effects: Sequence[Effect]) -> str:
+    """That ``effects`` are how such a machine is made."""
+    names = effect_names(effect.slug for effect in effects)
+    one = len(effects) == 1
+    subject = f"{names[:1].upper()}{names[1:]} {'belongs' if one else 'belong'}"
+    return f"{subject} to such a machine and {'is no defect' if one else 'are no defects'}."
 
 
 def field_test(screening: Screening) -> str:

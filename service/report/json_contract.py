@@ -130,6 +130,7 @@ def _effect(effect: Effect) -> dict[str, Any]:
             "fails": printable(said.test.fails),
             "passes": printable(said.test.passes),
         },
+        "inherent": effect.inherent,
     }
 
 

@@ -9,14 +9,22 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 SAID_IN_SECONDS = 0.1  # shorter times are said in ms
 
 
-class CommandTerm:
+class _Defect:
+    """What most terms are: material, it is something to mend."""
+
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """Never how a machine is made."""
+        return False
+
+
+class CommandTerm(_Defect):
     """A term that shapes the command and leaves the stem alone."""
 
     way = Way.COMMAND
@@ -26,7 +34,7 @@ class CommandTerm:
         """Nothing: it acts on the command."""
 
 
-class StemTerm:
+class StemTerm(_Defect):
     """A term that changes the stem and leaves the command as it is."""
 
     way = Way.STEM

@@ -89,6 +89,10 @@ class LoadByPosition(StemTerm):
         seen = _powers(np.linspace(look.mv_low, look.mv_high, 21)) @ values
         return bool(seen.max() - seen.min() >= MATERIAL_PERCENT)
 
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """What hangs on a drive of finite gain pulls it off its command, however sound it is."""
+        return True
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """How much more it pulls down at 75 % of travel than at 25 %, and at 50 % than halfway
         between these."""

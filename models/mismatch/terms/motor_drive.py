@@ -91,6 +91,10 @@ class MotorDrive(StemTerm):
         """The run-up takes a sample and more; without it this is a drag or a lag."""
         return bool(min(values[0], values[1]) >= LEAST_SHOWN * look.interval_s)
 
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """Lag and run-up are those of the motor: every drive of finite gain has them."""
+        return True
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The lag and the run-up."""
         return {"tau": (float(values[0]), "s"), "run_up": (float(values[1]), "s")}

@@ -23,6 +23,7 @@ SLOWEST = 8.0  # s per %: a full stroke in 13 minutes; more where samples are fu
 FREE = 100.0  # %/s: a full stroke in a second is as good as no limit
 MATERIAL = 10.0  # %/s: a full stroke in 10 s is what valves of usual size do
 STEP_PERCENT = 20.0  # of the test by hand
+AS_BUILT = 2.5  # %/s: large actuators without a booster take up to 40 s for a full stroke
 
 
 @njit(cache=True)
@@ -108,6 +109,10 @@ class RateLimit(CommandTerm):
         slowness = float(values[0])
         return slowness * MATERIAL >= 1.0 and slowness * look.swing >= 0.7 * look.interval_s
 
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """As fast as large actuators without a booster are built."""
+        return bool(values[0] * AS_BUILT <= 1.0)
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The top speed; 100 %/s stands for no limit."""
         return {"rate": (1.0 / max(float(values[0]), 1.0 / FREE), "%/s")}
@@ -128,7 +133,7 @@ class RateLimit(CommandTerm):
                 "place."
             ),
             fails=f"about {took}, and a quarter of that for a quarter of the step",
-            passes=f"within {STEP_PERCENT / MATERIAL:g} s",
+            passes=f"within {STEP_PERCENT / AS_BUILT:g} s",
         )
 
 
