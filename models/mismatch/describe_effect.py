@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,13 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.acceptance_limits import strength
 from stemwatch.models.mismatch.dwell import LEAST_Z, Dwelling
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
-from stemwatch.models.mismatch.findings import Effect, EffectEvidence, EffectScore, ResidualMap
+from stemwatch.models.mismatch.findings import (
+    Effect,
+    EffectEvidence,
+    EffectScore,
+    Finding,
+    ResidualMap,
+)
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import Named
@@ -179,3 +186,27 @@ def scores_of(named: Named, effects: tuple[Effect, ...]) -> tuple[EffectScore, .
             slug=effect.slug, mean=told.mean, t=told.t, strength=told.strength
         )
     return tuple(found[slug] for slug in sorted(found))
+
+
+def sentence_of(
+    finding: Finding,
+    effects: tuple[Effect, ...],
+    refused: Mapping[str, str],
+    before: ResidualMap,
+    doubt: str,
+) -> str:
+    """What is said of the recording. ``refused`` are terms that could not be tested, ``before``
+    is the map of S and J alone, ``doubt`` why it cannot be told whether something is left out."""
+    if finding is Finding.NONE:
+        tail = f" {len(refused)} effects could not be tested here." if refused else ""
+        return f"S and J explain this recording; nothing else is needed.{tail}"
+    if finding is Finding.UNKNOWN and doubt:
+        return f"{doubt}: whether something is left out cannot be told, and nothing is named."
+    if finding is Finding.UNKNOWN:
+        where = (
+            "the residual map shows where it differs"
+            if before.hot
+            else "it differs all over the record, in no single place"
+        )
+        return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
+    return " ".join(effect.sentence for effect in effects)

@@ -42,6 +42,7 @@ from stemwatch.models.mismatch.describe_effect import (
     effect,
     residual_map,
     scores_of,
+    sentence_of,
 )
 from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
@@ -52,7 +53,6 @@ from stemwatch.models.mismatch.findings import (
     HeldOutFit,
     Mismatch,
     RecordEffect,
-    ResidualMap,
     Stiction,
     Untestable,
 )
@@ -355,7 +355,7 @@ def _told(case: _Case) -> Mismatch:
     tried, together = what_was_tried(reached.named, effects)
     mismatch = Mismatch(
         finding=finding,
-        sentence=_sentence(finding, effects, case.refused, before, doubt),
+        sentence=sentence_of(finding, effects, case.refused, before, doubt),
         naive=alone,
         restated=refitted,
         effects=effects,
@@ -652,28 +652,6 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
         return Finding.UNKNOWN if open_end else Finding.NONE
     single = all(len(effect.members) == 1 for effect in effects)
     return Finding.NAMED if single else Finding.CANDIDATES
-
-
-def _sentence(
-    finding: Finding,
-    effects: tuple[Effect, ...],
-    refused: Mapping[str, str],
-    before: ResidualMap,
-    doubt: str,
-) -> str:
-    if finding is Finding.NONE:
-        tail = f" {len(refused)} effects could not be tested here." if refused else ""
-        return f"S and J explain this recording; nothing else is needed.{tail}"
-    if finding is Finding.UNKNOWN and doubt:
-        return f"{doubt}: whether something is left out cannot be told, and nothing is named."
-    if finding is Finding.UNKNOWN:
-        where = (
-            "the residual map shows where it differs"
-            if before.hot
-            else "it differs all over the record, in no single place"
-        )
-        return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
-    return " ".join(effect.sentence for effect in effects)
 
 
 def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
