@@ -3,7 +3,7 @@ pages, work orders and alerts share."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
 
@@ -16,7 +16,8 @@ from stemwatch.models.evidence_over_windows import (
     pooled_stiction,
     that_count,
 )
-from stemwatch.models.mismatch.findings import Stiction
+from stemwatch.models.mismatch.findings import Mismatch, Stiction
+from stemwatch.service.presenter.advice import term_words
 from stemwatch.service.presenter.physics_words import effect_name
 from stemwatch.service.presenter.wording import interval, span_percent
 
@@ -36,6 +37,30 @@ class EvidenceOfWeeks:
     def confirmed(self) -> tuple[LastingFinding, ...]:
         """The findings that hold now."""
         return tuple(finding for finding in self.findings if finding.holds)
+
+    @property
+    def first_seen(self) -> tuple[LastingFinding, ...]:
+        """The findings that one window has named and no other has confirmed."""
+        return tuple(one for one in self.findings if one.state is FindingState.FIRST_SEEN)
+
+    @property
+    def p_value(self) -> float | None:
+        """The smallest p value of what is confirmed; ``None`` where nothing is."""
+        return min((finding.p_value for finding in self.confirmed), default=None)
+
+    def in_short(self, newest: Mismatch | None, zone: tzinfo = UTC) -> str:
+        """What is confirmed and what to check; in the words of the ``newest`` window, where that
+        names it too."""
+        confirmed = self.confirmed
+        said = [finding_sentence(finding, zone) for finding in confirmed]
+        effects = {effect.slug: effect for effect in newest.effects} if newest is not None else {}
+        for finding in confirmed[:1]:
+            words = term_words(finding.slug)
+            effect = effects.get(finding.slug)
+            said = [*([effect.sentence] if effect is not None else []), *said]
+            check = words.check if words is not None else effect.check if effect else ""
+            said.append(check)
+        return " ".join(sentence for sentence in said if sentence)
 
     @property
     def shown(self) -> tuple[WindowEvidence, ...]:
@@ -87,11 +112,6 @@ def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
     if finding.named == 1:
         return f"{text}, named in {_counted(finding)} and confirmed by what it gains in the others."
     return f"{text}, confirmed in {_counted(finding)}."
-
-
-def confirmed_sentence(findings: Sequence[LastingFinding], zone: tzinfo = UTC) -> str:
-    """Those of ``findings`` that hold, as text; empty where none does."""
-    return " ".join(finding_sentence(finding, zone) for finding in findings if finding.holds)
 
 
 def _counted(finding: LastingFinding) -> str:
