@@ -59,7 +59,7 @@ LEAST_SCATTER = 0.01  # of the level
 MODEL_ERROR, KINETIC_ERROR = 0.015, 0.008
 # And of both levels together, as a share of what the command moves in a sample: when in its sample
 # the stem let go, and what OP did in the rest of it, is not in the record.
-WITHIN_SAMPLE = 0.15
+WITHIN_SAMPLE = 0.2
 # And of the breakaway level alone: bristles give before they let go. A LuGre packing reads 0.2 of a
 # sample higher than the levels that it has without noise.
 LETS_GO = 0.3
