@@ -92,7 +92,7 @@ def pdf_of(sheet: TestSheet, context: ReportContext, *, compress: bool = True) -
 def _story(t: Any, sheet: TestSheet, context: ReportContext) -> list[Any]:
     from reportlab.platypus import Spacer
 
-    from stemwatch.service.maintenance.paper import Picture
+    from stemwatch.service.maintenance.paper import PaperPicture
 
     plant = f"{context.plant} · " if context.plant else ""
     planned = f"{plant}planned {instant(context.started, context.tz)} ({context.zone})"
@@ -105,7 +105,12 @@ def _story(t: Any, sheet: TestSheet, context: ReportContext) -> list[Any]:
     picture = picture_of_test(sheet)
     if sheet.test is None or picture is None:
         return story
-    return [*story, Spacer(1, 3.0), Picture(picture), t.columns(_left(t, sheet), _right(t, sheet))]
+    return [
+        *story,
+        Spacer(1, 3.0),
+        PaperPicture(picture),
+        t.columns(_left(t, sheet), _right(t, sheet)),
+    ]
 
 
 def _left(t: Any, sheet: TestSheet) -> list[Any]:

@@ -144,7 +144,7 @@ def folio(canvas: Any, context: ReportContext) -> None:
     write(canvas, told[:120] + f" · page {canvas.getPageNumber()}", A4[0] - MARGIN, 10.0, "end")
 
 
-class Picture(Flowable):  # type: ignore[misc]  # reportlab has no types
+class PaperPicture(Flowable):  # type: ignore[misc]  # reportlab has no types
     """A drawing as wide as the page."""
 
     def __init__(self, drawing: Drawing) -> None:

@@ -35,7 +35,7 @@ from stemwatch.service.maintenance.paper import (
     REGULAR,
     TOP,
     WIDTH,
-    Picture,
+    PaperPicture,
     TypeSize,
     cut,
     folio,
@@ -234,7 +234,7 @@ def _sheet(
         t.heading("What was found"),
         t.text(sheet.said.in_full),
         t.text(seen, 0.86),
-        *([] if picture is None else [Spacer(1, 3.0), Picture(picture)]),
+        *([] if picture is None else [Spacer(1, 3.0), PaperPicture(picture)]),
         t.text(note, 0.86),
     ]
     width = (WIDTH - GAP) / 2 if side_by_side else WIDTH
