@@ -326,6 +326,7 @@ def _screening(
         baseline_note=fitted.case.baseline_note,
         recording=recording,
         provenance=recording.provenance,
+        changed=fitted.curve_changed,
     )
 
 

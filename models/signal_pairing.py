@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
 from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.excitation import swing, travel
@@ -156,6 +154,8 @@ def _filtered(given: Floats, shown: Floats) -> bool:
         return False
     if quantum(shown) == 0.0:
         return True
+    from scipy.optimize import minimize_scalar  # slow to import, and rarely used
+
     off = [_off_a_line(given, shown, lag) for lag in LAGS]
     best = float(LAGS[int(np.argmin(off))])
     about = minimize_scalar(
@@ -164,12 +164,12 @@ def _filtered(given: Floats, shown: Floats) -> bool:
         method="bounded",
     )
     settled = shown.size // 10
-    return _on_a_line(_lagged(given, float(about.x))[settled:], shown[settled:])
+    return _on_a_line(first_order_lag(given, float(about.x))[settled:], shown[settled:])
 
 
 def _off_a_line(given: Floats, shown: Floats, lag: float) -> float:
     """How far ``shown`` lies off a line over the lagged ``given``, as a sum of squares."""
-    lagged = _lagged(given, lag)
+    lagged = first_order_lag(given, lag)
     columns = np.column_stack((lagged, np.ones(lagged.size)))
     off = shown - columns @ np.linalg.lstsq(columns, shown, rcond=None)[0]
     return float(off @ off)
@@ -185,11 +185,13 @@ def _without_noise(given: Floats, shown: Floats) -> bool:
     return bool(np.mean(off <= tolerance) > COPIED_SHARE)
 
 
-def _lagged(values: Floats, lag: float) -> Floats:
+def first_order_lag(values: Floats, lag: float) -> Floats:
+    """(n,) ``values`` through a lag of the first order of ``lag`` samples, at rest before."""
+    from scipy.signal import lfilter  # slow to import, and rarely used
+
     share = 1.0 - np.exp(-1.0 / lag)
-    return np.asarray(
-        lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])[0]
-    )
+    at_rest = [(1.0 - share) * values[0]]
+    return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=at_rest)[0])
 
 
 def correlation(recording: Recording) -> float:

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.signal_pairing import first_order_lag
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import StickSlipEvaluator, actuator_grid, first_look
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
@@ -80,12 +80,11 @@ class Pairing:
         problem = self.evaluator.problem
         alone = _loss(self.evaluator, problem, actuator_grid(self.evaluator, self.candidates[0]))
         behind = (
-            _loss(
-                self.evaluator, replace(problem, op=_lagged_twice(problem.op, lag)), self.candidates
-            )
+            replace(problem, op=first_order_lag(first_order_lag(problem.op, lag), lag))
             for lag in LONG_LAGS
         )
-        return min(alone, *behind) / self.still
+        losses = (_loss(self.evaluator, lagged, self.candidates) for lagged in behind)
+        return min(alone, *losses) / self.still
 
     def far_away(self) -> BestShift:
         """The best over commands from 20 to 600 samples earlier or later."""
@@ -136,15 +135,6 @@ def _shifted(problem: FitProblem, samples: float) -> FitProblem:
         return problem
     at = np.clip(np.arange(problem.op.size) + round(samples), 0, problem.op.size - 1)
     return replace(problem, op=problem.op[at])
-
-
-def _lagged_twice(values: Floats, lag: float) -> Floats:
-    """Through two lags of so many samples each."""
-    share = 1.0 - np.exp(-1.0 / lag)
-    for _ in range(2):
-        at_rest = [(1.0 - share) * values[0]]
-        values = np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=at_rest)[0])
-    return values
 
 
 def _where_moves_agree(problem: FitProblem) -> tuple[float, ...]:

@@ -120,8 +120,12 @@ class LivePlant:
         running.coming = self._simulate(running, plant_s)
 
     def close(self) -> None:
-        """Stop simulating."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        """Stop simulating, and wait for the end of the other process.
+
+        At the exit of Python 3.11 a pool that is still ending may find its pipe closed: a traceback
+        instead of a quiet end.
+        """
+        self._pool.shutdown(wait=True, cancel_futures=True)
 
     def _row(self, running: _Running, plant_s: float) -> Floats:
         if running.coming is not None and running.coming.done():

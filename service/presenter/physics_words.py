@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch, TriedOutcome
 
 # A symbol beside each word, so that no meaning hangs on colour alone.
 FINDING_SYMBOL = {
@@ -27,6 +27,14 @@ FINDING_MEANING = {
     Finding.UNKNOWN: "systematic, and nothing in the catalogue explains it",
     Finding.NONE: "S and J explain the recording, scatter of the breakaways included",
     Finding.NOT_TESTABLE: "the recording could not have shown anything",
+}
+OUTCOME_MEANING = {
+    TriedOutcome.NAMED: "named",
+    TriedOutcome.AS_GOOD: "explains it as well: this recording cannot tell it from what is named",
+    TriedOutcome.ADDS_NOTHING: "helps alone, but adds nothing beside what is named",
+    TriedOutcome.TOO_SMALL: "there perhaps, but of a size that needs no work",
+    TriedOutcome.CHANCE: "gains no more than on recordings with nothing hidden",
+    TriedOutcome.NOT_HELD: "helps in places, but does not stand on the whole record",
 }
 FACETS = {
     "phase": "By phase of the motion",

@@ -20,6 +20,7 @@ from stemwatch.service.web.auth.current_user import current_user_of, may
 from stemwatch.service.web.site import Site
 
 PAGES = (
+    ("overview", "/overview", "Overview"),
     ("ranking", "/", "Valves"),
     ("alerts", "/alerts", "Alerts"),
     ("runs", "/runs", "Runs"),

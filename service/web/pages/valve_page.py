@@ -73,6 +73,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         open_alerts=deps.open_alerts(),
         one=stored,
         shown=shown,
+        by_window=store.evidence([name]).get(name),
         gauge_top=bar_top(max(numbers)),
         models=MODEL_NAMES,
         compact=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import multiprocessing
 import re
 import threading
 import time
@@ -186,6 +187,16 @@ def test_stretches_end_where_wear_begins_and_ends() -> None:
         assert plant._running[loops()[0].tag].ahead.stop_s == 100.0
     finally:
         plant.close()
+
+
+@pytest.mark.usefixtures("own_process")
+def test_a_closed_plant_has_no_process_left() -> None:
+    """One that is still ending at the exit of Python can print a traceback."""
+    before = {child.pid for child in multiprocessing.active_children()}
+    plant = LivePlant(loops()[:1], stretch_s=50.0)
+    assert {child.pid for child in multiprocessing.active_children()} - before
+    plant.close()
+    assert {child.pid for child in multiprocessing.active_children()} <= before
 
 
 def test_wear_begins_when_it_is_told_to_and_ends_with_a_lasting_repair() -> None:

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator import (
     PlantLoop,
     SimulatedValve,
+    driving_signals,
     kernel,
     simulate,
     simulate_loop,
@@ -155,3 +157,11 @@ def test_friction_takes_energy_from_a_free_stem() -> None:
     assert np.max(np.diff(energies)) < 0.01 * energies[0]
     assert 0.0 == v
     assert abs(stem.spring_n_per_m * x) <= stem.breakaway_n
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.3, 0.99, 1.0])
+def test_first_order_noise_is_scipys_filter(pole: float) -> None:
+    """To the bit, so that a seed gives the same plant."""
+    push = np.random.default_rng(1).standard_normal(500)
+    expected = lfilter([0.7], [1.0, -pole], push)
+    assert np.array_equal(driving_signals._first_order(push, 0.7, pole), expected)
