@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -159,21 +160,26 @@ def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
         "slow archive: samples to a turn", b.FEW, sticking, slow, "samples_per_turn", above=False
     )
     yield _limit("friction evident: mean", b.EVIDENT_MEAN, noisy, slow, "friction_mean")
-    meant = [
-        [one for one in group if one.friction_mean >= b.EVIDENT_MEAN] for group in (noisy, slow)
-    ]
-    yield _limit("friction evident: t", b.EVIDENT_T, *meant, "friction_t")
-    could = [[one for one in group if one.could] for group in (sticking, slow)]
-    yield _limit("slips against the fit: S", b.S_APART, *could, "S_apart")
-    yield _limit("slips against the fit: J", b.J_APART, *could, "J_apart")
+    evident = _both(noisy, slow, lambda one: one.friction_mean >= b.EVIDENT_MEAN)
+    yield _limit("friction evident: t", b.EVIDENT_T, evident[0], evident[1], "friction_t")
+    nulls, others = _both(sticking, slow, lambda one: one.could)
+    yield _limit("slips against the fit: S", b.S_APART, nulls, others, "S_apart")
+    yield _limit("slips against the fit: J", b.J_APART, nulls, others, "J_apart")
     for name, limit, field, above in (
         ("slips against the fit: answered", b.ANSWERED, "answered", False),
         ("slips against the fit: jump", b.CLEAR, "jump", True),
         ("slips against the fit: bounds", b.WIDEST, "bounds", False),
         ("slips against the fit: samples to a turn", b.RESOLVED, "samples_per_turn", False),
     ):
-        but = [[one for one in group if one.against_the_fit(field)] for group in (sticking, slow)]
-        yield _limit(name, limit, *but, field, above=above)
+        nulls, others = _both(sticking, slow, partial(Shown.against_the_fit, but=field))
+        yield _limit(name, limit, nulls, others, field, above=above)
+
+
+def _both(
+    nulls: Sequence[Shown], others: Sequence[Shown], where: Callable[[Shown], bool]
+) -> tuple[list[Shown], list[Shown]]:
+    """Those of either group that meet the other limits."""
+    return [one for one in nulls if where(one)], [one for one in others if where(one)]
 
 
 def _limit(
