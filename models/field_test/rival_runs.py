@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice
+from stemwatch.models.field_advice import FieldAdvice, FieldTest
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.base_fit import base_bounds
@@ -88,6 +88,10 @@ class BreakawayScatter(StemTerm):
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         """Nothing."""
         return ""
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """Nothing to look for at a valve."""
+        return FieldTest(do="", fails="", passes="")
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from stemwatch.service.cli.maintenance import maintenance
 from stemwatch.service.cli.maintenance_report import maintenance_report
 from stemwatch.service.cli.miswiring import miswiring
 from stemwatch.service.cli.modbus import modbus_app
+from stemwatch.service.cli.plan_test import plan_test
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.prove_weeks import prove_weeks
 from stemwatch.service.cli.reproduce import reproduce
@@ -73,6 +74,7 @@ for command in (
     inspect,
     screen,
     explain,
+    plan_test,
     compare,
     simulate,
     simulate_archive,

@@ -15,6 +15,7 @@ from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions
@@ -285,6 +286,11 @@ class Store:
         """One page of valves, each with its latest screening."""
         with self.transactions.reading() as session:
             return ranking.read_ranking(session, wanted)
+
+    def work_counts(self, until: datetime) -> WorkCounts:
+        """How many valves needed work, by the latest screening that each had at ``until``."""
+        with self.transactions.reading() as session:
+            return WorkCounts.of_states(ranking.read_work_states(session, until))
 
     def screenings_of_run(self, run_id: int) -> list[Restored]:
         """Every screening of a run, for reports. Raises ``StoreError`` for an unknown run."""
