@@ -95,7 +95,7 @@ def test_nothing_hidden_stays_nothing_in_later_windows():
 @pytest.mark.long
 def test_a_late_command_is_confirmed_and_nothing_else(stemwatch):
     """Two valves over three windows each, one with nothing hidden."""
-    followed = follow(1, 3, 1, 3, 5151, InProcess(), effects=("dead_time",))
+    followed = follow(1, 3, 1, 3, 7171, InProcess(), effects=("dead_time",))
     counted = count_over(followed, 3)
     assert (counted.false, counted.nulls) == (0, 1)
     assert (counted.found, counted.valves) == (1, 1)
