@@ -41,6 +41,8 @@ from stemwatch.models.mismatch.describe_effect import (
     directions,
     effect,
     residual_map,
+    scores_of,
+    sentence_of,
 )
 from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
@@ -51,7 +53,6 @@ from stemwatch.models.mismatch.findings import (
     HeldOutFit,
     Mismatch,
     RecordEffect,
-    ResidualMap,
     Stiction,
     Untestable,
 )
@@ -61,9 +62,11 @@ from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
+from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.tried import what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
@@ -143,7 +146,8 @@ def explain(
         mismatch = _through_curve(recording, settled, ceiling, curve)
     else:
         mismatch = _explained(recording, settled, ceiling)
-    return replace(mismatch, seconds=time.perf_counter() - began)
+    left = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
+    return replace(mismatch, open_question=left, seconds=time.perf_counter() - began)
 
 
 def _explained(
@@ -153,12 +157,14 @@ def _explained(
     *,
     own_reading: bool = True,
     refused: Mapping[str, str] = NOTHING_REFUSED,
+    unsure_degree: int = 0,
 ) -> Mismatch:
     """``refused`` are terms that are left out from the start, and why."""
     reason = _cannot(recording, settled)
     if reason is not None:
         return _not_testable(settled, reason)
-    case = _fitted(recording, settled, ceiling, own_reading=own_reading)
+    problem = replace(problem_of(recording, settled), unsure_degree=unsure_degree)
+    case = _fitted(recording, settled, ceiling, problem, own_reading=own_reading)
     return _told(replace(case, refused={**case.refused, **refused}))
 
 
@@ -168,7 +174,8 @@ def _through_curve(
     """A recording whose command is percent of travel only after a curve; S and J in percent of
     OP."""
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
-    mismatch = _explained(in_travel(recording, curve), settled, ceiling, refused=refused)
+    degree, commanded = curve.unsure_degree, in_travel(recording, curve)
+    mismatch = _explained(commanded, settled, ceiling, refused=refused, unsure_degree=degree)
     return replace(
         mismatch,
         sentence=f"{curve.sentence()} {mismatch.sentence}",
@@ -263,10 +270,10 @@ def _fitted(
     recording: Recording,
     settled: RecordSettled,
     ceiling: Floats | None,
+    problem: FitProblem,
     *,
     own_reading: bool = True,
 ) -> _Case:
-    problem = problem_of(recording, settled)
     base = fit_base(problem, look_of(problem), settled.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
@@ -310,6 +317,7 @@ class _Hypothesis:
     effects: tuple[Effect, ...]
     open_end: bool
     shown: HeldOutComparison
+    named: Named
     worse: str = ""
 
 
@@ -341,11 +349,16 @@ def _told(case: _Case) -> Mismatch:
     finding = _finding(effects, reached.open_end or bool(doubt))
     if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
         shown, refitted = shown.of_naive_alone(), alone
-    before = residual_map(evaluator, shown.runs.naive)
-    after = residual_map(evaluator, shown.runs.extended)
+    # The same samples make the same cell of both maps: where the better of the models says that the
+    # stem is, which way it goes and when it rests.
+    nearest = shown.runs.extended
+    noise = shown.heldout.noise_floor
+    before = residual_map(evaluator, shown.runs.naive, nearest, noise)
+    after = residual_map(evaluator, nearest, nearest, noise)
+    tried, together = what_was_tried(reached.named, effects)
     mismatch = Mismatch(
         finding=finding,
-        sentence=_sentence(finding, effects, case.refused, before, doubt),
+        sentence=sentence_of(finding, effects, case.refused, before, doubt),
         naive=alone,
         restated=refitted,
         effects=effects,
@@ -355,7 +368,11 @@ def _told(case: _Case) -> Mismatch:
         before=before,
         after=after,
         runs=shown.runs,
+        tried=tried,
+        together=together,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
+        open_question=left_open(evaluator, reached.named, [effect.slug for effect in effects]),
+        scores=scores_of(reached.named, effects),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
@@ -435,7 +452,7 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown), proposed
+    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown, named), proposed
 
 
 def _worse(reached: _Hypothesis) -> str:
@@ -640,28 +657,6 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
     return Finding.NAMED if single else Finding.CANDIDATES
 
 
-def _sentence(
-    finding: Finding,
-    effects: tuple[Effect, ...],
-    refused: Mapping[str, str],
-    before: ResidualMap,
-    doubt: str,
-) -> str:
-    if finding is Finding.NONE:
-        tail = f" {len(refused)} effects could not be tested here." if refused else ""
-        return f"S and J explain this recording; nothing else is needed.{tail}"
-    if finding is Finding.UNKNOWN and doubt:
-        return f"{doubt}: whether something is left out cannot be told, and nothing is named."
-    if finding is Finding.UNKNOWN:
-        where = (
-            "the residual map shows where it differs"
-            if before.hot
-            else "it differs all over the record, in no single place"
-        )
-        return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
-    return " ".join(effect.sentence for effect in effects)
-
-
 def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
     unknown = Estimate.unknown(reason, unit=PERCENT)
     nothing = Stiction(S=unknown, J=unknown)
@@ -684,7 +679,7 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     settled = settle(recording)
     if _cannot(recording, settled) is not None:
         return {}
-    case = _fitted(recording, settled, None)
+    case = _fitted(recording, settled, None, problem_of(recording, settled))
     terms = admissible(case.refused)
     named = _named(replace(case, balance=None), terms)
     first: tuple[TermScore, ...] = named.stages[0].scores

@@ -2,7 +2,8 @@
 whether the valve needs work. Every output asks here: report, tables, pages, PDF, mail, terminal.
 
 A valve needs work where its stem sticks, or where a material effect beside friction was named that
-stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. Valves
+stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. An
+effect that belongs to the machine, as a motor's lag, is named and asks for nothing. Valves
 to watch and those that cannot be judged are counted apart.
 """
 
@@ -77,7 +78,8 @@ class WorkDecision:
 
     ``verdict`` is the word that every output shows; ``kinds`` has the kind to act on first at its
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
-    ``effects`` are those that work may be planned on.
+    ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
+    how such a machine is made.
     """
 
     verdict: Verdict
@@ -85,6 +87,7 @@ class WorkDecision:
     severity: float
     confidence: float | None = None
     effects: tuple[Effect, ...] = ()
+    inherent: tuple[Effect, ...] = ()
 
     @property
     def state(self) -> WorkState:
@@ -114,7 +117,8 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
     named): effects that are held back are no finding.
     """
     mismatch = screening.mismatch
-    effects = () if mismatch is None or stands is False else mismatch.effects
+    standing = () if mismatch is None or stands is False else mismatch.effects
+    effects = tuple(effect for effect in standing if not effect.inherent)
     kinds = kinds_of(
         screening.verdict,
         shape=screening.shape,
@@ -129,12 +133,13 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
         severity=severity_of(screening.verdict, screening.severity, kinds),
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,
+        inherent=tuple(effect for effect in standing if effect.inherent),
     )
 
 
 def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
-    """The verdict on the valve from that on its stem, which S and J give, and from whether an
-    effect beside friction was ``named`` that stands.
+    """The verdict on the valve from that on its stem, which S and J give, and from whether a
+    defect beside friction was ``named`` that stands.
 
     All that ``needs work`` means stands here and in ``STATE_OF``.
     """
@@ -143,7 +148,8 @@ def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
 
 def verdict_before(past: PreviousFinding) -> Verdict:
     """The verdict on the valve that an earlier screening ended in."""
-    return overall_verdict(past.verdict, named=bool(past.effects) and not past.held_back)
+    defects = past.effects if past.defects is None else past.defects
+    return overall_verdict(past.verdict, named=bool(defects) and not past.held_back)
 
 
 def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:

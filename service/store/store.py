@@ -13,7 +13,9 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions
@@ -39,6 +41,7 @@ from stemwatch.service.store.samples.sources import Sources
 from stemwatch.service.store.screenings import (
     baselines,
     daily_stiction,
+    evidence,
     false_discoveries,
     history,
     ranking,
@@ -284,6 +287,11 @@ class Store:
         with self.transactions.reading() as session:
             return ranking.read_ranking(session, wanted)
 
+    def work_counts(self, until: datetime) -> WorkCounts:
+        """How many valves needed work, by the latest screening that each had at ``until``."""
+        with self.transactions.reading() as session:
+            return WorkCounts.of_states(ranking.read_work_states(session, until))
+
     def screenings_of_run(self, run_id: int) -> list[Restored]:
         """Every screening of a run, for reports. Raises ``StoreError`` for an unknown run."""
         with self.transactions.reading("reading a run's screenings") as session:
@@ -305,6 +313,14 @@ class Store:
         """How S of each of ``valves`` changes over weeks, where that is known."""
         with self.transactions.reading() as session:
             return daily_stiction.read_trends(session, valves)
+
+    def evidence(self, valves: Sequence[str]) -> dict[str, EvidenceOfWeeks]:
+        """What the windows of the last weeks say together of those of ``valves`` on which one of
+        them named an effect beside S and J since the last work."""
+        with self.transactions.reading("reading the evidence of weeks") as session:
+            windows = evidence.read_evidence(session, valves)
+        told = {valve: evidence_of_weeks(of_it) for valve, of_it in windows.items()}
+        return {valve: of_it for valve, of_it in told.items() if of_it is not None}
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""

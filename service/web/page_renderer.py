@@ -20,6 +20,7 @@ from stemwatch.service.web.auth.current_user import current_user_of, may
 from stemwatch.service.web.site import Site
 
 PAGES = (
+    ("overview", "/overview", "Overview"),
     ("ranking", "/", "Valves"),
     ("alerts", "/alerts", "Alerts"),
     ("runs", "/runs", "Runs"),
@@ -99,8 +100,8 @@ def valve_link(valve: str) -> str:
 
 @cache
 def _template(name: str) -> str:
-    """A template of this package, or the report's of the same name."""
-    for place in ("web/templates", "report/templates"):
+    """A template of this package, of the report or of the planned test."""
+    for place in ("web/templates", "report/templates", "field_test"):
         resource = files("stemwatch.service").joinpath(place, name)
         if resource.is_file():
             return resource.read_text("utf-8")

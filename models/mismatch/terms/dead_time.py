@@ -13,15 +13,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.delay import delayed
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm
+from stemwatch.models.mismatch.terms._ways import CommandTerm, about
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 # Less lies within a scan of controller and recorder, where it cannot be told from sampling.
 MATERIAL = 0.8  # seconds, and samples
+# The same: what specifications allow the largest valves (EnTech 3.0, from memory).
+AS_BUILT = 1.2
 
 
 class DeadTime(CommandTerm):
@@ -83,6 +85,10 @@ class DeadTime(CommandTerm):
         """More than what scanning alone makes."""
         return bool(values[0] >= MATERIAL * max(1.0, look.interval_s))
 
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """As long as tubing and air of a large valve take, or the clocks of a sound loop differ."""
+        return bool(values[0] <= AS_BUILT * max(1.0, look.interval_s))
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The delay."""
         return {"theta": (float(values[0]), "s")}
@@ -92,6 +98,22 @@ class DeadTime(CommandTerm):
         return (
             f"The valve answers {parameters['theta']} after its command, by the same delay every "
             "time: a delay on the way of the command, or clocks of OP and MV that differ."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual, a watch at the valve: let the operator step OP by 5 % on a "
+                "count by "
+                "radio, and time how long the stem stands still."
+            ),
+            fails=f"about {about(parameters['theta'])}",
+            passes=(
+                f"less than {AS_BUILT} s; the delay is then in how OP and MV are stamped, not in "
+                "the "
+                "valve"
+            ),
         )
 
 

@@ -18,11 +18,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, grid
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, grid
 from stemwatch.models.recording import Floats
 
 LONGEST = 60.0  # samples
@@ -91,6 +91,10 @@ class MotorDrive(StemTerm):
         """The run-up takes a sample and more; without it this is a drag or a lag."""
         return bool(min(values[0], values[1]) >= LEAST_SHOWN * look.interval_s)
 
+    def inherent(self, values: Floats, look: Look) -> bool:
+        """Lag and run-up are those of the motor: every drive of finite gain has them."""
+        return True
+
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The lag and the run-up."""
         return {"tau": (float(values[0]), "s"), "run_up": (float(values[1]), "s")}
@@ -100,6 +104,14 @@ class MotorDrive(StemTerm):
         return (
             "A motor of finite gain moves the stem: it follows with a time constant of "
             f"{parameters['tau']} and runs up in {parameters['run_up']}."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do="Step the command by 5 % and time the drive to 63 % of it.",
+            fails=f"about {about(parameters['tau'])} behind the command",
+            passes="the time that the maker gives for this gain and load",
         )
 
 

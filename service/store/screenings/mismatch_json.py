@@ -1,5 +1,5 @@
 """A ``Mismatch`` as JSON and back, by the type hints of its dataclasses. It is stored as a whole,
-since nothing queries its parts."""
+since hardly anything queries its parts."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from functools import lru_cache
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.service.store.screenings.named_effects import defects_key
 
 Value = TypeVar("Value")
 
 
 def mismatch_json(mismatch: Mismatch | None) -> dict[str, Any] | None:
-    """The mismatch as JSON, without the samples of its free runs."""
+    """The mismatch as JSON, without the samples of its free runs, and without the scores, which are
+    stored apart (``evidence``)."""
     if mismatch is None:
         return None
-    packed: dict[str, Any] = pack(replace(mismatch, runs=None))
-    return packed
+    packed: dict[str, Any] = pack(replace(mismatch, runs=None, scores=()))
+    return packed | defects_key(mismatch)
 
 
 def mismatch_of(stored: Any) -> Mismatch | None:

@@ -16,6 +16,7 @@ from sqlalchemy.orm import Session, aliased
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.screenings.false_discoveries import remark_column
+from stemwatch.service.store.screenings.named_effects import defects_column, defects_of
 from stemwatch.service.store.screenings.rows import window_key
 from stemwatch.service.store.screenings.tables import ScreeningRow
 
@@ -74,6 +75,7 @@ def _columns(screening: Any) -> tuple[Any, ...]:
         screening.mismatch_finding,
         screening.mismatch_slugs,
         remark_column(screening),
+        defects_column(screening),
     )
 
 
@@ -87,5 +89,6 @@ def _previous(row: Any) -> PreviousFinding:
         J=row.j_percent,
         finding=row.mismatch_finding,
         effects=tuple(row.mismatch_slugs or ()),
+        defects=defects_of(row.mismatch_slugs, row.defects),
         held_back=bool(row.held_back),
     )

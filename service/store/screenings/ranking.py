@@ -29,6 +29,11 @@ from stemwatch.service.presenter.work_decision import (
     severity_of,
 )
 from stemwatch.service.store.screenings.false_discoveries import remark_column
+from stemwatch.service.store.screenings.named_effects import (
+    defects_column,
+    defects_of,
+    named_column,
+)
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
@@ -102,8 +107,8 @@ class RankingPage:
     largest_percent: float  # the largest S or J of all filtered valves, the scale of the bars
 
 
-def _joined(*columns: Any) -> Select[Any]:
-    latest = ScreeningRow.id == latest_screening_id()
+def _joined(*columns: Any, until: datetime | None = None) -> Select[Any]:
+    latest = ScreeningRow.id == latest_screening_id(until=until)
     return select(*columns).select_from(ValveRow).outerjoin(ScreeningRow, latest)
 
 
@@ -123,12 +128,12 @@ def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
 def _deciding() -> tuple[Any, ...]:
     """The columns from which state of work and order are decided.
 
-    ``named`` holds the effects that stand, so none where the remark says that they are held back.
+    ``named`` holds the effects that stand, so none where the remark says that they are held back,
+    and ``defects`` which of them are something to mend.
     Long columns are read only where needed: the remark where an effect was named, the reason where
     there is no verdict.
     """
     held_back = func.coalesce(remark_column(), "") != ""
-    named = ScreeningRow.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
     undetermined = ScreeningRow.verdict == Verdict.UNDETERMINED.value
     return (
         ValveRow.id,
@@ -140,7 +145,8 @@ def _deciding() -> tuple[Any, ...]:
         ScreeningRow.s_percent,
         ScreeningRow.j_percent,
         ScreeningRow.mismatch_finding.label("finding"),
-        case((and_(named, not_(held_back)), ScreeningRow.mismatch_slugs)).label("named"),
+        case((and_(named_column(), not_(held_back)), ScreeningRow.mismatch_slugs)).label("named"),
+        defects_column(),
         case((undetermined, ScreeningRow.reason)).label("why"),
     )
 
@@ -162,7 +168,8 @@ def _decided(row: Any) -> tuple[Verdict | None, float]:
     report; ``None`` and 0 where the valve has not been screened."""
     if row.verdict is None:
         return None, 0.0
-    verdict, named = Verdict(row.verdict), tuple(row.named or ())
+    verdict = Verdict(row.verdict)
+    named = defects_of(row.named, row.defects) if row.named else ()
     kinds = kinds_of(
         verdict,
         shape=None if row.shape is None else Shape(row.shape),
@@ -226,6 +233,7 @@ _COLUMNS = (
     ScreeningRow.j_reason,
     ScreeningRow.mismatch_slugs,
     remark_column(),
+    defects_column(),
 )
 
 
@@ -265,6 +273,16 @@ def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     )
 
 
+def read_work_states(session: Session, until: datetime) -> dict[WorkState, int]:
+    """How many valves stood where at ``until``, by the latest screening that each had then."""
+    states = dict.fromkeys(WorkState, 0)
+    for row in session.connection().execute(_joined(*_deciding(), until=until)).all():
+        verdict, _ = _decided(row)
+        if verdict is not None:
+            states[STATE_OF[verdict]] += 1
+    return states
+
+
 def _lines(
     session: Session, shown: Sequence[tuple[str, int | None, float]], place: int
 ) -> tuple[RankingLine, ...]:
@@ -297,7 +315,7 @@ def read_valves_in(session: Session, area: str) -> list[str]:
 
 def _line(row: Any, place: int, severity: float, previous: PreviousFinding | None) -> RankingLine:
     stem = None if row.verdict is None else Verdict(row.verdict)
-    named = bool(row.mismatch_slugs) and not row.held_back
+    named = bool(defects_of(row.mismatch_slugs, row.defects)) and not row.held_back
     return RankingLine(
         place=place,
         valve=row.id,

@@ -17,6 +17,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.screenings.baselines import BASELINE
 from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.mismatch_json import mismatch_of
+from stemwatch.service.store.screenings.named_effects import defects_column
 from stemwatch.service.store.screenings.records import JudgedScreening, RecentOfValve
 from stemwatch.service.store.screenings.screenings import latest_screening_id, read_indicator
 from stemwatch.service.store.screenings.tables import (
@@ -45,6 +46,7 @@ _COLUMNS = (
     ScreeningRow.j_percent,
     ScreeningRow.mismatch_finding,
     remark_column(),
+    defects_column(),
 )
 
 
@@ -139,7 +141,7 @@ def _judged(row: Any, mismatch: Mismatch | None) -> JudgedScreening:
         severity=row.severity,
         S=_percent(row),
         J=row.j_percent,
-        named=row.mismatch_finding == _NAMED and not row.held_back,
+        named=row.mismatch_finding == _NAMED and not row.held_back and row.defects != "",
         mismatch=mismatch,
     )
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ScalarSelect, Select, and_, delete, func, insert, not_, select
+from sqlalchemy import ScalarSelect, Select, delete, func, insert, select
 from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 
 from stemwatch.models.mismatch.findings import Finding
@@ -15,8 +15,8 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.mismatch_json import mismatch_of
+from stemwatch.service.store.screenings.named_effects import defective_column
 from stemwatch.service.store.screenings.records import (
     DescribedValve,
     EarlierCurve,
@@ -140,17 +140,20 @@ def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
 
 
 def latest_screening_id(
-    valve: InstrumentedAttribute[str] = ValveRow.id, before: int = 0
+    valve: InstrumentedAttribute[str] = ValveRow.id,
+    before: int = 0,
+    until: datetime | None = None,
 ) -> ScalarSelect[int]:
     """A subquery: the number of the latest screening of the valve in column ``valve`` of the outer
-    query, or of the one ``before`` places earlier; NULL where there is none.
+    query, or of the one ``before`` places earlier; NULL where there is none. With ``until`` the
+    latest at that time.
 
     One index seek for each valve, so that the time does not grow with the years stored.
     """
     newest = aliased(ScreeningRow)
     return (
         select(newest.id)
-        .where(newest.valve == valve)
+        .where(newest.valve == valve, *(() if until is None else (newest.at <= until,)))
         .order_by(newest.at.desc(), newest.id.desc())
         .limit(1)
         .offset(before)
@@ -166,12 +169,11 @@ def count_verdicts(session: Session, run_id: int) -> dict[str, int]:
 
 def count_overall(session: Session, of: Select[Any]) -> dict[str, int]:
     """How many of the screenings ``of`` ended in each verdict on their valve."""
-    held_back = func.coalesce(remark_column(), "") != ""
-    named = ScreeningRow.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
-    stands = and_(func.coalesce(named, False), not_(held_back))
-    statement = of.with_only_columns(ScreeningRow.verdict, stands, func.count())
+    defective = defective_column()
+    statement = of.with_only_columns(ScreeningRow.verdict, defective, func.count())
+    grouped = statement.group_by(ScreeningRow.verdict, defective)
     counts: dict[str, int] = {}
-    for word, standing, count in session.execute(statement.group_by(ScreeningRow.verdict, stands)):
-        verdict = overall_verdict(Verdict(word), named=bool(standing)).value
+    for word, named, count in session.execute(grouped):
+        verdict = overall_verdict(Verdict(word), named=bool(named)).value
         counts[verdict] = counts.get(verdict, 0) + count
     return counts

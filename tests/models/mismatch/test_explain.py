@@ -15,7 +15,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.mismatch.explain import explain, scores
-from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
 from stemwatch.models.mismatch.term import Way
 from stemwatch.models.mismatch.terms import catalogue
@@ -132,6 +132,43 @@ def test_the_fit_to_unseen_data_goes_up(slug, seed, name, size, within):
     assert told.fit_extended > told.fit_naive
     assert told.gain_low <= told.fit_extended - told.fit_naive <= told.gain_high
     assert 0.0 < told.noise_floor < told.rmse_extended
+
+
+@hidden
+def test_what_was_tried_is_kept_with_its_scores(slug, seed, name, size, within):
+    """Every effect stands once; what is named gains most, and all together no less than each."""
+    found = explained(slug, seed)
+    by_slug = {one.slug: one for one in found.tried}
+    assert len(by_slug) == len(found.tried)
+    assert not set(by_slug) & {one.slug for one in found.not_testable}
+    named = {one.slug for one in found.tried if one.outcome is TriedOutcome.NAMED}
+    assert named == {effect.slug for effect in found.effects} & set(by_slug)
+    for effect in found.effects:
+        for other in set(effect.members[1:]) - named:
+            assert by_slug[other].outcome is TriedOutcome.AS_GOOD
+    if {effect.slug for effect in found.effects} - named:  # an error of the reading
+        assert found.together is None
+        return
+    assert found.together is not None
+    assert found.together.mean >= max(by_slug[slug].alone.mean for slug in named) - 0.05
+    for one in found.tried:
+        if one.outcome is TriedOutcome.ADDS_NOTHING:
+            assert one.beside is not None
+            assert one.beside.mean < one.alone.mean
+
+
+@hidden
+def test_before_and_after_share_their_cells(slug, seed, name, size, within):
+    """The same rows, columns and empty cells: both maps are of the same samples."""
+    before, after = explained(slug, seed).before, explained(slug, seed).after
+    assert before.travel_edges == after.travel_edges
+    assert before.columns == after.columns
+    assert [[cell is None for cell in row] for row in before.grid] == [
+        [cell is None for cell in row] for row in after.grid
+    ]
+    assert [(c.facet, c.label, c.samples) for c in before.cells] == [
+        (c.facet, c.label, c.samples) for c in after.cells
+    ]
 
 
 @pytest.mark.parametrize("seed", [4000, 4001, pytest.param(4003, marks=pytest.mark.long)])

@@ -87,6 +87,21 @@ MATTERS = [
 ]
 
 
+# slug, coordinates of how such a machine is made; all other material sizes are defects
+AS_BUILT = [
+    ("asymmetric_rate_limit", [1 / 15.0, 1 / 2.8]),
+    ("dead_time", [0.97]),
+    ("load_by_position", [20.0, 0.0, -3.0]),
+    ("motor_drive", [20.0, 3.0, 0.0]),
+    ("rate_limit", [1 / 3.2]),
+]
+DEFECTS = [
+    ("asymmetric_rate_limit", [0.0, 1 / 1.5]),
+    ("dead_time", [1.6]),
+    ("rate_limit", [1 / 1.5]),
+]
+
+
 def said(slug: str, values: list[float], spread: float = 0.05) -> str:
     """The sentence of a term whose coordinates are ``values``, with intervals."""
     term = CATALOGUE[slug]
@@ -329,3 +344,43 @@ def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
             assert said[1] == pytest.approx([unit_s * one for one in said[0]], rel=0.02)
         elif faster[0]:
             assert said[1] == pytest.approx([one / unit_s for one in said[0]], rel=0.02)
+
+
+@everywhere
+def test_each_effect_has_a_test_in_the_field_with_numbers(slug):
+    """What to do, and what to expect where the finding is right and where there is nothing to mend;
+    the larger the effect, the larger the number that is expected."""
+    term = CATALOGUE[slug]
+    values = term.starts(LOOK)[-1]
+    numbers = {}
+    for name, (value, unit) in term.parameters(values).items():
+        low, high = sorted((0.9 * value, 1.1 * value))
+        numbers[name] = Estimate(value=value, low=low, high=high, unit=unit)
+    test = term.field_test(numbers)
+    assert re.search(r"[A-Z].*\.$", test.do)
+    assert re.search(r"\d", test.do + test.fails)
+    assert test.fails != test.passes
+    for words in (test.fails, test.passes):
+        assert words
+        assert not words.endswith(".")
+        assert "nan" not in words
+
+
+def test_the_expected_time_of_a_speed_limit_is_that_of_the_step():
+    """At 2.0 %/s a step of 20 % takes 10 s; large actuators are built to take eight."""
+    rate = Estimate(value=2.0, low=1.9, high=2.1, unit="%/s")
+    test = CATALOGUE["rate_limit"].field_test({"rate": rate})
+    assert "step OP by 20 %" in test.do
+    assert test.fails.startswith("about 10 s (9.5 to 11)")
+    assert test.passes == "within 8 s"
+
+
+@everywhere
+def test_what_belongs_to_the_machine_is_told_from_a_defect(slug: str):
+    """A motor's lag, a load, and a stroke as slow as large actuators have; nothing else."""
+    term = CATALOGUE[slug]
+    for name, values in AS_BUILT:
+        assert name != slug or term.inherent(np.array(values), LOOK)
+    worth_work = [(name, large) for name, _, large in MATTERS if name not in dict(AS_BUILT)]
+    for name, values in (*worth_work, *DEFECTS):
+        assert name != slug or not term.inherent(np.array(values), LOOK)

@@ -52,6 +52,14 @@ def by_chance(valve: str) -> Screening:
     return replace(found, mismatch=replace(found.mismatch, p_value=0.6))
 
 
+def as_built(valve: str) -> Screening:
+    """A healthy drive whose effects belong to such a machine."""
+    found = with_effects(valve, Verdict.HEALTHY)
+    assert found.mismatch is not None
+    effects = tuple(replace(effect, inherent=True) for effect in found.mismatch.effects)
+    return replace(found, mismatch=replace(found.mismatch, effects=effects))
+
+
 def every_kind() -> list[Screening]:
     """Sticky, sticky with an effect, defective, to watch, healthy, and what cannot be judged."""
     return [
@@ -63,6 +71,7 @@ def every_kind() -> list[Screening]:
         screening("FIC-6", Verdict.WATCH, S=1.1),
         screening("FIC-7", Verdict.HEALTHY, S=0.3),
         by_chance("FIC-8"),
+        as_built("FIC-9"),
         frozen("PIC-1"),
         blind("PIC-2", NO_POSITION),
         blind("PIC-3", BAD),
@@ -124,11 +133,12 @@ def text_of(page: str) -> str:
 
 
 def test_each_kind_has_the_verdict_that_it_should(verdicts: dict[str, str]) -> None:
-    """A material defect is no healthy valve; one that chance may have named is none."""
+    """A material defect is no healthy valve; one that chance may have named is none, nor is what
+    belongs to the machine."""
     assert verdicts == {
         **{"FIC-1": "sticky", "FIC-2": "sticky", "FIC-3": "sticky"},
         **{"FIC-4": "defective", "FIC-5": "defective", "FIC-6": "watch"},
-        **{"FIC-7": "healthy", "FIC-8": "healthy"},
+        **{"FIC-7": "healthy", "FIC-8": "healthy", "FIC-9": "healthy"},
         **dict.fromkeys(("PIC-1", "PIC-2", "PIC-3", "PIC-4"), "undetermined"),
     }
 
@@ -181,8 +191,8 @@ def test_headline_and_counts_are_the_same(
     """Report, ranking page, terminal, run page, metrics, and the book made from the store."""
     store, run = stored
     counts, headline = ranking.counts, ranking.counts.headline
-    assert headline == "5 of 12 valves need work"
-    assert (counts.watch, counts.not_judged, counts.no_work) == (1, 4, 2)
+    assert headline == "5 of 13 valves need work"
+    assert (counts.watch, counts.not_judged, counts.no_work) == (1, 4, 3)
     assert headline in text_of((files / "report.html").read_text("utf-8"))
     assert headline in text_of(pages.get("/").text)
     assert headline in str(views.summary([in_brief(one) for one in every_kind()]).title)

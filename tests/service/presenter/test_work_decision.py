@@ -15,6 +15,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter import work_decision as k
+from stemwatch.service.presenter.finding import present
 from tests.service.made_mismatch import named
 from tests.service.report.conftest import screening, stick_slip
 
@@ -109,6 +110,22 @@ def test_an_effect_that_is_held_back_makes_no_work():
     healthy = replace(watch, verdict=Verdict.HEALTHY)
     assert kinds_of(healthy, stands=False) == (k.HEALTHY,)
     assert k.decide(healthy, stands=False).state is k.WorkState.NO_WORK
+
+
+def test_what_belongs_to_the_machine_is_named_and_asks_for_no_work():
+    """A motor's lag is how a drive is made; a defect beside it is work all the same."""
+    first, *others = named().effects
+    machine = replace(first, slug="motor_drive", members=("motor_drive",), inherent=True)
+    healthy = sticky(verdict=Verdict.HEALTHY, mismatch=replace(named(), effects=(machine,)))
+    decided = k.decide(healthy, stands=True)
+    assert (decided.verdict, decided.kinds) == (Verdict.HEALTHY, (k.HEALTHY,))
+    assert (decided.effects, decided.inherent) == ((), (machine,))
+    found = present(healthy, stands=True).found
+    assert found[-1] == "Motor drive belongs to such a machine and is no defect."
+    assert machine.sentence in " ".join(found)
+    both = replace(healthy, mismatch=replace(named(), effects=(machine, *others)))
+    assert k.decide(both, stands=True).kinds == tuple(one.slug for one in others)
+    assert needs_work(both, stands=True)
 
 
 def test_an_unknown_difference_gets_a_page_on_a_valve_to_watch_and_none_on_a_healthy_one():

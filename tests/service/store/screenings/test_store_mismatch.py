@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import timedelta
 
 import numpy as np
-from sqlalchemy import text
+from sqlalchemy import select, text
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import (
@@ -23,6 +23,8 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.tables import ScreeningRow
 from stemwatch.service.store.store import Store
 
@@ -71,6 +73,32 @@ def test_a_mismatch_comes_back_without_its_samples(store: Store, make_screening)
         row = session.execute(text("SELECT mismatch_finding, mismatch_slugs FROM screenings")).one()
     assert row[0] == "named"
     assert "lost_motion" in str(row[1])
+
+
+def test_what_belongs_to_the_machine_counts_nowhere_as_a_defect(
+    store: Store, make_screening
+) -> None:
+    """Counts, ranking, history and the next screening's past say so; what an older version stored
+    has no such key, and all its effects count."""
+    run, machine = store.begin_run(software_version="1"), replace(EFFECT, inherent=True)
+    mismatch = replace(MISMATCH, effects=(machine,))
+    made = replace(make_screening(mismatch=mismatch), verdict=Verdict.HEALTHY)
+    store.save(made, run)
+
+    def said() -> list[str]:
+        (line,) = store.ranking(RankingFilter()).lines
+        (point,) = store.s_and_j("FIC-101")
+        (judged,) = store.recent(["FIC-101"], 1, "none")["FIC-101"].screenings
+        assert line.left_out == ("lost_motion",)
+        counts = store.finish_run(run).counts
+        counted = [verdict.value for verdict, count in counts.items() if count]
+        return [*counted, line.verdict.value, point.verdict.value, str(judged.named)]
+
+    assert said() == ["healthy", "healthy", "healthy", "False"]
+    with store.transactions.writing("as an older version") as session:
+        (row,) = session.scalars(select(ScreeningRow))
+        row.mismatch = {key: one for key, one in row.mismatch.items() if key != "defects"}
+    assert said() == ["defective", "defective", "defective", "True"]
 
 
 def test_the_curves_of_the_last_windows_are_known(store: Store, make_screening) -> None:
