@@ -22,6 +22,7 @@ from stemwatch.service.cli.maintenance import maintenance
 from stemwatch.service.cli.maintenance_report import maintenance_report
 from stemwatch.service.cli.miswiring import miswiring
 from stemwatch.service.cli.modbus import modbus_app
+from stemwatch.service.cli.plan_test import plan_test
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.reproduce import reproduce
 from stemwatch.service.cli.robustness import robustness
@@ -71,6 +72,7 @@ for command in (
     inspect,
     screen,
     explain,
+    plan_test,
     compare,
     simulate,
     simulate_archive,
