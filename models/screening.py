@@ -174,7 +174,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         assessment = with_obstacles(assessment, found)
     if not assessment.obstacles:
         commanded = in_travel(masked, curve)
-        fit = fit_stickslip(commanded)
+        fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0)
         fit, archive = as_sampled(fit, commanded)
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(

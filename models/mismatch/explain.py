@@ -157,12 +157,14 @@ def _explained(
     *,
     own_reading: bool = True,
     refused: Mapping[str, str] = NOTHING_REFUSED,
+    unsure_degree: int = 0,
 ) -> Mismatch:
     """``refused`` are terms that are left out from the start, and why."""
     reason = _cannot(recording, settled)
     if reason is not None:
         return _not_testable(settled, reason)
-    case = _fitted(recording, settled, ceiling, own_reading=own_reading)
+    problem = replace(problem_of(recording, settled), unsure_degree=unsure_degree)
+    case = _fitted(recording, settled, ceiling, problem, own_reading=own_reading)
     return _told(replace(case, refused={**case.refused, **refused}))
 
 
@@ -172,7 +174,8 @@ def _through_curve(
     """A recording whose command is percent of travel only after a curve; S and J in percent of
     OP."""
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
-    mismatch = _explained(in_travel(recording, curve), settled, ceiling, refused=refused)
+    degree, commanded = curve.unsure_degree, in_travel(recording, curve)
+    mismatch = _explained(commanded, settled, ceiling, refused=refused, unsure_degree=degree)
     return replace(
         mismatch,
         sentence=f"{curve.sentence()} {mismatch.sentence}",
@@ -267,10 +270,10 @@ def _fitted(
     recording: Recording,
     settled: RecordSettled,
     ceiling: Floats | None,
+    problem: FitProblem,
     *,
     own_reading: bool = True,
 ) -> _Case:
-    problem = problem_of(recording, settled)
     base = fit_base(problem, look_of(problem), settled.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
@@ -676,7 +679,7 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     settled = settle(recording)
     if _cannot(recording, settled) is not None:
         return {}
-    case = _fitted(recording, settled, None)
+    case = _fitted(recording, settled, None, problem_of(recording, settled))
     terms = admissible(case.refused)
     named = _named(replace(case, balance=None), terms)
     first: tuple[TermScore, ...] = named.stages[0].scores
