@@ -127,7 +127,6 @@ def as_plant_toml(limits: Mapping[str, SetLimit], schedules: Iterable[ScreeningS
 
 
 def _toml(value: Any) -> str:
-    """A value of a schedule as TOML, whose texts and lists of texts are written as in JSON."""
-    if isinstance(value, tuple):
-        return json.dumps(list(value), ensure_ascii=True)
-    return json.dumps(value, ensure_ascii=True)
+    """A value as TOML, whose texts and lists are written as in JSON but for U+007F."""
+    plain = list(value) if isinstance(value, tuple) else value
+    return json.dumps(plain, ensure_ascii=False).replace("\x7f", "\\u007f")
