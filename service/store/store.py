@@ -124,7 +124,8 @@ class Store:
     The methods here are about valves, runs and screenings. The running service uses ``alerts``,
     ``browser_settings``, ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and
     ``sources``; users and sign-in are in ``accounts``, ``access_links``, ``web_sessions``,
-    ``api_tokens``, ``attempts`` and ``audit``. Times must have a zone and are returned in UTC. Methods raise ``StoreError``.
+    ``api_tokens``, ``attempts`` and ``audit``. Times must have a zone and are
+    returned in UTC. Methods raise ``StoreError``.
     """
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
