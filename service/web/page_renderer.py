@@ -108,8 +108,8 @@ def valve_link(valve: str) -> str:
 
 @cache
 def _template(name: str) -> str:
-    """A template of this package, or the report's of the same name."""
-    for place in ("web/templates", "report/templates"):
+    """A template of this package, of the report or of the planned test."""
+    for place in ("web/templates", "report/templates", "field_test"):
         resource = files("stemwatch.service").joinpath(place, name)
         if resource.is_file():
             return resource.read_text("utf-8")

@@ -253,3 +253,14 @@ def test_a_real_rate_limited_valve_is_not_sticky(recordings):
     assert one.indicators["naive_S_percent"].value > 8.0
     assert one.S.value < 2.0
     assert Verdict.STICKY is not one.verdict
+
+
+def test_the_scans_of_both_tags_stand_among_the_decisions():
+    """A position that is scanned slowly is said beside OP's own scan, and nothing of it else."""
+    base = plant()
+    mv = base.signals[Role.MV].values[np.arange(len(base)) // 3 * 3]
+    slow = replace(base, signals={**base.signals, Role.MV: Signal.good(mv, "ZT")})
+    plain, scanned = quick(base, slow)
+    said = [one for one in scanned.provenance.decisions if "scan" in one]
+    assert said == ["OP changes every 1 s, the position every 3 s: each has its own scan."]
+    assert not any("scan" in one for one in plain.provenance.decisions)

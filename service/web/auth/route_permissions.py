@@ -28,6 +28,8 @@ ROUTE_OPERATIONS: Mapping[str, Operation] = MappingProxyType(
         "GET /": Operation.READ,
         "GET /overview": Operation.READ,
         "GET /valve": Operation.READ,
+        "GET /valve/test-plan": Operation.READ,
+        "GET /valve/test-plan/sheet": Operation.READ,
         "GET /alerts": Operation.READ,
         "GET /runs": Operation.READ,
         "GET /run": Operation.READ,
