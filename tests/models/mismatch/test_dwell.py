@@ -88,7 +88,7 @@ def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     assert np.all(fitted.candidates[:, 0] < 4.8)
 
 
-@pytest.mark.parametrize("place", [2, 3])
+@pytest.mark.parametrize("place", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_hidden_dwell_is_named_with_its_events(place):
     """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer."""
     recording, S, J, rise = simulated(place)
@@ -112,7 +112,7 @@ def test_dwell_that_predicts_unseen_samples_worse_is_said_and_not_named():
     assert found.restated == found.naive
 
 
-@pytest.mark.parametrize("place", [1, 7])
+@pytest.mark.parametrize("place", [1, pytest.param(7, marks=pytest.mark.long)])
 def test_scatter_is_not_dwell(place):
     """With 12 % scatter a late breakaway has rested longer, and is still no dwell."""
     _, run = simulate_hidden(draw_nulls(place + 1, 4022)[place])
