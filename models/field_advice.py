@@ -51,6 +51,16 @@ class FieldAdvice:
         return " ".join(step.text for step in self.steps)
 
 
+@dataclass(frozen=True, kw_only=True)
+class FieldTest:
+    """One test by hand: what to do, what it shows where the finding is right, and what where there
+    is nothing to mend. ``fails`` and ``passes`` are clauses with numbers."""
+
+    do: str
+    fails: str
+    passes: str
+
+
 def check_steps(*texts: str) -> tuple[CheckStep, ...]:
     """Steps written as ``"look: Read the gauge."``: a level of ``IsolationLevel``, then the words.
 

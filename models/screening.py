@@ -35,7 +35,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
-from stemwatch.models.mismatch.record_effects import late_effect
+from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -174,7 +174,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         assessment = with_obstacles(assessment, found)
     if not assessment.obstacles:
         commanded = in_travel(masked, curve)
-        fit = fit_stickslip(commanded)
+        fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0)
         fit, archive = as_sampled(fit, commanded)
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
@@ -326,6 +326,7 @@ def _screening(
         baseline_note=fitted.case.baseline_note,
         recording=recording,
         provenance=recording.provenance,
+        changed=fitted.curve_changed,
     )
 
 
@@ -334,6 +335,7 @@ def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     sentences = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
     if fitted.late_s:
         sentences += [late_effect(fitted.late_s, fitted.recording.unit_s).sentence]
+    sentences += [one for one in [scan_sentence(fitted.recording)] if one]
     sentences += [fitted.curve.sentence()] if fitted.curve is not None else []
     if fitted.archive is not None and fitted.fit is not None:
         sentences.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))

@@ -127,6 +127,7 @@ class Screening:
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
+    changed: str = ""  # what is otherwise than in the window before, as a curve from OP to stroke
     seconds: float = 0.0
 
     def __repr__(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,22 +14,19 @@ from stemwatch.connectors.historian.layouts import parse_source
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.document import open_document
-from stemwatch.connectors.historian.tables.large_file import (
-    FileColumns,
-    LargeTable,
-    open_large,
-)
+from stemwatch.connectors.historian.tables.large_file import large_input
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable
+from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.connectors.historian.times.time_column import Instants, read_instants
 from stemwatch.connectors.historian.values.columns import Column, convert, own_interval_s
-from stemwatch.connectors.historian.values.numbers import decide_decimal
-from stemwatch.connectors.historian.values.stored_text import StoredText
+from stemwatch.connectors.historian.values.decimal_mark import decide_decimal
+from stemwatch.connectors.historian.values.stored_text import StoredText, has_been_read
 from stemwatch.models.recording import Role
 
-_NUMBERS_AT_ONCE = 16_000_000  # that one pass over a large file reads: 128 MB
+_NUMBERS_AT_ONCE = 8_000_000  # that one pass over a large file reads: as texts some 160 MB
 _NUMBERS_KEPT = 12_000_000  # of converted columns, some 30 bytes each
 
 
@@ -45,7 +42,6 @@ class OpenedFile:
     instants: Instants
     decimal: str
     notes: ReadingNotes
-    in_file: FileColumns | None = None  # where the table is read in pieces
     _columns: dict[tuple[str, bool], Column] = field(default_factory=dict)
     _all: bool = False  # every tag is looked at, one after the other
     _roles: list[Candidate] | None = None
@@ -105,32 +101,51 @@ class OpenedFile:
         return self._columns[key]
 
     @cached_property
+    def in_pieces(self) -> bool:
+        """Whether the cells stay in the file until they are asked for."""
+        return any(isinstance(column.cells, StoredText) for column in self.table.columns)
+
+    @cached_property
+    def _place(self) -> dict[str, int]:
+        return {column.tag: place for place, column in enumerate(self.table.columns)}
+
+    @cached_property
     def _by_tag(self) -> dict[str, RawColumn]:
         return {column.tag: column for column in reversed(self.table.columns)}
 
     def read_ahead(self, tags: Iterable[str]) -> None:
         """Read these tags in one pass over the file, where it is read in pieces."""
-        if self.in_file is None:
-            return
-        cells = [self._by_tag[tag].cells for tag in tags if (tag, False) not in self._columns]
-        self.in_file.read_ahead([one.place for one in cells if isinstance(one, StoredText)])
+        if self.in_pieces:
+            self._read([self._by_tag[tag] for tag in tags if (tag, False) not in self._columns])
 
     def _read_following(self, raw: RawColumn) -> None:
         """Read this column and, in the same pass, as many after it as need little memory."""
-        if self.in_file is None or not isinstance(raw.cells, StoredText):
+        if not self.in_pieces or has_been_read(raw.cells):
             return
-        each = max(1, _NUMBERS_AT_ONCE // max(1, len(raw.cells)))
-        later = [c.cells for c in self.table.columns if isinstance(c.cells, StoredText)]
-        wanted = [one.place for one in later if one.place >= raw.cells.place]
-        self.in_file.read_ahead(wanted[:each])
+        wanted: list[RawColumn] = []
+        cells = 0
+        for column in self.table.columns[self._place[raw.tag] :]:
+            cells += len(column.cells)
+            if wanted and cells > _NUMBERS_AT_ONCE:
+                break
+            wanted.append(column)
+        self._read(wanted)
+
+    def _read(self, columns: Sequence[RawColumn]) -> None:
+        """Numbers, quality codes and marks of held values of these in one pass."""
+        numbers = [one.cells for one in columns if isinstance(one.cells, StoredText)]
+        beside = [cells for one in columns for cells in (one.quality_codes, one.held)]
+        texts = [cells for cells in beside if isinstance(cells, StoredText)]
+        if numbers:
+            numbers[0].columns.read(numbers, texts, self.decimal)
 
     def _forget(self, raw: RawColumn) -> None:
         """Keep no text of a column that is converted, and of large files few columns."""
-        if self.in_file is None or not isinstance(raw.cells, StoredText):
+        if not self.in_pieces:
             return
-        for cells in (raw.cells, raw.quality_codes):
+        for cells in (raw.cells, raw.quality_codes, raw.held):
             if isinstance(cells, StoredText):
-                self.in_file.forget(cells.place)
+                cells.forget()
         while len(self._columns) * len(raw.cells) > _NUMBERS_KEPT and len(self._columns) > 1:
             del self._columns[next(iter(self._columns))]
 
@@ -153,48 +168,37 @@ def open_file(path: Path, options: ReadOptions) -> OpenedFile:
 
     Raises ``UnreadableSource`` where it is not there, not text, or not a table of samples.
     """
-    notes = ReadingNotes()
-    large = open_large(path, options, notes)
+    large = large_input(path, options)
     if large is not None:
-        return _opened(path, options, large, notes)
+        try:
+            return _opened(large, parse_source(large))
+        except NotInPieces:
+            pass
+    notes = ReadingNotes()
     document = open_document(path, options.encoding, notes)
-    table = parse_source(LayoutInput(document, options, notes))
+    source = LayoutInput(document, options, notes)
+    return _opened(source, parse_source(source))
+
+
+def _opened(source: LayoutInput, table: RawTable) -> OpenedFile:
+    options, notes = source.options, source.notes
     if not table.columns or not table.numbers:
         raise UnreadableSource(
-            f"{path}: {len(table.columns)} tags and {len(table.numbers)} rows were found; expected "
-            "at least one tag with values"
+            f"{source.name}: {len(table.columns)} tags and {len(table.numbers)} rows were found; "
+            "expected at least one tag with values"
         )
-    decimal = _decimal(table, options, str(path), notes)
+    decimal = _decimal(table, options, source.name, notes)
     opened = OpenedFile(
-        path=path,
+        path=source.document.path,
         options=options,
-        digest=document.digest,
-        encoding=document.encoding,
+        digest=source.document.digest,
+        encoding=source.document.encoding,
         table=table,
-        instants=read_instants(table, options, str(path), notes),
+        instants=read_instants(table, options, source.name, notes),
         decimal=decimal,
         notes=notes,
     )
     if not any(np.isfinite(opened.column(c.tag).values).any() for c in table.columns):
-        _refuse_empty(opened)
-    return opened
-
-
-def _opened(path: Path, options: ReadOptions, large: LargeTable, notes: ReadingNotes) -> OpenedFile:
-    opened = OpenedFile(
-        path=path,
-        options=options,
-        digest=large.digest,
-        encoding=large.encoding,
-        table=large.table,
-        instants=read_instants(large.table, options, str(path), notes),
-        decimal=large.decimal,
-        notes=notes,
-        in_file=large.columns,
-    )
-    if isinstance(large.table.times.texts, StoredText):
-        large.columns.forget(large.table.times.texts.place)
-    if not any(np.isfinite(opened.column(c.tag).values).any() for c in large.table.columns):
         _refuse_empty(opened)
     return opened
 

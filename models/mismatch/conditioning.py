@@ -20,6 +20,7 @@ Codes = NDArray[np.int64]
 
 SLIP_S, SETTLED_S = 4.0, 12.0  # after a slip: slipping until, settling until
 TURN_S = 4.0  # either side of a turn of OP
+NEAR_A_TURN = 0.25  # and at most this share of the time between two turns
 RECENT_S = 10.0  # a quick move of OP is felt this long
 BANDS, LEAST_BAND = 7, 0.5  # of travel; percent
 PARTS = 8  # of the record
@@ -68,6 +69,9 @@ def phase(
     since = _after(np.sort(begins) + 1, n) * interval_s
     turn = reversals(op, max(0.1 * swing(op), 0.2))
     half = max(round(TURN_S / interval_s), 1)
+    if turn.size > 1:
+        # A command that turns every few samples would be nothing but turns.
+        half = min(half, int(NEAR_A_TURN * float(np.median(np.diff(turn)))))
     # Within half a window of a turn, on either side.
     near = _after(np.maximum(turn - half, 0), n) <= 2 * half
     code = np.where(moving_stem(simulated, interval_s), 3, 0)
@@ -77,8 +81,11 @@ def phase(
     return Facet("phase", PHASES, code.astype(np.int64), _phase_phrases(unit_s))
 
 
-def direction(mv: Floats, simulated: Floats, interval_s: float, sigma: float) -> Facet:
-    """Rising, falling or at rest: where the recorded stem goes, else where the simulated one does.
+def direction(
+    mv: Floats, simulated: Floats, interval_s: float, sigma: float, least_simulated: float = 0.0
+) -> Facet:
+    """Rising, falling or at rest: where the recorded stem goes, else where the simulated one does,
+    which has no noise and moves from ``least_simulated`` percent on (0: as the recorded one).
 
     The difference is taken over about 3 s, the sample itself in its middle: noise that is the same
     forwards and backwards does not prefer a sign there.
@@ -89,7 +96,9 @@ def direction(mv: Floats, simulated: Floats, interval_s: float, sigma: float) ->
     seen = mv[ahead] - mv[behind]
     modelled = simulated[ahead] - simulated[behind]
     least = max(8.5 * sigma, 0.2)
-    way = np.where(np.abs(seen) > least, seen, np.where(np.abs(modelled) > least, modelled, 0.0))
+    least_modelled = least_simulated or least
+    modelled = np.where(np.abs(modelled) > least_modelled, modelled, 0.0)
+    way = np.where(np.abs(seen) > least, seen, modelled)
     code = np.where(way > 0.0, 0, np.where(way < 0.0, 1, 2)).astype(np.int64)
     phrases = ("While the stem rises", "While the stem falls", "While the stem is at rest")
     return Facet("direction", ("rising", "falling", "at rest"), code, phrases)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +11,16 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.acceptance_limits import strength
 from stemwatch.models.mismatch.dwell import LEAST_Z, Dwelling
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
-from stemwatch.models.mismatch.findings import Effect, EffectEvidence, ResidualMap
+from stemwatch.models.mismatch.findings import (
+    Effect,
+    EffectEvidence,
+    EffectScore,
+    Finding,
+    ResidualMap,
+)
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.term_selection import Named
 from stemwatch.models.mismatch.uncertainty import estimate
 from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
@@ -117,8 +125,18 @@ def by_events(told: Effect, seen: Dwelling, term: Term, way: Directions) -> Effe
     return replace(told, sentence=sentence, evidence=evidence, parameters=parameters)
 
 
-def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
-    """Where ``simulated`` (n,), percent, differs from the reading of the evaluator's record."""
+def residual_map(
+    evaluator: Evaluator,
+    simulated: Floats,
+    stem: Floats | None = None,
+    sigma: float | None = None,
+) -> ResidualMap:
+    """Where ``simulated`` (n,), percent, differs from the reading of the evaluator's record.
+
+    ``stem`` (n,), percent, is the run that says where the stem is and what it does, as near to the
+    recording as any but without its noise; ``simulated`` itself where it is not given. ``sigma`` is
+    the noise of MV in percent, where it is better known than the problem knows it.
+    """
     problem = evaluator.problem
     return locate(
         problem.op,
@@ -127,8 +145,9 @@ def residual_map(evaluator: Evaluator, simulated: Floats) -> ResidualMap:
         evaluator.measured,
         problem.block,
         problem.interval_s,
-        problem.sigma,
+        problem.sigma if sigma is None else sigma,
         problem.unit_s,
+        stem=stem,
     )
 
 
@@ -148,4 +167,46 @@ def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
     if len(members) > 1:
         others = ", ".join(slug.replace("_", " ") for slug in members[1:])
         return f"{note}; this recording cannot tell it from {others}."
-    return f"{note}; no other effect of the catalogue does as well."
+    return f"{note}; no other effect of the catalogue does as well in its place."
+
+
+def scores_of(named: Named, effects: tuple[Effect, ...]) -> tuple[EffectScore, ...]:
+    """Every term that was looked at: those that stand by their evidence, the others by what they
+    gained on top of the terms before them, where they were looked at last."""
+    counts = named.evaluator.told
+    found: dict[str, EffectScore] = {}
+    for place, stage in enumerate(named.stages):
+        for score in stage.scores:
+            mean, t = score.advantage.mean, score.advantage.t
+            far = strength(score.advantage, counts, score.slug, place)
+            found[score.slug] = EffectScore(slug=score.slug, mean=mean, t=t, strength=far)
+    for effect in effects:
+        told = effect.evidence
+        found[effect.slug] = EffectScore(
+            slug=effect.slug, mean=told.mean, t=told.t, strength=told.strength
+        )
+    return tuple(found[slug] for slug in sorted(found))
+
+
+def sentence_of(
+    finding: Finding,
+    effects: tuple[Effect, ...],
+    refused: Mapping[str, str],
+    before: ResidualMap,
+    doubt: str,
+) -> str:
+    """What is said of the recording. ``refused`` are terms that could not be tested, ``before``
+    is the map of S and J alone, ``doubt`` why it cannot be told whether something is left out."""
+    if finding is Finding.NONE:
+        tail = f" {len(refused)} effects could not be tested here." if refused else ""
+        return f"S and J explain this recording; nothing else is needed.{tail}"
+    if finding is Finding.UNKNOWN and doubt:
+        return f"{doubt}: whether something is left out cannot be told, and nothing is named."
+    if finding is Finding.UNKNOWN:
+        where = (
+            "the residual map shows where it differs"
+            if before.hot
+            else "it differs all over the record, in no single place"
+        )
+        return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
+    return " ".join(effect.sentence for effect in effects)

@@ -22,7 +22,6 @@ from stemwatch.models.mismatch.acceptance_limits import (
     MEAN_WHERE_MUCH_IS_LEFT,
     chance,
     convincing,
-    left,
     much_left,
     not_little_left,
 )
@@ -42,6 +41,8 @@ from stemwatch.models.mismatch.describe_effect import (
     directions,
     effect,
     residual_map,
+    scores_of,
+    sentence_of,
 )
 from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
@@ -52,7 +53,6 @@ from stemwatch.models.mismatch.findings import (
     HeldOutFit,
     Mismatch,
     RecordEffect,
-    ResidualMap,
     Stiction,
     Untestable,
 )
@@ -60,18 +60,14 @@ from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
+from stemwatch.models.mismatch.nothing_left_out import doubt
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
+from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.term import Look, Term, Way
-from stemwatch.models.mismatch.term_selection import (
-    AS_GOOD,
-    Named,
-    Needed,
-    TermScore,
-    lacking,
-    name,
-)
+from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.tried import what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
@@ -79,7 +75,6 @@ from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
-from stemwatch.models.stickslip.fit import advantage
 from stemwatch.models.stickslip.interval import REPLICATES
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
@@ -100,12 +95,6 @@ FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
 MUCH_NEARER = 0.7  # of the error of S and J alone
 SAME_LEVELS = 0.2  # of the level, from which breakaways and fit speak of two elements
-# A worse fit on unseen data is no explanation of the recording, percent.
-LEAST_FIT = 50.0
-# Two fits of one S that differ by less do not contradict each other.
-ALIKE_PERCENT = 0.5
-# What the worst tenth of the blocks leaves, in noise variances, that is hardly more than noise.
-HARDLY_LEFT = 6.5
 
 
 @dataclass(frozen=True)
@@ -156,7 +145,8 @@ def explain(
         mismatch = _through_curve(recording, settled, ceiling, curve)
     else:
         mismatch = _explained(recording, settled, ceiling)
-    return replace(mismatch, seconds=time.perf_counter() - began)
+    left = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
+    return replace(mismatch, open_question=left, seconds=time.perf_counter() - began)
 
 
 def _explained(
@@ -166,12 +156,14 @@ def _explained(
     *,
     own_reading: bool = True,
     refused: Mapping[str, str] = NOTHING_REFUSED,
+    unsure_degree: int = 0,
 ) -> Mismatch:
     """``refused`` are terms that are left out from the start, and why."""
     reason = _cannot(recording, settled)
     if reason is not None:
         return _not_testable(settled, reason)
-    case = _fitted(recording, settled, ceiling, own_reading=own_reading)
+    problem = replace(problem_of(recording, settled), unsure_degree=unsure_degree)
+    case = _fitted(recording, settled, ceiling, problem, own_reading=own_reading)
     return _told(replace(case, refused={**case.refused, **refused}))
 
 
@@ -181,7 +173,8 @@ def _through_curve(
     """A recording whose command is percent of travel only after a curve; S and J in percent of
     OP."""
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
-    mismatch = _explained(in_travel(recording, curve), settled, ceiling, refused=refused)
+    degree, commanded = curve.unsure_degree, in_travel(recording, curve)
+    mismatch = _explained(commanded, settled, ceiling, refused=refused, unsure_degree=degree)
     return replace(
         mismatch,
         sentence=f"{curve.sentence()} {mismatch.sentence}",
@@ -276,10 +269,10 @@ def _fitted(
     recording: Recording,
     settled: RecordSettled,
     ceiling: Floats | None,
+    problem: FitProblem,
     *,
     own_reading: bool = True,
 ) -> _Case:
-    problem = problem_of(recording, settled)
     base = fit_base(problem, look_of(problem), settled.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
@@ -324,6 +317,7 @@ class _Hypothesis:
     effects: tuple[Effect, ...]
     open_end: bool
     shown: HeldOutComparison
+    named: Named
     worse: str = ""
 
 
@@ -352,15 +346,23 @@ def _told(case: _Case) -> Mismatch:
     refitted = _stiction(evaluator, reached.drawn, reached.best, elements)
     if case.balance is not None and DRIVE in reached.layout.places:
         refitted = _of_balance(case.balance, refitted)
-    doubt = _doubt(reached, alone, refitted, naive)
-    finding = _finding(effects, reached.open_end or bool(doubt))
+    why = reached.worse
+    if not effects and not why:
+        why = doubt(evaluator, reached.fitted, reached.best, shown, (alone, refitted), naive)
+    unsure = "" if effects else why
+    finding = _finding(effects, reached.open_end or bool(unsure))
     if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
         shown, refitted = shown.of_naive_alone(), alone
-    before = residual_map(evaluator, shown.runs.naive)
-    after = residual_map(evaluator, shown.runs.extended)
+    # The same samples make the same cell of both maps: where the better of the models says that the
+    # stem is, which way it goes and when it rests.
+    nearest = shown.runs.extended
+    noise = shown.heldout.noise_floor
+    before = residual_map(evaluator, shown.runs.naive, nearest, noise)
+    after = residual_map(evaluator, nearest, nearest, noise)
+    tried, together = what_was_tried(reached.named, effects)
     mismatch = Mismatch(
         finding=finding,
-        sentence=_sentence(finding, effects, case.refused, before, doubt),
+        sentence=sentence_of(finding, effects, case.refused, before, unsure),
         naive=alone,
         restated=refitted,
         effects=effects,
@@ -370,7 +372,11 @@ def _told(case: _Case) -> Mismatch:
         before=before,
         after=after,
         runs=shown.runs,
+        tried=tried,
+        together=together,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
+        open_question=left_open(evaluator, reached.named, [effect.slug for effect in effects]),
+        scores=scores_of(reached.named, effects),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
@@ -450,7 +456,7 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    reached = _Hypothesis(evaluator, layout, fitted, best, drawn, effects, open_end, shown)
+    reached = _Hypothesis(evaluator, layout, fitted, best, drawn, effects, open_end, shown, named)
     return reached, proposed
 
 
@@ -465,51 +471,6 @@ def _worse(reached: _Hypothesis) -> str:
         f"{words.capitalize()} would explain parts of this recording, but its last part, which was "
         f"not fitted, is predicted worse with it{fit}"
     )
-
-
-def _doubt(reached: _Hypothesis, alone: Stiction, refitted: Stiction, naive: Floats) -> str:
-    """Why it cannot be said that nothing was left out, though nothing is named; else empty."""
-    if reached.effects:
-        return ""
-    if reached.worse:
-        return reached.worse
-    differ = not _agree(alone.S, refitted.S, reached) or not _agree(alone.J, refitted.J, reached)
-    if differ and not _as_good_alone(reached, naive):
-        return (
-            f"S and J alone are {alone.S.value:.2g} and {alone.J.value:.2g} %, fitted together "
-            f"with the reading's zero and gain {refitted.S.value:.2g} and {refitted.J.value:.2g} %"
-        )
-    shown = reached.shown
-    told = (shown.heldout.fit_naive, shown.heldout.fit_extended, shown.followed)
-    fits = [fit for fit in told if fit is not None]
-    if fits and max(fits) < LEAST_FIT:
-        return (
-            "With S and J the model does not follow the part of the recording that was not fitted "
-            f"(fit {max(fits):.0f} %)"
-        )
-    return ""
-
-
-def _agree(one: Estimate, other: Estimate, reached: _Hypothesis) -> bool:
-    """True where two estimates of one number do not contradict each other, as far as an archive
-    that stores by exception lets them tell."""
-    if one.value is None or other.value is None:
-        return True
-    apart = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
-    alike = ALIKE_PERCENT + float(reached.evaluator.slack.max())
-    return apart <= 0.0 or abs(one.value - other.value) <= alike
-
-
-def _as_good_alone(reached: _Hypothesis, naive: Floats) -> bool:
-    """Whether what was fitted with the reading's zero and gain does as well as S and J alone,
-    ``naive`` (6,), by what these were fitted to, free runs, and leaves hardly more than noise: they
-    differ then because a free run that misses a slip tells S and J less well."""
-    if left(reached.evaluator, reached.fitted) > HARDLY_LEFT:
-        return False
-    free = naive_evaluator(reached.evaluator)
-    alone = free.block_losses(naive_layout(free), naive[None, : base_coordinate.N_BASE])[0]
-    refitted = free.block_losses(reached.layout, reached.best[None])[0]
-    return advantage(refitted, alone, free.counts, free.delta).t < AS_GOOD
 
 
 def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
@@ -700,28 +661,6 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
     return Finding.NAMED if single else Finding.CANDIDATES
 
 
-def _sentence(
-    finding: Finding,
-    effects: tuple[Effect, ...],
-    refused: Mapping[str, str],
-    before: ResidualMap,
-    doubt: str,
-) -> str:
-    if finding is Finding.NONE:
-        tail = f" {len(refused)} effects could not be tested here." if refused else ""
-        return f"S and J explain this recording; nothing else is needed.{tail}"
-    if finding is Finding.UNKNOWN and doubt:
-        return f"{doubt}: whether something is left out cannot be told, and nothing is named."
-    if finding is Finding.UNKNOWN:
-        where = (
-            "the residual map shows where it differs"
-            if before.hot
-            else "it differs all over the record, in no single place"
-        )
-        return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
-    return " ".join(effect.sentence for effect in effects)
-
-
 def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
     unknown = Estimate.unknown(reason, unit=PERCENT)
     nothing = Stiction(S=unknown, J=unknown)
@@ -744,7 +683,7 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     settled = settle(recording)
     if _cannot(recording, settled) is not None:
         return {}
-    case = _fitted(recording, settled, None)
+    case = _fitted(recording, settled, None, problem_of(recording, settled))
     terms = admissible(case.refused)
     named = _named(replace(case, balance=None), terms)
     first: tuple[TermScore, ...] = named.stages[0].scores

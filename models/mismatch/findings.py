@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from math import exp
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
@@ -14,7 +16,7 @@ from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 class Finding(StrEnum):
     """What can be said of a recording's mismatch, in one word."""
 
-    NAMED = "named"  # one effect explains it, and nothing else does as well
+    NAMED = "named"  # what is named explains it, and nothing else does as well
     CANDIDATES = "candidates"  # effects that this recording cannot tell apart
     UNKNOWN = "unknown"  # systematic, and nothing in the catalogue explains it
     NONE = "none"  # S and J explain the recording, scatter of the breakaways included
@@ -39,6 +41,42 @@ class EffectEvidence:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Gain:
+    """How much better unseen blocks of time are predicted: mean log ratio of the robust losses, and
+    its t-like value (see ``stickslip.fit.advantage``)."""
+
+    mean: float
+    t: float
+
+    @property
+    def lower(self) -> float:
+        """The share of the error that goes, ``1 - exp(-mean)``; below 0 where it grows."""
+        return 1.0 - exp(-self.mean)
+
+
+class TriedOutcome(StrEnum):
+    """What became of an effect that was tried."""
+
+    NAMED = "named"
+    AS_GOOD = "as good"  # explains it as well as what is named: this recording cannot tell them
+    ADDS_NOTHING = "adds nothing"  # alone it helps, beside what is named no more
+    TOO_SMALL = "too small"  # there, but of a size that needs no work
+    CHANCE = "no more than chance"  # gains no more than on recordings with nothing hidden
+    NOT_HELD = "does not hold"  # accepted at first; the part not fitted is not better with it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """One effect that was tried: its gain alone over S and J, and on top of all that was named,
+    ``None`` where that was not tried."""
+
+    slug: str
+    alone: Gain
+    beside: Gain | None
+    outcome: TriedOutcome
+
+
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """One effect that was left out, accepted and refitted together with S and J."""
 
@@ -51,6 +89,20 @@ class Effect:
     parameters: Mapping[str, Estimate]
     evidence: EffectEvidence
     inherent: bool = False  # how such a machine is made, and no defect: see ``Term.inherent``
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectScore:
+    """What one effect would gain on unseen blocks, on top of all that was named beside it.
+
+    ``mean``, ``t`` and ``strength`` as in ``EffectEvidence``. It is there for every effect that the
+    recording could have shown, named or not: other recordings of the valve may confirm it.
+    """
+
+    slug: str
+    mean: float
+    t: float
+    strength: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,9 +237,14 @@ class Mismatch:
     before: ResidualMap = field(default_factory=ResidualMap)
     after: ResidualMap = field(default_factory=ResidualMap)
     runs: FreeRuns | None = None
+    # Every effect that was tried term by term, the largest gain first; and what is named, together.
+    tried: tuple[Tried, ...] = ()
+    together: Gain | None = None
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None
+    scores: tuple[EffectScore, ...] = ()  # of the effects that this recording could have shown
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
+    open_question: OpenQuestion | None = None  # what a planned test would have to tell
     seconds: float = 0.0
 
     @property

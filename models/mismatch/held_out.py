@@ -173,7 +173,8 @@ def _heldout(
         rmse_naive=rmse_naive,
         rmse_extended=rmse_extended,
         rmse_ceiling=_ceiling(ceiling, problem.mv, late),
-        noise_floor=problem.sigma,
+        # A model that comes nearer than the estimated noise shows that the noise is less.
+        noise_floor=min(problem.sigma, rmse_naive, rmse_extended),
         fit_naive=100.0 * (1.0 - rmse_naive / spread),
         fit_extended=100.0 * (1.0 - rmse_extended / spread),
         gain_low=low,

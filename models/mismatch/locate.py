@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import floor, log10
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,7 @@ MOST_HOT = 5
 NEW_SHARE = 0.5  # of its squared residual that a further hot place must not have in common
 ONE_SIDED = 0.5  # |mean| / rms from which a sentence gives the side
 MOSTLY = 0.8  # and from which it need not say "on average"
+LEAST_MOVE = 0.2  # percent in about 3 s from which a stem known without noise is no longer at rest
 WHOLE = "whole"
 
 
@@ -43,12 +46,15 @@ def locate(
     interval_s: float,
     sigma: float,
     unit_s: float = 1.0,
+    stem: Floats | None = None,
 ) -> ResidualMap:
     """The residual map of ``mv - simulated`` (n,), percent.
 
     ``scored`` (n,) marks the samples that count, ``block`` (n,) their blocks of time (negative:
     none), ``sigma`` is the noise of MV in percent; times in units of ``unit_s`` seconds. The
-    residual is cut at its 99.5th percentile.
+    residual is cut at its 99.5th percentile. ``stem`` (n,), percent, is the run that says what the
+    stem does and where it is, where that is not ``simulated``: maps of several models by one
+    ``stem`` have the same samples in each cell.
     Share, weight and the two z of each cell: see ``residual_map.scores``. An empty map where fewer
     than 100 samples are scored.
     """
@@ -57,12 +63,14 @@ def locate(
         return ResidualMap()
     mv = np.where(np.isfinite(mv), mv, simulated)
     residual = clipped(mv - simulated, scored)
-    edges = travel_edges(simulated, scored)
+    least = 0.0 if stem is None else LEAST_MOVE
+    stem = simulated if stem is None else stem
+    edges = travel_edges(stem, scored)
     facets: tuple[Facet, ...] = (
-        phase(op, mv, simulated, interval_s, sigma, unit_s),
-        direction(mv, simulated, interval_s, sigma),
-        rest_before(simulated, interval_s, unit_s),
-        travel_band(simulated, edges),
+        phase(op, mv, stem, interval_s, sigma, unit_s),
+        direction(mv, stem, interval_s, sigma, least),
+        rest_before(stem, interval_s, unit_s),
+        travel_band(stem, edges),
         command_speed(op, scored, interval_s, unit_s),
         part_of_record(op.size, interval_s, unit_s),
     )
@@ -165,8 +173,10 @@ def _place(cell: Cell, phrase: str) -> HotPlace:
 
 
 def _percent(value: float) -> str:
-    """Two figures, no exponent: "1.2 %", "0.34 %", "12 %"."""
+    """Two figures, no exponent: "1.2 %", "0.34 %", "12 %", "0.0020 %"."""
     digits = 0 if value >= 10.0 else 1 if value >= 1.0 else 2
+    if 0.0 < value < 0.1:
+        digits = 1 - floor(log10(value))
     return f"{value:.{digits}f} %"
 
 

@@ -32,13 +32,20 @@ def refresh_period(values: Floats) -> tuple[int, int]:
     The longest period on which at least 98 % of its changes fall, from at least 30 changes.
     """
     changes = np.flatnonzero(np.abs(np.diff(values)) > 0.0) + 1
-    if changes.size < LEAST_CHANGES:
+    if changes.size < LEAST_CHANGES or _at_any_sample(changes):
         return 1, 0
     for period in range(min(LONGEST, values.size // LEAST_CHANGES), 1, -1):
         place, share = _favourite(changes, period)
         if share >= ON_TIME:
             return period, place
     return 1, 0
+
+
+def _at_any_sample(changes: NDArray[np.int64]) -> bool:
+    """Whether too many changes follow one another at once for any period: one of two such changes
+    is off the refresh, and one that is off has two neighbours at most."""
+    neighbours = np.count_nonzero(np.diff(changes) == 1)
+    return bool(neighbours > 2.0 * (1.0 - ON_TIME) * changes.size + 1.0)
 
 
 def _favourite(changes: NDArray[np.int64], period: int) -> tuple[int, float]:
@@ -255,3 +262,17 @@ def late_effect(late_s: float, unit_s: float) -> RecordEffect:
         ),
         parameters={"late_s": seconds_of(late_s, "s", unit_s)},
     )
+
+
+def scan_sentence(recording: Recording) -> str:
+    """How often OP and position are stored anew, for people, where each has a scan of its own; else
+    nothing. An OP that its controller holds between scans is the true command, and no effect."""
+    if recording.mv is None:
+        return ""
+    op, position = (refresh_period(one.values)[0] for one in (recording.op, recording.mv))
+    if op == position:
+        return ""
+    said = [
+        duration(period * recording.interval_s, recording.unit_s, "g") for period in (op, position)
+    ]
+    return f"OP changes every {said[0]}, the position every {said[1]}: each has its own scan."

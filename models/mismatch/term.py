@@ -17,7 +17,7 @@ from enum import StrEnum
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice
+from stemwatch.models.field_advice import FieldAdvice, FieldTest
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
@@ -64,7 +64,7 @@ class Look:
 class Words:
     """What a maintenance engineer reads of a term; no jargon, no slug. They stand nowhere else."""
 
-    plain: str  # "The actuator or the I/P converter takes seconds to fill or vent"
+    plain: str  # "The actuator or the I/P converter takes time to fill or vent"
     decide: str  # the test that tells it from its neighbours
     advice: FieldAdvice  # what to check in which order, with which parts; codes for work orders
 
@@ -117,4 +117,9 @@ class Term(Protocol):
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         """One sentence with numbers; ``rising`` and ``falling`` are words for the directions
         ("opening" and "closing" where the flow tells them)."""
+        ...
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand that shows the effect, with what to expect from its ``parameters``, times
+        in seconds, and from which result on there is nothing to mend."""
         ...

@@ -23,7 +23,7 @@ from stemwatch.models.stickslip.problem import FitProblem, make_problem
 # Samples by which a command may be brought forward: never by more than nothing, for then the stem
 # would move first; and a little more, where only clocks differ.
 BEFORE = (0.0, -1.0, -3.0, -5.0)
-NEAR = (*BEFORE, 1.0, 3.0)
+AFTER = (1.0, 3.0)
 FAR = (20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0)
 ABOUT = np.linspace(0.8, 1.25, 10)  # times the best of them
 SHARES = np.linspace(0.0, 1.0, 12) ** 1.6  # of the widest S
@@ -35,10 +35,11 @@ NEVER_MOVES = 50.0  # times the swing of OP
 @dataclass(frozen=True)
 class BestShift:
     """What is ``left`` of the loss of a stem that never moves, with the command brought forward by
-    ``samples``."""
+    ``samples``, by an element of ``S`` percent."""
 
     left: float
     samples: float
+    S: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -64,13 +65,14 @@ class Pairing:
     def explained(self, samples: Sequence[float]) -> BestShift:
         """The best over commands brought forward by each of ``samples``."""
         problem = self.evaluator.problem
-        tried = [
-            BestShift(
-                _loss(self.evaluator, _shifted(problem, by), self.candidates) / self.still, by
-            )
-            for by in samples
-        ]
+        tried = [self._best_of_elements(_shifted(problem, by), by) for by in samples]
         return min(tried, key=lambda one: one.left)
+
+    def _best_of_elements(self, problem: FitProblem, samples: float) -> BestShift:
+        losses = _losses(self.evaluator, problem, self.candidates)
+        best = int(np.argmin(losses))
+        S = float(self.candidates[best, coordinate.S_PERCENT])
+        return BestShift(float(losses[best]) / self.still, samples, S)
 
     def by_a_slow_actuator(self) -> float:
         """What is left where a dead time, a lag and a limited speed stand for the sticking, or two
@@ -117,9 +119,14 @@ def _elements(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     return elements
 
 
-def _loss(evaluator: StickSlipEvaluator, problem: FitProblem, candidates: Floats) -> float:
+def _losses(evaluator: StickSlipEvaluator, problem: FitProblem, candidates: Floats) -> Floats:
+    """(m,) mean losses."""
     losses, counts = replace(evaluator, problem=problem).block_losses(candidates)
-    return float(losses.sum(axis=1).min() / max(counts.sum(), 1.0))
+    return np.asarray(losses.sum(axis=1) / max(counts.sum(), 1.0))
+
+
+def _loss(evaluator: StickSlipEvaluator, problem: FitProblem, candidates: Floats) -> float:
+    return float(_losses(evaluator, problem, candidates).min())
 
 
 def _shifted(problem: FitProblem, samples: float) -> FitProblem:

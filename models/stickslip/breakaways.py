@@ -12,6 +12,12 @@ command by the kinetic level. Choudhury's parameters follow from the two
 A stem answers its command a little late, which a slow command does not show and a quick one does.
 So both levels are found for each of several delays, and the delays are weighted by how well they
 make the breakaways agree.
+
+Where OP was read through a curve to stroke that is itself estimated, an error ``e(OP)`` of the
+curve shifts both distances, each by ``e`` where it was read. It shifts the two directions
+oppositely, so that slips at many places tell it from the levels: the levels and a polynomial ``e``
+are found together by least squares. (To the run with which the curve was found, a wrong curve and
+another S look much alike.)
 """
 
 from __future__ import annotations
@@ -24,6 +30,7 @@ from numba import njit
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.onsets import Samples, onsets
 from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.stickslip.stroke_curve import USED, shapes_of
 
 FEWEST = 8
 FEWEST_OF_A_SIDE = 4  # else the two directions are not told apart
@@ -34,38 +41,50 @@ FARTHEST = 0.35  # share of the fitted level; beyond it the onsets are not this 
 ALIKE = 0.02  # scatter below which a run with one level tells S and J as well
 TRIM = 3.5  # robust standard deviations
 # Samples by which a stem is late, mean and standard deviation over valves; the delay that a fit
-# found is as uncertain and a quarter of itself more.
-LATE, LATE_SHARE = (0.2, 0.35), 0.25
+# found is as uncertain and a quarter of itself more. Twice the deviation lets chance choose: S of
+# 92 sticking valves of `stemwatch robustness` (seeds 5151 to 9393) was then off by 0.11 % and not
+# by 0.08 (medians), and half of it costs valves of draw_sticky, whose lags are longer, 0.02.
+LATE, LATE_SHARE = (0.2, 0.2), 0.25
 SLOW_SAMPLES = 1.0  # from which the fitted dead time and lag stand between command and stem
-TRIED, FARTHEST_TRIED = 17, 4.0  # delays, from none to so many samples
+TRIED, FARTHEST_TRIED = 17, 1.6  # delays, from none to so many samples
 # Share of a sample's command that lies between a slip and the sample after it, in the same way: 0
 # for a stem that slides on with its command, a half for one that sticks at once.
 SINCE = (0.4, 0.4)
 TILT = 0.15  # share of the level by which the two directions differ, one standard deviation
 LEAST_SCATTER = 0.01  # of the level
-# One standard deviation of what no count of breakaways lessens, of either level, as a share of the
-# breakaway level: a stem is not exactly a two-level element. Calibrated on the 120 valves of
-# draw_sticky, seed 11; `stemwatch trial` and `stemwatch robustness` print on others how many
-# intervals hold.
-MODEL_ERROR = 0.02
+# One standard deviation of what no count of breakaways lessens, of the breakaway and of the kinetic
+# level, as a share of the first: a stem is not exactly a two-level element. These three are
+# calibrated on the 92 valves above and 28 of draw_sticky, seed 6161; `stemwatch trial` and
+# `stemwatch robustness` print on others how many intervals hold.
+MODEL_ERROR, KINETIC_ERROR = 0.015, 0.008
 # And of both levels together, as a share of what the command moves in a sample: when in its sample
 # the stem let go, and what OP did in the rest of it, is not in the record.
-WITHIN_SAMPLE = 0.15
+WITHIN_SAMPLE = 0.2
+# And of the breakaway level alone: bristles give before they let go. A LuGre packing reads 0.2 of a
+# sample higher than the levels that it has without noise.
+LETS_GO = 0.3
+# What is not known of an estimated curve, one standard deviation before the slips are looked at:
+# of its slope as a share, of its bends in percent of travel. Three times as much or a third of it
+# changes S by hundredths of a percent.
+UNSURE_SLOPE, UNSURE_BEND = 0.03, 1.5
+LEAST_CHORD = 0.5  # of the slope that was found
+CURVE_ROUNDS = 3  # of least squares, after each of which strays are left out
 
 
 @dataclass(frozen=True)
 class _Levels:
-    """What the breakaways say for one delay, errors are standard errors; ``weight`` is its
-    log-likelihood with the prior."""
+    """What the breakaways say for one delay; ``weight`` is its log-likelihood with the prior,
+    ``chord`` what the mean slope of the curve from OP to stroke is off by, a factor, and
+    ``covariance`` (3, 3) that of level, kinetic level and chord."""
 
     weight: float
     level: float
-    level_error: float
     kinetic: float
-    kinetic_error: float
+    covariance: Floats
     scatter: float
     rate: float
     count: int
+    chord: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -100,15 +119,24 @@ class Breakaways:
         A delay that is not known moves both levels the same way, so S more than J.
         """
         delays = rng.choice(len(self.tried), size=count, p=self.weights)
-        model = MODEL_ERROR * self.level
-        numbers = np.array(
-            [(at.level, at.level_error, at.kinetic, at.kinetic_error) for at in self.tried]
-        )[delays]
+        means = np.array([(at.level, at.kinetic, at.chord) for at in self.tried])
+        within = (WITHIN_SAMPLE * self.rate) ** 2
+        alone = (MODEL_ERROR * self.level) ** 2 + (LETS_GO * self.rate) ** 2
+        model = np.array(
+            [
+                [within + alone, within, 0.0],
+                [within, within + (KINETIC_ERROR * self.level) ** 2, 0.0],
+                [0.0, 0.0, 1e-12],
+            ]
+        )
+        roots = np.linalg.cholesky([at.covariance + model for at in self.tried])
         normal = rng.standard_normal((count, 3))
-        both = WITHIN_SAMPLE * self.rate * normal[:, 2]
-        level = numbers[:, 0] + both + np.hypot(numbers[:, 1], model) * normal[:, 0]
-        kinetic = numbers[:, 2] + both + np.hypot(numbers[:, 3], model) * normal[:, 1]
-        return np.maximum(level + kinetic, 0.0), np.maximum(level - kinetic, 0.0)
+        level, kinetic, chord = (means[delays] + np.einsum("dij,dj->di", roots[delays], normal)).T
+        chord = np.maximum(chord, LEAST_CHORD)
+        return (
+            np.maximum(level + kinetic, 0.0) / chord,
+            np.maximum(level - kinetic, 0.0) / chord,
+        )
 
 
 def breakaways(
@@ -141,6 +169,8 @@ def breakaways(
         usual, delays = 0.0, np.linspace(-late, late, TRIED)
         command = (unhindered - zero) / gain
     spread = LATE[1] + LATE_SHARE * late
+    unsure = problem.unsure_degree
+    low, high = np.percentile(problem.op, USED) if unsure else (0.0, 0.0)
     tried = []
     for delay in delays:
         command_then = np.interp(clock - delay, clock, command)
@@ -148,9 +178,18 @@ def breakaways(
             stem, command_then, seen.at, side, seen.rested, place
         )
         slip = (jump >= LEAST_JUMP * J) & (far > 0.0)
-        if np.count_nonzero(slip) >= FEWEST:
-            told = (near[slip], far[slip], after[slip], rate[slip], side[slip])
-            tried.append(_levels(*told, sigma, (float(delay) - usual) / spread))
+        if np.count_nonzero(slip) < FEWEST:
+            continue
+        slips = _Slips(near[slip], far[slip], after[slip], rate[slip], side[slip], sigma)
+        unusual = (float(delay) - usual) / spread
+        if unsure and high > low:
+            at = seen.at[slip]
+            then = 0.5 * (command_then[at - 1] + command_then[at])
+            borne = shapes_of(then, problem.op, unsure)
+            stopped = shapes_of(command_then[at], problem.op, unsure)
+            tried.append(_with_curve(slips, unusual, borne, stopped, 0.5 * float(high - low)))
+        else:
+            tried.append(_levels(slips, unusual))
     if not tried:
         return None
     found = _weighted(tried)
@@ -184,35 +223,117 @@ def distances(
     return near, far, after, rate, jump
 
 
-def _levels(
-    near: Floats,
-    far: Floats,
-    after: Floats,
-    rate: Floats,
-    side: Floats,
-    sigma: float,
-    unusual: float,
-) -> _Levels:
-    """Both levels for one delay, from slips (m,) with noise ``sigma``, percent of OP; the delay is
-    ``unusual`` standard deviations from what is usual."""
-    half = 0.5 * (far - near)
-    level, spread, error, kept = _mean_of_sides(near + half, side)
-    # The slip lies anywhere in its sample, and the resting place is a mean of five.
-    within = float(np.mean(half[kept] ** 2)) / 3.0 + sigma**2 / 5.0
+@dataclass(frozen=True)
+class _Slips:
+    """Slips (m,) for one delay, percent of OP as ``distances`` has them, with noise ``sigma``."""
+
+    near: Floats
+    far: Floats
+    after: Floats
+    rate: Floats
+    side: Floats
+    sigma: float
+
+    @property
+    def half(self) -> Floats:
+        """(m,) Half the distance of the bounds between which the stem let go."""
+        return 0.5 * (self.far - self.near)
+
+    def within(self, kept: Bools) -> float:
+        """Variance of where in its sample a slip was; the resting place is a mean of five."""
+        return float(np.mean(self.half[kept] ** 2)) / 3.0 + self.sigma**2 / 5.0
+
+
+def _variances(slips: _Slips, spread: float, within: float, level: float) -> tuple[float, float]:
+    """Variance of a breakaway, and the scatter of the level as a share of it."""
     variance = max(spread**2, 0.5 * within, (LEAST_SCATTER * level) ** 2)
-    # Half the log-likelihood of independent slips: those of one oscillation are alike.
-    weight = -0.25 * kept.size * np.log(variance) - 0.5 * unusual**2
-    kinetic, kinetic_error = _kinetic(after, rate, side, sigma, level)
+    return variance, float(np.sqrt(max(spread**2 - within, 0.0)) / max(level, 1e-9))
+
+
+def _weight(count: int, variance: float, unusual: float) -> float:
+    """Half the log-likelihood of independent slips, those of one oscillation are alike; the delay
+    is ``unusual`` standard deviations from what is usual."""
+    return float(-0.25 * count * np.log(variance) - 0.5 * unusual**2)
+
+
+def _levels(slips: _Slips, unusual: float) -> _Levels:
+    """Both levels for one delay."""
+    level, spread, error, kept = _mean_of_sides(slips.near + slips.half, slips.side)
+    variance, scatter = _variances(slips, spread, slips.within(kept), level)
+    kinetic, kinetic_error = _kinetic(slips.after, slips.rate, slips.side, slips.sigma, level)
     return _Levels(
-        weight=float(weight),
+        weight=_weight(int(kept.sum()), variance, unusual),
         level=level,
-        level_error=error,
         kinetic=kinetic,
-        kinetic_error=kinetic_error,
-        scatter=float(np.sqrt(max(spread**2 - within, 0.0)) / max(level, 1e-9)),
-        rate=float(np.median(np.abs(rate))),
+        covariance=np.diag([error**2, kinetic_error**2, 0.0]),
+        scatter=scatter,
+        rate=float(np.median(np.abs(slips.rate))),
         count=int(kept.sum()),
     )
+
+
+def _with_curve(
+    slips: _Slips, unusual: float, borne: Floats, stopped: Floats, half_range: float
+) -> _Levels:
+    """Both levels for one delay, and by how much the curve is off, by least squares.
+
+    ``borne`` and ``stopped`` (m, k + 1) are the shapes of what the curve may be off by, at the
+    command at which each stem let go and at which it was read afterwards; the first, a constant, is
+    the zero of the reading. ``half_range`` is half the part of the command that was used, percent.
+    """
+    side, values = slips.side, slips.near + slips.half
+    few = min(np.count_nonzero(side < 0.0), np.count_nonzero(side > 0.0)) < FEWEST_OF_A_SIDE
+    level, spread, _, kept = _mean_of_sides(values, side)
+    _, after_spread, _, after_kept = _mean_of_sides(slips.after - SINCE[0] * slips.rate, side)
+    bends = borne.shape[1] - 1
+    nothing = np.zeros(side.size)
+    # Unknown: level, kinetic level, zero, tilt and what was dragged on as in ``_kinetic``, curve.
+    off = -side[:, None]
+    let_go = np.column_stack((nothing + 1, nothing, -off, nothing, nothing, off * borne[:, 1:]))
+    halted = np.column_stack(
+        (nothing, nothing + 1, nothing, -off, slips.rate, off * stopped[:, 1:])
+    )
+    slope, bend = (1.0 / np.square((UNSURE_SLOPE * half_range, UNSURE_BEND))).tolist()
+    for _ in range(CURVE_ROUNDS):
+        variance, scatter = _variances(slips, spread, slips.within(kept), level)
+        after_variance = max(after_spread**2, slips.sigma**2, 1e-6)
+        tilt = max(TILT * level, 1e-3)
+        prior = np.array([0.0, 0.0, 1e6 if few else 1e-6, tilt**-2, SINCE[1] ** -2, slope])
+        prior = np.append(prior, np.full(bends - 1, bend))
+        rows = np.vstack((let_go[kept] / variance**0.5, halted[after_kept] / after_variance**0.5))
+        told = np.append(
+            values[kept] / variance**0.5, slips.after[after_kept] / after_variance**0.5
+        )
+        inverse = np.linalg.inv(rows.T @ rows + np.diag(prior))
+        usual = np.zeros(prior.size)
+        usual[4] = SINCE[0]
+        best = inverse @ (rows.T @ told + prior * usual)
+        level = float(best[0])
+        spread, kept = _left(values - let_go @ best, 2.0 + 0.5 * bends)
+        after_spread, after_kept = _left(slips.after - halted @ best, 2.0 + 0.5 * bends)
+    # The mean slope is that between the ends, where odd shapes are 1 and -1, and even ones alike.
+    chord = np.zeros(best.size)
+    chord[5::2] = 1.0 / half_range
+    wanted = np.stack((np.eye(best.size)[0], np.eye(best.size)[1], chord))
+    return _Levels(
+        weight=_weight(int(kept.sum()), variance, unusual),
+        level=level,
+        kinetic=float(best[1]),
+        covariance=wanted @ inverse @ wanted.T,
+        scatter=scatter,
+        rate=float(np.median(np.abs(slips.rate))),
+        count=int(kept.sum()),
+        chord=max(1.0 + float(chord @ best), LEAST_CHORD),
+    )
+
+
+def _left(off: Floats, unknown: float) -> tuple[float, Bools]:
+    """Spread of what is left (m,) by so many ``unknown``, and which of it is kept; what is not
+    counts with the reach."""
+    reach = TRIM * max(1.4826 * float(np.median(np.abs(off))), 1e-3)
+    kept = np.abs(off) <= reach
+    squares = float(np.minimum(off**2, reach**2).sum())
+    return float(np.sqrt(squares / max(off.size - unknown, 1.0))), kept
 
 
 def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, Bools]:
@@ -270,10 +391,11 @@ def _weighted(tried: list[_Levels]) -> Breakaways:
     def mean(name: str) -> float:
         return float(weights @ [getattr(levels, name) for levels in tried])
 
+    chords = np.array([levels.chord for levels in tried])
     return Breakaways(
         count=round(mean("count")),
-        level=mean("level"),
-        kinetic=mean("kinetic"),
+        level=float(weights @ (np.array([levels.level for levels in tried]) / chords)),
+        kinetic=float(weights @ (np.array([levels.kinetic for levels in tried]) / chords)),
         scatter=mean("scatter"),
         rate=mean("rate"),
         tried=tuple(tried),

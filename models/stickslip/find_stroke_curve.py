@@ -34,9 +34,11 @@ from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.search import SearchResult, best_of
 from stemwatch.models.stickslip.stroke_curve import (
     LEAST_TRAVEL_PERCENT,
+    USED,
     KnownCurve,
     StrokeCurve,
     in_travel,
+    shapes_of,
     with_command,
 )
 
@@ -47,6 +49,7 @@ OFF_THE_COMMAND_PERCENT = 8.0
 # over OP's, and a tight shut-off 0.79; an OP half of which strokes the valve gives 1.6 and more.
 PLAIN_SLOPE = (0.75, 1.25)
 MEANS, LEAST_SPREAD_PERCENT, LEAST_TOGETHER = 24, 2.0, 0.97
+LITTLE_SPREAD_PERCENT = 1.5
 # Wide sticking and a bent curve lower the correlation: 0.93 and more on valves that moved over a
 # quarter of their stroke. In a limit cycle between two positions the means do not move at all.
 TOGETHER_ENOUGH = 0.92
@@ -83,7 +86,6 @@ NOT_AS_GIVEN = (
     "stroke_curve there, or ask whether the positioner was set otherwise."
 )
 KNOTS = 33
-USED = (0.5, 99.5)  # percentiles between which OP counts as used
 # A stop, or a tight shut-off: the share of samples at the lowest or highest position, how many
 # standard deviations of noise about it, and how far OP goes on there, percent.
 STOP_SHARE, STOP_NOISES, GOES_ON = 0.02, 4.0, 12.0
@@ -101,14 +103,23 @@ def curve_suspected(recording: Recording) -> bool:
     if abs(low + high) / 2.0 > OFF_THE_COMMAND_PERCENT or correlation(recording) < AGAINST:
         return True
     slope = slope_of_means(recording)
-    return slope is not None and not PLAIN_SLOPE[0] <= slope <= PLAIN_SLOPE[1]
+    if slope is not None:
+        return not PLAIN_SLOPE[0] <= slope <= PLAIN_SLOPE[1]
+    # About the middle of its range a valve that half of OP strokes is nowhere far from its command.
+    slope = slope_of_means(recording, TOGETHER_ENOUGH, LITTLE_SPREAD_PERCENT)
+    return slope is not None and slope > PLAIN_SLOPE[1]
 
 
-def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> float | None:
+def slope_of_means(
+    recording: Recording,
+    together: float = LEAST_TOGETHER,
+    spread_percent: float = LEAST_SPREAD_PERCENT,
+) -> float | None:
     """Percent of travel for a percent of OP, from the means of both over a 24th of the record.
 
     Sticking moves a mean by less than S, and lags hardly at all. ``None`` where OP did not stay
-    in several places for long, or the means correlate by less than ``together``.
+    in several places for long (its means deviate by less than ``spread_percent``), or the means
+    correlate by less than ``together``; the slope is then too low, if anything.
     """
     mv = recording.mv
     if mv is None:
@@ -121,7 +132,7 @@ def slope_of_means(recording: Recording, together: float = LEAST_TOGETHER) -> fl
         signal.values[usable][: MEANS * length].reshape(MEANS, length).mean(axis=1)
         for signal in (recording.op, mv)
     )
-    if op.std() < LEAST_SPREAD_PERCENT or position.std() == 0.0:
+    if op.std() < spread_percent or position.std() == 0.0:
         return None
     if abs(np.corrcoef(op, position)[0, 1]) < together:
         return None
@@ -306,7 +317,7 @@ class _Reading:
         if use.sum() < MOVING_SAMPLES:
             return None
         op = recording.op.values
-        shapes = _shapes(op, op[np.isfinite(op)], self.degree)
+        shapes = shapes_of(op, op[np.isfinite(op)], self.degree)
         columns = np.column_stack((shapes[use], np.sign(step[use])))
         weights = _robust(columns, (problem.mv - simulated)[use])
         command = self.command + shapes @ weights[:-1]
@@ -377,18 +388,6 @@ def _bent(op: Floats, bend: float) -> Floats:
         return op
     op = np.clip(op, *BENT_OVER)
     return np.asarray(100.0 * np.expm1(bend * op / 100.0) / np.expm1(bend))
-
-
-def _shapes(op: Floats, known: Floats, degree: int) -> Floats:
-    """(n, degree + 1) Legendre polynomials over the part of OP that was used, straight beyond."""
-    low, high = np.percentile(known, USED)
-    place = 2.0 * (op - low) / max(high - low, 1e-9) - 1.0
-    inside = np.clip(place, -1.0, 1.0)
-    order = np.arange(degree + 1)
-    # P_n'(1) = n (n + 1) / 2, and (-1)^(n - 1) times as much at -1.
-    steep = order * (order + 1) / 2.0 * np.where(inside[:, None] < 0.0, (-1.0) ** (order - 1), 1.0)
-    beyond = np.where(np.isfinite(place), place - inside, 0.0)
-    return np.asarray(np.polynomial.legendre.legvander(inside, degree) + beyond[:, None] * steep)
 
 
 def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:

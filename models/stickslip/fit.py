@@ -333,13 +333,14 @@ def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> S
     return replace(readings[best], delta=min(evaluator.delta, _scale(evaluator.problem, simulated)))
 
 
-def fit_stickslip(recording: Recording) -> StickSlipFit:
+def fit_stickslip(recording: Recording, unsure_degree: int = 0) -> StickSlipFit:
     """Fit the three hypotheses and choose; raises ``ValueError`` without MV or usable samples.
 
     The choice is made on the held-out part: ``both`` is kept only where it beats ``sticking``
     (then the actuator matters) and ``actuator`` (then friction matters) block by block.
+    ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``).
     """
-    problem = make_problem(recording)
+    problem = replace(make_problem(recording), unsure_degree=unsure_degree)
     if not problem.scored.any():
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
     evaluator, base = first_look(problem)

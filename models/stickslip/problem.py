@@ -33,7 +33,8 @@ class FitProblem:
     restarts after gaps; ``block`` (n,) is the block of time of each sample or -1 where it is not
     scored. For fitting, a resting stem is set to its reading at the start of each block: no two
     breakaways are equal, and after one that a free run misses, minutes would tell nothing about S
-    and J.
+    and J. ``unsure_degree`` is the degree of the polynomial by which the curve from OP to ``op``
+    may be off; 0 where OP is percent for percent of travel.
     """
 
     op: Floats
@@ -46,6 +47,7 @@ class FitProblem:
     swing: float  # range of OP, 1st to 99th percentile, percent
     mv_is_percent: bool
     unit_s: float = 1.0  # seconds in the unit of its times, see ``own_clock``
+    unsure_degree: int = 0
 
     @property
     def scored(self) -> Bools:

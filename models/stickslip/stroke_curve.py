@@ -27,6 +27,9 @@ SLOPE_UNKNOWN = 2.0
 S_BY_SLOPE = 1.1
 NEARLY_LINEAR_PERCENT = 1.5  # of travel, off the chord
 LEAST_TRAVEL_PERCENT = 0.5  # less is no curve
+USED = (0.5, 99.5)  # percentiles between which OP counts as used
+STRAIGHT_PERCENT = 0.01  # of travel, off the chord: a curve that was fitted as a straight line
+BENT_DEGREE = 3  # of a polynomial that holds what is not known of a bent curve
 POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
 # Ranges are set to round numbers, in percent of OP, and begin within so much of what is estimated.
 ROUND_PERCENT, NOT_TOLD_PERCENT = 5.0, 1.0
@@ -114,6 +117,14 @@ class StrokeCurve:
         knots = np.array(self.op)
         knots = np.concatenate(([begin, end], knots[(knots > begin) & (knots < end)]))
         return float(np.max(np.abs(self.command(knots) - self.zero - self.slope * knots)))
+
+    @property
+    def unsure_degree(self) -> int:
+        """Degree of the polynomial by which the curve may be off: none where a person gave it, or
+        where its slope is said not to be known."""
+        if self.given or not self.slope_known:
+            return 0
+        return 1 if self.bend_percent < STRAIGHT_PERCENT else BENT_DEGREE
 
     def sentence(self) -> str:
         """The curve in words: ends, bend, who gave it, and the remark."""
@@ -224,6 +235,19 @@ def _round(op: float) -> float:
     """``op``, or the nearest multiple of 5 % where that is within 1 %."""
     near = ROUND_PERCENT * round(op / ROUND_PERCENT)
     return near if abs(op - near) <= NOT_TOLD_PERCENT else op
+
+
+def shapes_of(op: Floats, known: Floats, degree: int) -> Floats:
+    """(n, degree + 1) Legendre polynomials of ``op`` (n,) over the part of it that was used, by
+    the percentiles of ``known``; straight beyond."""
+    low, high = np.percentile(known, USED)
+    place = 2.0 * (op - low) / max(high - low, 1e-9) - 1.0
+    inside = np.clip(place, -1.0, 1.0)
+    order = np.arange(degree + 1)
+    # P_n'(1) = n (n + 1) / 2, and (-1)^(n - 1) times as much at -1.
+    steep = order * (order + 1) / 2.0 * np.where(inside[:, None] < 0.0, (-1.0) ** (order - 1), 1.0)
+    beyond = np.where(np.isfinite(place), place - inside, 0.0)
+    return np.asarray(np.polynomial.legendre.legvander(inside, degree) + beyond[:, None] * steep)
 
 
 def with_command(recording: Recording, command: Floats, mv_unit: str | None = None) -> Recording:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
+from stemwatch.models.false_discovery import significant
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
 from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, one_per_cause
 from stemwatch.service.config import Plant
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
@@ -21,14 +24,34 @@ CLEARED = "not found in the last runs any more"
 JOINED = "part of another alert of this valve now, which has the same cause"
 
 
-def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[ValveRecord]:
-    """What is known of each of ``valves``, in their order. Raises ``StoreError``."""
+def over_weeks(
+    store: Store, run_id: int, valves: Sequence[str]
+) -> dict[str, tuple[EvidenceOfWeeks, bool]]:
+    """What the windows of weeks say together of those of ``valves`` on which an effect is followed,
+    and whether what is confirmed stands among all valves of the run: of those that stand, few are
+    expected to be due to chance (``models.false_discovery``). Raises ``StoreError``."""
+    told = store.evidence(valves)
+    others = len(store.tested_of_run(run_id)) - len(told)
+    p_values = [of_valve.p_value for of_valve in told.values()]
+    standing = significant([*p_values, *[None] * max(others, 0)])
+    return {valve: (told[valve], stands) for valve, stands in zip(told, standing, strict=False)}
+
+
+def gathered(
+    store: Store,
+    plant: Plant,
+    valves: Sequence[str],
+    by_window: Mapping[str, tuple[EvidenceOfWeeks, bool]] = MappingProxyType({}),
+) -> Iterator[ValveRecord]:
+    """What is known of each of ``valves``, in their order; ``by_window`` is that of ``over_weeks``.
+    Raises ``StoreError``."""
     depth = max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3
     for first in range(0, len(valves), AT_ONCE):
         part = valves[first : first + AT_ONCE]
         known = store.recent(part, depth, RATIO)
         for valve in part:
             recent = known[valve]
+            of_weeks, stands = by_window.get(valve, (None, False))
             yield ValveRecord(
                 valve=_facts(plant, valve),
                 screenings=recent.screenings,
@@ -36,6 +59,8 @@ def gathered(store: Store, plant: Plant, valves: Sequence[str]) -> Iterator[Valv
                 ratios=recent.indicator,
                 ratio_limit=plant.limits.baseline_ratio_watch,
                 worked_at=recent.worked_at,
+                by_window=of_weeks,
+                stands=stands,
             )
 
 
@@ -83,7 +108,7 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     raised: list[RaisedAlert] = []
     over: list[str] = []
     joined_now: list[str] = []
-    for seen in gathered(store, plant, done):
+    for seen in gathered(store, plant, done, over_weeks(store, run_id, done)):
         found, closed = apply_rules(seen, plant.alerts)
         of_valve, spoken_for = one_per_cause(found, open_before - set(closed))
         raised += of_valve

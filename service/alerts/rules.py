@@ -15,7 +15,8 @@ from enum import Enum
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
-from stemwatch.service.presenter.finding import baseline_left, present_effect, stiction_grown
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
+from stemwatch.service.presenter.finding import baseline_left, stiction_grown
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -36,7 +37,9 @@ class ValveRecord:
 
     ``screenings`` newest first; ``at_baseline`` S in the baseline's window, percent of OP span;
     ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id;
-    ``worked_at`` when the valve was worked on.
+    ``worked_at`` when the valve was worked on; ``by_window`` what its windows of the last weeks say
+    together of effects beside friction, and ``stands`` whether that is more than chance among all
+    valves of the run.
     """
 
     valve: StoredValve
@@ -45,6 +48,8 @@ class ValveRecord:
     ratios: Mapping[int, float] = field(default_factory=dict)
     ratio_limit: float = 3.0
     worked_at: Sequence[datetime] = ()
+    by_window: EvidenceOfWeeks | None = None
+    stands: bool = False
 
 
 def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDecision:
@@ -74,11 +79,30 @@ def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert]
     for kind, present, text in _findings(seen, rules):
         told = [None if _worked_on(seen, screening) else present(screening) for screening in judged]
         verdict = alert_decision(told, rules)
+        if kind is AlertKind.MISMATCH:
+            verdict = _of_physics(seen, told, verdict)
         if verdict is AlertDecision.RAISE:
             raised.append(_raised(seen.valve, kind, text(judged[0]), judged[0]))
         elif verdict is AlertDecision.CLEAR:
             closed.append(cause(kind, seen.valve.id))
     return raised, closed
+
+
+def _of_physics(
+    seen: ValveRecord, told: Sequence[bool | None], by_runs: AlertDecision
+) -> AlertDecision:
+    """An effect beside friction is raised where the windows of weeks confirm it and it stands among
+    all valves of the run; what was only seen once closes nothing either."""
+    if not told or told[0] is None:
+        return AlertDecision.LEAVE
+    if seen.by_window is not None and seen.by_window.confirmed:
+        return AlertDecision.RAISE if seen.stands else AlertDecision.LEAVE
+    first_seen = seen.by_window is not None and seen.by_window.first_seen
+    return (
+        AlertDecision.CLEAR
+        if by_runs is AlertDecision.CLEAR and not first_seen
+        else (AlertDecision.LEAVE)
+    )
 
 
 # What may stand behind one cause, the finding that says most first. Growth of S and a position that
@@ -164,7 +188,7 @@ def _findings(seen: ValveRecord, rules: AlertRules) -> list[_Finding]:
             ),
             lambda judged: baseline_left(seen.ratios[judged.id]),
         ),
-        (AlertKind.MISMATCH, lambda judged: judged.named, _mismatch),
+        (AlertKind.MISMATCH, lambda judged: judged.named, lambda judged: _mismatch(seen, judged)),
     ]
 
 
@@ -182,10 +206,11 @@ def _sticky(judged: JudgedScreening) -> str:
     return f"{judged.reason} {judged.advice}".strip()
 
 
-def _mismatch(judged: JudgedScreening) -> str:
-    if judged.mismatch is None or not judged.mismatch.defects:
+def _mismatch(seen: ValveRecord, judged: JudgedScreening) -> str:
+    """What is confirmed, in the words of the newest window where that names it too."""
+    if seen.by_window is None:
         return "Something beside stiction was found."
-    return present_effect(judged.mismatch.defects[0]).in_short
+    return seen.by_window.in_short(judged.mismatch)
 
 
 def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreening) -> RaisedAlert:

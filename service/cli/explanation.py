@@ -11,11 +11,16 @@ from rich.table import Table
 from rich.text import Text
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Finding, HeldOutFit, Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.service.cli import views
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.finding import PresentedEffect, present_effects
-from stemwatch.service.presenter.physics_words import FINDING_SYMBOL, effect_name, effect_names
+from stemwatch.service.presenter.physics_words import (
+    FINDING_SYMBOL,
+    effect_name,
+    effect_names,
+    left_to_tell,
+)
 from stemwatch.service.presenter.wording import (
     beyond,
     figure,
@@ -23,6 +28,7 @@ from stemwatch.service.presenter.wording import (
     interval,
     span_percent,
 )
+from stemwatch.service.report.mismatch_view import left_over_bars
 
 STYLE = {
     Finding.NAMED: "bold red",
@@ -78,6 +84,8 @@ def _sentences(mismatch: Mismatch) -> Iterator[str]:
             yield f"[dim]Where[/]  {views.escape(place.sentence)}"
     for effect in present_effects(mismatch):
         yield from _effect(effect, mismatch.sentence)
+    if told := left_to_tell(mismatch):
+        yield f"[dim]Test[/]  {views.escape(told)}"
     if mismatch.not_testable:
         names = views.escape(effect_names(untestable.slug for untestable in mismatch.not_testable))
         yield f"[dim]Not testable here: {names}[/]"
@@ -92,6 +100,9 @@ def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
     if effect.instead:
         yield f"[dim]Not told from[/]  {views.escape(f'{effect.instead}. {effect.decide}')}"
     yield f"[dim]Evidence[/]  {views.escape(effect.evidence)}"
+    if effect.test is not None:
+        test = f"{effect.test.do} Expected: {effect.test.fails}. Passes: {effect.test.passes}."
+        yield f"[dim]Test in the field[/]  {views.escape(test)}"
 
 
 def _numbers(mismatch: Mismatch) -> Table:
@@ -106,7 +117,7 @@ def _numbers(mismatch: Mismatch) -> Table:
     )
     for name, stiction, fit, rmse in rows:
         table.add_row(name, _number(stiction.S), _number(stiction.J), figure(fit), figure(rmse, 2))
-    table.caption = _caption(held) or None
+    table.caption = _caption(mismatch) or None
     table.caption_justify = "left"
     return table
 
@@ -118,15 +129,17 @@ def _number(estimate: Estimate) -> str:
     return span_percent(estimate.value) + (f" ({around})" if around else "")
 
 
-def _caption(held: HeldOutFit) -> str:
-    """The interval of the gain, the NARX ceiling and the noise floor."""
-    parts = []
+def _caption(mismatch: Mismatch) -> str:
+    """The interval of the gain, the network and the noise floor, as on the page."""
+    held, parts = mismatch.heldout, []
     if finite(held.gain_low) is not None and finite(held.gain_high) is not None:
         parts.append(
             f"fit grows by {figure(held.gain_low, 2)} to {figure(held.gain_high, 2)} points"
         )
-    if finite(held.rmse_ceiling) is not None:
-        parts.append(f"NARX ceiling {figure(held.rmse_ceiling, 2)} %")
-    if finite(held.noise_floor) is not None:
-        parts.append(f"noise {figure(held.noise_floor, 2)} %")
+    beside = {bar.kind: bar for bar in left_over_bars(mismatch)}
+    parts += [
+        f"{beside[kind].name} {figure(beside[kind].rmse, 2)} %"
+        for kind in ("narx", "floor")
+        if kind in beside
+    ]
     return ", ".join(parts)

@@ -75,8 +75,12 @@ def explain_recording(
 
     ``known_curve`` is how OP strokes the valve, where the plant file says it.
     """
+    from stemwatch.models.stickslip.stored_range import in_percent
+
     try:
         mismatch = _mismatch(recording, narx, limits or Limits(), known_curve)
+        # What is drawn beside the runs is in percent, as they are.
+        recording = in_percent(recording)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
         mismatch = not_testable(reason)

@@ -7,14 +7,8 @@ smallest flows onto a second one: nothing is cut.
 from __future__ import annotations
 
 import io
-import unicodedata
-from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
-from functools import cache, lru_cache
-from importlib.resources import files
 from typing import Any
-from xml.sax.saxutils import escape
 
 from reportlab.lib.pagesizes import A4
 from reportlab.lib.styles import ParagraphStyle
@@ -32,7 +26,24 @@ from reportlab.platypus import (
 )
 
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.maintenance.drawing import Drawing, DrawnLine, DrawnText, Mark, hatching
+from stemwatch.service.maintenance.paper import (
+    BARE,
+    FOOT,
+    GAP,
+    MARGIN,
+    PLAIN,
+    REGULAR,
+    TOP,
+    WIDTH,
+    PaperPicture,
+    TypeSize,
+    cut,
+    folio,
+    fonts,
+    height_of,
+    is_whole,
+    write,
+)
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
@@ -41,24 +52,14 @@ from stemwatch.service.presenter.wording import (
     VERDICT_SYMBOL,
     instant,
     printable,
-    prose,
     span_percent,
     window,
 )
 from stemwatch.service.presenter.work_decision import verdict_before
 from stemwatch.service.report.report_context import ReportContext
 
-REGULAR, BOLD = "DejaVuSansCondensed", "DejaVuSansCondensed-Bold"
-# Adobe's names for fonts that readers of PDF supply; embedding them would take megabytes.
-HAN, HANGUL = "STSong-Light", "HYSMyeongJo-Medium"
-BOX = "□"
-_INVISIBLE = frozenset({"Cc", "Cf", "Mn", "Me"})
-
-MARGIN, TOP, FOOT = 40.0, 30.0, 34.0
-WIDTH = A4[0] - 2 * MARGIN
 SIGN_HEIGHT = 34.0
 ROOM = A4[1] - TOP - FOOT - SIGN_HEIGHT  # of a valve's page, above the lines to sign on
-GAP = 16.0
 LIST_SIZE = 8.2
 SIZES = (8.6, 7.9, 7.2, 6.6)  # points; smaller is not read at a valve
 SHORT = {Verdict.UNDETERMINED: "no verdict"}
@@ -70,70 +71,8 @@ LEGEND = (
     "Priority: severity x criticality x trend; 1 within a week, 2 within a month, 3 within three "
     "months, 4 at the next stop. Confirm with a stroke test before a valve is opened."
 )
-# Letters of a paragraph, which flows over pages, and of a cell, which has to fit one.
-LONGEST, LONGEST_CELL, LONGEST_NAME = 6000, 1200, 200
-
-
-@cache
-def fonts() -> dict[str, Any]:
-    """The embedded fonts by name, registered with reportlab."""
-    from reportlab import rl_config
-    from reportlab.pdfbase import pdfmetrics
-    from reportlab.pdfbase.cidfonts import UnicodeCIDFont
-    from reportlab.pdfbase.ttfonts import TTFont
-
-    rl_config.useA85 = 0  # no channel is of seven bits any more, and the text form takes long
-    folder = files("stemwatch.service.maintenance").joinpath("fonts")
-    faces = {name: TTFont(name, str(folder.joinpath(f"{name}.ttf"))) for name in (REGULAR, BOLD)}
-    for font in (*faces.values(), UnicodeCIDFont(HAN), UnicodeCIDFont(HANGUL)):
-        pdfmetrics.registerFont(font)
-    return faces
-
-
-@lru_cache(maxsize=20_000)
-def font_of(letter: str, bold: bool = False) -> str:
-    """The name of the font that has ``letter``; empty where none has it."""
-    name = BOLD if bold else REGULAR
-    if ord(letter) in fonts()[name].face.charToGlyph:
-        return name
-    if "HANGUL" in unicodedata.name(letter, ""):
-        return HANGUL
-    kinds = ("CJK", "HIRAGANA", "KATAKANA", "FULLWIDTH", "IDEOGRAPHIC")
-    return HAN if unicodedata.name(letter, "").startswith(kinds) else ""
-
-
-@lru_cache(maxsize=50_000)
-def runs(text: str, bold: bool = False) -> tuple[tuple[str, str], ...]:
-    """``text`` as pieces of (font, letters). What no font has is a box; what has no width, such as
-    a mark that turns the direction of writing, is left out."""
-    pieces: list[tuple[str, str]] = []
-    for letter in text:
-        font = font_of(letter, bold)
-        if not font:
-            if unicodedata.category(letter) in _INVISIBLE:
-                continue
-            font, letter = font_of(BOX, bold), BOX
-        if pieces and pieces[-1][0] == font:
-            pieces[-1] = (font, pieces[-1][1] + letter)
-        else:
-            pieces.append((font, letter))
-    return tuple(pieces)
-
-
-@lru_cache(maxsize=50_000)
-def width_of(text: str, bold: bool = False) -> float:
-    """The width of ``text`` in a size of 1 point."""
-    from reportlab.pdfbase.pdfmetrics import stringWidth
-
-    fonts()
-    return float(sum(stringWidth(letters, font, 1.0) for font, letters in runs(text, bold)))
-
-
-def is_whole(text: str) -> bool:
-    """Whether every visible letter of ``text`` can be drawn."""
-    return all(
-        font_of(letter) or unicodedata.category(letter) in _INVISIBLE for letter in set(text)
-    )
+# Letters of a cell, which has to fit one page, and of a name.
+LONGEST_CELL, LONGEST_NAME = 1200, 200
 
 
 def book_pdf(book: WorkList, *, compress: bool = True) -> bytes:
@@ -163,9 +102,8 @@ class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no type
             initialFontName=REGULAR,
         )
         self._context = book.context
-        plain = {"leftPadding": 0, "rightPadding": 0, "topPadding": 0, "bottomPadding": 0}
-        whole = Frame(MARGIN, FOOT, WIDTH, A4[1] - TOP - FOOT, **plain)
-        above = Frame(MARGIN, FOOT + SIGN_HEIGHT, WIDTH, ROOM, **plain)
+        whole = Frame(MARGIN, FOOT, WIDTH, A4[1] - TOP - FOOT, **PLAIN)
+        above = Frame(MARGIN, FOOT + SIGN_HEIGHT, WIDTH, ROOM, **PLAIN)
         self.addPageTemplates(
             [
                 PageTemplate("list", [whole], onPage=self._folio),
@@ -174,11 +112,7 @@ class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no type
         )
 
     def _folio(self, canvas: Any, _: Any) -> None:
-        day = self._context.started.astimezone(self._context.tz)
-        told = f"{self._context.plant or self._context.software} · {day:%Y-%m-%d}"
-        _write(
-            canvas, told[:120] + f" · page {canvas.getPageNumber()}", A4[0] - MARGIN, 10.0, "end"
-        )
+        folio(canvas, self._context)
 
     def _signed(self, canvas: Any, document: Any) -> None:
         """Lines for the hand: a page that comes back from the valve is worth two that went."""
@@ -189,7 +123,7 @@ class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no type
         for title, begin, end in zip(titles, shares, shares[1:], strict=False):
             left = MARGIN + begin * WIDTH
             canvas.line(left, FOOT, left + (end - begin) * WIDTH - 8.0, FOOT)
-            _write(canvas, title, left, FOOT - 8.0)
+            write(canvas, title, left, FOOT - 8.0)
 
 
 class _Bookmark(Flowable):  # type: ignore[misc]  # reportlab has no types
@@ -207,106 +141,8 @@ class _Bookmark(Flowable):  # type: ignore[misc]  # reportlab has no types
         self.canv.addOutlineEntry(self._title, self._key)
 
 
-class _Picture(Flowable):  # type: ignore[misc]  # reportlab has no types
-    """A drawing as wide as the page."""
-
-    def __init__(self, drawing: Drawing) -> None:
-        super().__init__()
-        self._drawing, self._scale = drawing, WIDTH / drawing.width
-
-    def wrap(self, *_: float) -> tuple[float, float]:
-        return WIDTH, self._scale * self._drawing.height
-
-    def draw(self) -> None:
-        self.canv.scale(self._scale, self._scale)
-        for mark in self._drawing.marks:
-            self._mark(mark)
-
-    def _mark(self, mark: Mark) -> None:
-        height = self._drawing.height
-        if isinstance(mark, DrawnText):
-            x, y = mark.at
-            _write(self.canv, mark.text, x, height - y, mark.anchor, mark.size, bold=mark.bold)
-            return
-        for line in [mark] if isinstance(mark, DrawnLine) else hatching(mark):
-            self.canv.setLineWidth(line.width)
-            self.canv.setStrokeGray(line.grey)
-            self.canv.setDash(list(line.dash) if line.dash else [])
-            path = self.canv.beginPath()
-            for at, (x, y) in enumerate(line.points):
-                (path.lineTo if at else path.moveTo)(x, height - y)
-            self.canv.drawPath(path)
-
-
-@dataclass(frozen=True)
-class _Type:
-    """Paragraphs in type of ``size`` points."""
-
-    size: float
-
-    def text(self, text: str, share: float = 1.0, *, bold: bool = False, **style: Any) -> Paragraph:
-        """A paragraph in ``share`` of the size; every letter in a font that has it."""
-        points = self.size * share
-        look = ParagraphStyle(
-            "text", fontName=BOLD if bold else REGULAR, fontSize=points, leading=1.24 * points
-        )
-        return Paragraph(_markup(text, bold), ParagraphStyle("text", look, **style))
-
-    def heading(self, text: str) -> Flowable:
-        """A small heading over a thin rule."""
-        style: dict[str, Any] = {"spaceBefore": 0.5 * self.size, "spaceAfter": 0.25 * self.size}
-        return _Ruled(self.text(text.upper(), 0.84, bold=True, **style), 0.4)
-
-    def columns(self, *cells: Sequence[Any]) -> Table:
-        """Flowables side by side."""
-        width = (WIDTH - GAP * (len(cells) - 1)) / len(cells)
-        widths = [width + (GAP if at < len(cells) - 1 else 0.0) for at in range(len(cells))]
-        style = [*_BARE, ("RIGHTPADDING", (0, 0), (-2, -1), GAP)]
-        return Table([[list(cell) for cell in cells]], colWidths=widths, style=style)
-
-    def grid(self, rows: Sequence[Sequence[Any]], widths: Sequence[float]) -> Table:
-        """A table of texts without rules; the first row and column are bold."""
-        cells = [
-            [self.text(cell, bold=line == 0 or at == 0) for at, cell in enumerate(row)]
-            for line, row in enumerate(rows)
-        ]
-        return Table(cells, colWidths=list(widths), style=_BARE, hAlign="LEFT")
-
-
-class _Ruled(Flowable):  # type: ignore[misc]  # reportlab has no types
-    """A paragraph with a rule below it."""
-
-    def __init__(self, inside: Paragraph, weight: float) -> None:
-        super().__init__()
-        self._inside, self._weight = inside, weight
-        self.keepWithNext = 1
-
-    def getSpaceBefore(self) -> float:  # reportlab's name
-        return float(self._inside.getSpaceBefore())
-
-    def getSpaceAfter(self) -> float:  # reportlab's name
-        return float(self._inside.getSpaceAfter())
-
-    def wrap(self, width: float, height: float) -> tuple[float, float]:
-        self._width, tall = self._inside.wrap(width, height)
-        return width, tall + 1.2
-
-    def draw(self) -> None:
-        self._inside.drawOn(self.canv, 0.0, 1.2)
-        self.canv.setLineWidth(self._weight)
-        self.canv.setStrokeGray(0.4)
-        self.canv.line(0.0, 0.0, self._width, 0.0)
-
-
-_BARE = [
-    ("VALIGN", (0, 0), (-1, -1), "TOP"),
-    ("LEFTPADDING", (0, 0), (-1, -1), 0),
-    ("RIGHTPADDING", (0, 0), (-1, -1), 0),
-    ("TOPPADDING", (0, 0), (-1, -1), 0),
-    ("BOTTOMPADDING", (0, 0), (-1, -1), 0),
-]
 _LIST = [
-    *_BARE,
+    *BARE,
     ("RIGHTPADDING", (0, 0), (-1, -1), 4),
     ("TOPPADDING", (0, 0), (-1, -1), 1.5),
     ("BOTTOMPADDING", (0, 0), (-1, -1), 2.0),
@@ -314,41 +150,9 @@ _LIST = [
 ]
 
 
-def _markup(text: str, bold: bool) -> str:
-    """``text`` as reportlab's markup: runs of letters that the page's font lacks name theirs."""
-    own = BOLD if bold else REGULAR
-    return "".join(
-        escape(letters) if font == own else f'<font name="{font}">{escape(letters)}</font>'
-        for font, letters in runs(prose(_cut(text, LONGEST)), bold)
-    )
-
-
-def _cut(text: str, most: int) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}…"
-
-
-def _write(
-    canvas: Any,
-    text: str,
-    x: float,
-    y: float,
-    anchor: str = "start",
-    points: float = 6.5,
-    *,
-    bold: bool = False,
-) -> None:
-    """One line of words whose baseline is ``y`` above the foot."""
-    whole = width_of(printable(text), bold) * points
-    x -= whole if anchor == "end" else whole / 2 if anchor == "middle" else 0.0
-    for font, letters in runs(printable(text), bold):
-        canvas.setFont(font, points)
-        canvas.drawString(x, y, letters)
-        x += width_of(letters, bold) * points
-
-
 def _front(book: WorkList) -> list[Any]:
     """What is in the report, the valves in their order, and those without a page."""
-    t, context = _Type(LIST_SIZE), book.context
+    t, context = TypeSize(LIST_SIZE), book.context
     told = f"{instant(context.started, context.tz)} ({context.zone})"
     told += f", run {book.run}" if book.run is not None else ""
     plant = f"{context.plant}, " if context.plant else ""
@@ -373,7 +177,7 @@ def _front(book: WorkList) -> list[Any]:
         many = "valve" if len(book.others) == 1 else "valves"
         story.append(t.heading(f"{len(book.others)} {many} without a page"))
         rest = [_brief(t, other) for other in book.others]
-        story.append(LongTable(rest, colWidths=[78.0, 118.0, WIDTH - 196.0], style=_BARE))
+        story.append(LongTable(rest, colWidths=[78.0, 118.0, WIDTH - 196.0], style=BARE))
     if context.sources_not_read:
         story.append(t.heading("Remarks"))
         story += [
@@ -382,11 +186,11 @@ def _front(book: WorkList) -> list[Any]:
     return [*story, t.text(f"{LEGEND} {HINT}", 0.86, spaceBefore=6.0)]
 
 
-def _row(t: _Type, number: int, sheet: WorkSheet, context: ReportContext) -> list[Any]:
+def _row(t: TypeSize, number: int, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     begins = sheet.since.first.at if sheet.since.first else sheet.screening.window[1]
     order, priority = sheet.has_order, sheet.priority
-    tag = t.text(_cut(sheet.screening.valve, LONGEST_NAME), bold=True)
-    service = _cut(sheet.valve.facts.description, LONGEST_NAME)
+    tag = t.text(cut(sheet.screening.valve, LONGEST_NAME), bold=True)
+    service = cut(sheet.valve.facts.description, LONGEST_NAME)
     link = ParagraphStyle("link", fontName=REGULAR, fontSize=t.size, leading=1.24 * t.size)
     return [
         Paragraph(f'<a href="#m{number}">{number}</a>', link),
@@ -399,36 +203,26 @@ def _row(t: _Type, number: int, sheet: WorkSheet, context: ReportContext) -> lis
     ]
 
 
-def _brief(t: _Type, valve: ValveWithoutPage) -> list[Any]:
+def _brief(t: TypeSize, valve: ValveWithoutPage) -> list[Any]:
     verdict = f"{VERDICT_SYMBOL[valve.verdict]} {valve.verdict.value}"
     return [
         t.text(verdict, 0.9),
-        t.text(_cut(valve.valve, LONGEST_NAME), 0.9, bold=True),
-        t.text(_cut(valve.said, LONGEST_CELL), 0.9),
+        t.text(cut(valve.valve, LONGEST_NAME), 0.9, bold=True),
+        t.text(cut(valve.said, LONGEST_CELL), 0.9),
     ]
 
 
 def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:
     """The page of ``sheet`` in the largest type that fits; else in one column over several."""
     for size in SIZES:
-        story = _sheet(_Type(size), sheet, context)
-        if _height(story) <= ROOM:
+        story = _sheet(TypeSize(size), sheet, context)
+        if height_of(story) <= ROOM:
             return story
-    return _sheet(_Type(SIZES[-1]), sheet, context, side_by_side=False)
-
-
-def _height(story: Sequence[Any]) -> float:
-    """How much room ``story`` takes."""
-    tall, after = 0.0, 0.0
-    for at, part in enumerate(story):
-        before = part.getSpaceBefore() if at else 0.0
-        tall += max(before, after) + part.wrap(WIDTH, 10_000.0)[1]
-        after = part.getSpaceAfter()
-    return tall
+    return _sheet(TypeSize(SIZES[-1]), sheet, context, side_by_side=False)
 
 
 def _sheet(
-    t: _Type, sheet: WorkSheet, context: ReportContext, *, side_by_side: bool = True
+    t: TypeSize, sheet: WorkSheet, context: ReportContext, *, side_by_side: bool = True
 ) -> list[Any]:
     """Everything on the page of one valve."""
     seen = f"Window: {window(*sheet.screening.window, context.tz, context.zone)}"
@@ -440,7 +234,7 @@ def _sheet(
         t.heading("What was found"),
         t.text(sheet.said.in_full),
         t.text(seen, 0.86),
-        *([] if picture is None else [Spacer(1, 3.0), _Picture(picture)]),
+        *([] if picture is None else [Spacer(1, 3.0), PaperPicture(picture)]),
         t.text(note, 0.86),
     ]
     width = (WIDTH - GAP) / 2 if side_by_side else WIDTH
@@ -460,15 +254,15 @@ def _sheet(
     ]
 
 
-def _head(t: _Type, sheet: WorkSheet, context: ReportContext) -> list[Any]:
+def _head(t: TypeSize, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     facts, screening = sheet.valve.facts, sheet.screening
     about = [facts.description, facts.area]
     about += [f"criticality {facts.criticality}"] if facts.criticality else []
     about += [f"stroke {facts.stroke}"] if facts.stroke else []
     title = f"{VERDICT_SYMBOL[sheet.valve.verdict]} {sheet.title} ({sheet.valve.verdict.value})"
     left = [
-        t.text(_cut(screening.valve, LONGEST_NAME), 1.75, bold=True),
-        t.text(_cut(" · ".join(text for text in about if text), LONGEST_CELL), 0.92),
+        t.text(cut(screening.valve, LONGEST_NAME), 1.75, bold=True),
+        t.text(cut(" · ".join(text for text in about if text), LONGEST_CELL), 0.92),
         t.text(title, 1.25, bold=True, spaceBefore=1.0),
     ]
     if not is_whole(screening.valve + facts.description):
@@ -489,14 +283,14 @@ def _head(t: _Type, sheet: WorkSheet, context: ReportContext) -> list[Any]:
         [[box]], colWidths=[92.0], style=[("BOX", (0, 0), (-1, -1), weight, "black", 0, dash)]
     )
     style = [
-        *_BARE,
+        *BARE,
         ("LINEBELOW", (0, 0), (-1, -1), 1.0, "black"),
         ("BOTTOMPADDING", (0, 0), (-1, -1), 3),
     ]
     return [Table([[left, inner]], colWidths=[WIDTH - 102.0, 102.0], style=style)]
 
 
-def _sizes(t: _Type, sheet: WorkSheet, width: float) -> list[Any]:
+def _sizes(t: TypeSize, sheet: WorkSheet, width: float) -> list[Any]:
     rows = [("", "of OP span", "95 %", "travel")]
     rows += [
         (size.name, size.percent, size.interval or NOTHING, size.travel or NOTHING)
@@ -510,7 +304,7 @@ def _sizes(t: _Type, sheet: WorkSheet, width: float) -> list[Any]:
     ]
 
 
-def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> list[Any]:
+def _since(t: TypeSize, sheet: WorkSheet, context: ReportContext, width: float) -> list[Any]:
     parts = [t.heading("Since when"), t.text(" ".join(sheet.since_said))]
     if not sheet.past:
         return parts
@@ -520,10 +314,10 @@ def _since(t: _Type, sheet: WorkSheet, context: ReportContext, width: float) -> 
         ["S, %", *[span_percent(past.S) for past in sheet.past]],
     ]
     step = (width - 28.0) / max(len(sheet.past), 4)
-    small = _Type(0.76 * t.size)
+    small = TypeSize(0.76 * t.size)
     cells = [[small.text(cell, bold=at == 0) for at, cell in enumerate(row)] for row in rows]
     widths = [28.0, *[step] * len(sheet.past)]
-    return [*parts, Table(cells, colWidths=widths, style=_BARE, hAlign="LEFT")]
+    return [*parts, Table(cells, colWidths=widths, style=BARE, hAlign="LEFT")]
 
 
 def _verdict(verdict: Verdict) -> str:
@@ -534,7 +328,7 @@ def _day(when: datetime | None, context: ReportContext) -> str:
     return NOTHING if when is None else f"{when.astimezone(context.tz):%Y-%m-%d}"
 
 
-def _steps(t: _Type, sheet: WorkSheet) -> list[Any]:
+def _steps(t: TypeSize, sheet: WorkSheet) -> list[Any]:
     hanging: dict[str, Any] = {"leftIndent": 12.0, "firstLineIndent": -12.0}
     return [
         t.heading("Check in this order"),
@@ -545,12 +339,12 @@ def _steps(t: _Type, sheet: WorkSheet) -> list[Any]:
     ]
 
 
-def _hand(t: _Type, sheet: WorkSheet) -> list[Any]:
+def _hand(t: TypeSize, sheet: WorkSheet) -> list[Any]:
     parts = t.text(f"{'; '.join(sheet.parts)}.")
     return [t.heading("Have at hand"), parts, t.heading("How sure"), t.text(" ".join(sheet.sure))]
 
 
-def _doubt(t: _Type, sheet: WorkSheet) -> list[Any]:
+def _doubt(t: TypeSize, sheet: WorkSheet) -> list[Any]:
     said = " ".join(sheet.said.otherwise) or "Nothing that this recording would show."
     reason = t.text(f"{sheet.priority.reason}.")
     return [
@@ -559,6 +353,6 @@ def _doubt(t: _Type, sheet: WorkSheet) -> list[Any]:
     ]
 
 
-def _isolation(t: _Type, sheet: WorkSheet) -> list[Any]:
+def _isolation(t: TypeSize, sheet: WorkSheet) -> list[Any]:
     levels = [t.text(f"[{LEVEL_NAME[level]}] {text}") for level, text in sheet.isolation]
     return [t.heading("Isolation"), *levels, t.text(HINT, 0.86)]

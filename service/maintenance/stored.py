@@ -45,7 +45,8 @@ def facts_of(
 ) -> dict[str, ValveFacts]:
     """What plant file and store say of the valves, and what was found of them before."""
     known = {valve.id: valve for valve in store.valves()}
-    weeks = store.trends([screening.valve for screening in screenings])
+    valves = [screening.valve for screening in screenings]
+    weeks, by_window = store.trends(valves), store.evidence(valves)
     return {
         screening.valve: replace(
             _facts(
@@ -55,6 +56,7 @@ def facts_of(
                 store.previous_finding(screening),
             ),
             weeks=weeks.get(screening.valve),
+            by_window=by_window.get(screening.valve),
         )
         for screening in screenings
     }

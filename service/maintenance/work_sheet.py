@@ -162,7 +162,7 @@ def work_sheet_of(
         parts=advice.parts_for(kinds),
         isolation=advice.isolation_for(steps),
         since=seen,
-        since_said=_since(seen, screening, background, zone),
+        since_said=_since(seen, valve, background, zone),
         past=tuple(earlier[:MOST_PAST]),
         sure=how_sure(screening, said.decision, valve.stands, discoveries, seen),
         priority=priority(
@@ -228,11 +228,14 @@ def _size(name: str, estimate: Estimate, full: Stroke | None, slope: float, know
 
 
 def _since(
-    seen: s.FirstSeen, screening: Screening, background: ValveHistory, zone: tzinfo
+    seen: s.FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
 ) -> tuple[str, ...]:
+    screening, by_window = valve.screening, valve.facts.by_window
     began = seen.first.at if seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
-    said = (s.sentence(seen, zone), s.work_sentence(work, began, zone))
+    said: tuple[str, ...] = (s.sentence(seen, zone), s.work_sentence(work, began, zone))
+    if by_window is not None:
+        said += by_window.sentences(zone)
     return tuple(sentence for sentence in said if sentence)
 
 

@@ -13,9 +13,16 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel, check_steps
+from stemwatch.models.field_advice import (
+    CheckStep,
+    FieldAdvice,
+    FieldTest,
+    IsolationLevel,
+    check_steps,
+)
 
 if TYPE_CHECKING:
+    from stemwatch.models.mismatch.findings import Effect
     from stemwatch.models.mismatch.term import Words
 
 MOST_STEPS = 9  # a page holds no more, and nobody reads more at the valve
@@ -77,6 +84,18 @@ def term_words(slug: str) -> Words | None:
 
     term = terms().get(slug)
     return None if term is None else term.words
+
+
+def effect_test(effect: Effect) -> FieldTest | None:
+    """The test by hand that shows ``effect``, with what to expect from its own numbers; ``None``
+    where this version does not know it, or its numbers are others."""
+    from stemwatch.models.mismatch.terms import catalogue as terms
+
+    term = terms().get(effect.slug)
+    try:
+        return None if term is None else term.field_test(effect.parameters)
+    except KeyError:
+        return None
 
 
 def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:

@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldTest
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
 from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.presenter.advice import advice_for, term_words
+from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
 from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, others
 from stemwatch.service.presenter.wording import (
@@ -45,7 +46,8 @@ _NAIVE_SAID = "S and J alone"
 @dataclass(frozen=True, kw_only=True)
 class PresentedEffect:
     """One effect beside friction. ``instead`` names those that the recording cannot tell from it,
-    ``decide`` is the test that would; both empty where there is none."""
+    ``decide`` is the test that would; both empty where there is none. ``test`` shows the effect in
+    the field, with what to expect from its own numbers; ``None`` for one of another version."""
 
     slug: str
     name: str
@@ -55,6 +57,7 @@ class PresentedEffect:
     instead: str
     decide: str
     evidence: str
+    test: FieldTest | None = None
 
     @property
     def in_short(self) -> str:
@@ -146,6 +149,7 @@ def present_effect(effect: Effect) -> PresentedEffect:
         instead=effect_names(alike),
         decide=decide if alike else "",
         evidence=_evidence(effect),
+        test=effect_test(effect),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch, TriedOutcome
 
 # A symbol beside each word, so that no meaning hangs on colour alone.
 FINDING_SYMBOL = {
@@ -27,6 +27,14 @@ FINDING_MEANING = {
     Finding.UNKNOWN: "systematic, and nothing in the catalogue explains it",
     Finding.NONE: "S and J explain the recording, scatter of the breakaways included",
     Finding.NOT_TESTABLE: "the recording could not have shown anything",
+}
+OUTCOME_MEANING = {
+    TriedOutcome.NAMED: "named",
+    TriedOutcome.AS_GOOD: "explains it as well: this recording cannot tell it from what is named",
+    TriedOutcome.ADDS_NOTHING: "helps alone, but adds nothing beside what is named",
+    TriedOutcome.TOO_SMALL: "there perhaps, but of a size that needs no work",
+    TriedOutcome.CHANCE: "gains no more than on recordings with nothing hidden",
+    TriedOutcome.NOT_HELD: "helps in places, but does not stand on the whole record",
 }
 FACETS = {
     "phase": "By phase of the motion",
@@ -80,6 +88,33 @@ PARAMETERS = {
 def parameter_name(name: str, slug: str = "") -> str:
     """A number of the effect ``slug`` in words: ``theta`` of a dead time is the dead time."""
     return PARAMETERS.get(f"{slug}.{name}") or PARAMETERS.get(name) or effect_name(name)
+
+
+ALONE = "S and J alone"
+
+
+def rival_names(slugs: Iterable[str]) -> tuple[str, ...]:
+    """Rival models as people say them; the empty slug is S and J alone."""
+    return tuple(effect_name(slug) or ALONE for slug in slugs)
+
+
+def joined(names: tuple[str, ...], word: str = "and") -> str:
+    """``a, b and c``."""
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} {word} {names[-1]}"
+
+
+def left_to_tell(mismatch: Mismatch) -> str:
+    """That a test could tell what the recording left open, and which command plans it; empty where
+    nothing is left."""
+    question = mismatch.open_question
+    if question is None or len(question.models) < 2:
+        return ""
+    return (
+        f"A test of some minutes may tell {joined(rival_names(question.rivals))} apart: "
+        "`stemwatch plan-test` plans it."
+    )
 
 
 def effect_names(slugs: Iterable[str]) -> str:

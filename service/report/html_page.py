@@ -26,7 +26,14 @@ from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
-from stemwatch.service.report.mismatch_view import MismatchView, left_over_bars, mismatch_view
+from stemwatch.service.report.evidence_by_window import evidence_picture
+from stemwatch.service.report.mismatch_view import (
+    MismatchView,
+    gain_rows,
+    left_over_bars,
+    mismatch_view,
+    rejected_rows,
+)
 from stemwatch.service.report.ranking import RankedValve, count_verdicts, counted, discovered
 from stemwatch.service.report.report_context import ReportContext
 
@@ -181,14 +188,19 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "fit_bars": fit_bars,
         "spread_percent": spread_percent,
         "left_over_bars": left_over_bars,
+        "gain_rows": gain_rows,
+        "rejected_rows": rejected_rows,
         "effect_name": mismatch_words.effect_name,
         "parameter_name": mismatch_words.parameter_name,
         "effect_names": mismatch_words.effect_names,
+        "left_to_tell": mismatch_words.left_to_tell,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "beyond": words.beyond,
         "presented": present_effect,
+        "evidence_picture": lambda of_weeks: evidence_picture(of_weeks, context.tz),
+        "evidence_sentences": lambda of_weeks: of_weeks.sentences(context.tz),
         "sortable": words.sortable,
         "plain": "{:g}".format,
         "prose": words.prose,

@@ -14,11 +14,13 @@ from typing import Any
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import (
     Effect,
+    Gain,
     HeldOutFit,
     HotPlace,
     Mismatch,
     RecordEffect,
     Stiction,
+    Tried,
 )
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
@@ -65,6 +67,8 @@ def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[s
             "before": _hot(mismatch.before.hot),
             "after": _hot(mismatch.after.hot),
         },
+        "tried": [_tried(one) for one in mismatch.tried],
+        "together": _gain(mismatch.together),
         "p_value": finite(mismatch.p_value),
         "stands": stands,
         "stroke_curve": _stroke_curve(mismatch.stroke_curve),
@@ -119,7 +123,27 @@ def _effect(effect: Effect) -> dict[str, Any]:
             "strength": finite(evidence.strength),
             "note": printable(evidence.note),
         },
+        "test": None
+        if said.test is None
+        else {
+            "do": printable(said.test.do),
+            "fails": printable(said.test.fails),
+            "passes": printable(said.test.passes),
+        },
         "inherent": effect.inherent,
+    }
+
+
+def _gain(gain: Gain | None) -> dict[str, float | None] | None:
+    return None if gain is None else {"mean": finite(gain.mean), "t": finite(gain.t)}
+
+
+def _tried(one: Tried) -> dict[str, Any]:
+    return {
+        "slug": printable(one.slug),
+        "alone": _gain(one.alone),
+        "beside": _gain(one.beside),
+        "outcome": one.outcome.value,
     }
 
 

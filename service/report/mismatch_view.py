@@ -10,10 +10,15 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Cell, Finding, Mismatch
+from stemwatch.models.mismatch.findings import Cell, Finding, Gain, Mismatch, TriedOutcome
 from stemwatch.models.recording import Recording
-from stemwatch.service.presenter.physics_words import facet_title
+from stemwatch.service.presenter.physics_words import (
+    OUTCOME_MEANING,
+    effect_name,
+    facet_title,
+)
 from stemwatch.service.presenter.wording import finite
+from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_charts import overlay_of
 from stemwatch.service.report.heatmap import heat_map, largest
@@ -36,6 +41,7 @@ class MismatchView:
     top: float  # rms in percent of span at the full colour of both maps
     facets: tuple[FacetBars, ...]
     overlay: Chart | None
+    pictures: tuple[Picture, ...]
     S: Estimate
     J: Estimate
     alternative: str = ""
@@ -82,6 +88,7 @@ def mismatch_view(
         top=top,
         facets=tuple(facet_bars(mismatch)),
         overlay=overlay_of(recording, mismatch.runs) or overlay,
+        pictures=effect_pictures(recording, mismatch),
         S=S,
         J=J,
         alternative=_alternative(mismatch, S, J),
@@ -132,6 +139,56 @@ def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
             length=round(100.0 * rmse / longest, 1) if longest > 0.0 else 0.0,
         )
         for kind, name, rmse, fit in known
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainRow:
+    """What one effect, or all together, take off the error on blocks they were not fitted to, in
+    percent of it: ``alone`` over S and J, ``besides`` where all the others are there already."""
+
+    name: str
+    alone: Gain | None
+    besides: Gain | None
+
+
+def gain_rows(mismatch: Mismatch) -> list[GainRow]:
+    """Each named effect and, where they are several, all together; empty where nothing is named."""
+    alone = {one.slug: one.alone for one in mismatch.tried}
+    rows = [
+        GainRow(
+            name=effect_name(effect.slug),
+            alone=alone.get(effect.slug),
+            besides=Gain(mean=effect.evidence.mean, t=effect.evidence.t),
+        )
+        for effect in mismatch.effects
+    ]
+    if len(rows) > 1 and mismatch.together is not None:
+        rows.append(GainRow(name="all together", alone=mismatch.together, besides=None))
+    return rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class RejectedRow:
+    """An effect that was tried and is not named, with its scores and why."""
+
+    name: str
+    alone: Gain
+    beside: Gain | None
+    why: str
+
+
+def rejected_rows(mismatch: Mismatch) -> list[RejectedRow]:
+    """What was tried and is not named, the largest gain first."""
+    return [
+        RejectedRow(
+            name=effect_name(one.slug),
+            alone=one.alone,
+            beside=one.beside,
+            why=OUTCOME_MEANING[one.outcome],
+        )
+        for one in mismatch.tried
+        if one.outcome is not TriedOutcome.NAMED
     ]
 
 

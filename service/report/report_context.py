@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 
 
@@ -23,7 +24,8 @@ class ValveFacts:
     """What the plant says of a valve: its service, where it is, how much hangs on it.
 
     ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
-    ``previous`` is what was said of it before, ``weeks`` how its S changes.
+    ``previous`` is what was said of it before, ``weeks`` how its S changes, ``by_window`` what its
+    windows of the last weeks say together of effects beside friction.
     """
 
     description: str = ""
@@ -32,6 +34,7 @@ class ValveFacts:
     stroke: str = ""
     previous: PreviousFinding | None = None
     weeks: TrendOverWeeks | None = None
+    by_window: EvidenceOfWeeks | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -145,7 +145,8 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
             SourceNotRead(source=str(problem.file), reason=str(problem))
             for problem in plant.problems
         ]
-    weeks = run.store.trends(list(executed.previous))
+    valves = list(executed.previous)
+    weeks, by_window = run.store.trends(valves), run.store.evidence(valves)
     return ReportContext(
         started=run.started,
         plant=plant.name if plant else "",
@@ -153,7 +154,11 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         command=run.command,
         settings_digest=plant.settings_digest if plant else "",
         valves={
-            valve: replace(facts_of(plant, valve, before), weeks=weeks.get(valve))
+            valve: replace(
+                facts_of(plant, valve, before),
+                weeks=weeks.get(valve),
+                by_window=by_window.get(valve),
+            )
             for valve, before in executed.previous.items()
         },
         sources_not_read=tuple(notes),

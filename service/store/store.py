@@ -13,7 +13,9 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
 from stemwatch.service.store.accounts.browser_sessions import WebSessions
@@ -31,6 +33,7 @@ from stemwatch.service.store.database.engine import (
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.runs.browser_settings import BrowserSettings
 from stemwatch.service.store.runs.leases import Leases
 from stemwatch.service.store.runs.queue import RunQueue, end_lost
 from stemwatch.service.store.runs.schedules import Schedules
@@ -39,6 +42,7 @@ from stemwatch.service.store.samples.sources import Sources
 from stemwatch.service.store.screenings import (
     baselines,
     daily_stiction,
+    evidence,
     false_discoveries,
     history,
     ranking,
@@ -118,9 +122,10 @@ class Store:
     write at the same time.
 
     The methods here are about valves, runs and screenings. The running service uses ``alerts``,
-    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and ``sources``; users and
-    sign-in are in ``accounts``, ``access_links``, ``web_sessions``, ``api_tokens``, ``attempts``
-    and ``audit``. Times must have a zone and are returned in UTC. Methods raise ``StoreError``.
+    ``browser_settings``, ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and
+    ``sources``; users and sign-in are in ``accounts``, ``access_links``, ``web_sessions``,
+    ``api_tokens``, ``attempts`` and ``audit``. Times must have a zone and are
+    returned in UTC. Methods raise ``StoreError``.
     """
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
@@ -132,6 +137,7 @@ class Store:
         self.api_tokens = ApiTokens(transactions)
         self.attempts = LoginAttempts(transactions)
         self.audit = AuditLog(transactions)
+        self.browser_settings = BrowserSettings(transactions)
         self.deliveries = Deliveries(transactions)
         self.leases = Leases(transactions)
         self.queue = RunQueue(transactions)
@@ -284,6 +290,11 @@ class Store:
         with self.transactions.reading() as session:
             return ranking.read_ranking(session, wanted)
 
+    def work_counts(self, until: datetime) -> WorkCounts:
+        """How many valves needed work, by the latest screening that each had at ``until``."""
+        with self.transactions.reading() as session:
+            return WorkCounts.of_states(ranking.read_work_states(session, until))
+
     def screenings_of_run(self, run_id: int) -> list[Restored]:
         """Every screening of a run, for reports. Raises ``StoreError`` for an unknown run."""
         with self.transactions.reading("reading a run's screenings") as session:
@@ -305,6 +316,14 @@ class Store:
         """How S of each of ``valves`` changes over weeks, where that is known."""
         with self.transactions.reading() as session:
             return daily_stiction.read_trends(session, valves)
+
+    def evidence(self, valves: Sequence[str]) -> dict[str, EvidenceOfWeeks]:
+        """What the windows of the last weeks say together of those of ``valves`` on which one of
+        them named an effect beside S and J since the last work."""
+        with self.transactions.reading("reading the evidence of weeks") as session:
+            windows = evidence.read_evidence(session, valves)
+        told = {valve: evidence_of_weeks(of_it) for valve, of_it in windows.items()}
+        return {valve: of_it for valve, of_it in told.items() if of_it is not None}
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""

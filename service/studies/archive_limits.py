@@ -10,11 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from stemwatch.models.mismatch import between_samples
-from stemwatch.models.mismatch.between_samples import Archive, against_fit, even_archive
+from stemwatch.models.mismatch.between_samples import (
+    Archive,
+    SlipsAgainstFit,
+    against_fit,
+    even_archive,
+)
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Recording
 from stemwatch.models.stickslip import clock_shift
@@ -43,6 +49,28 @@ class Shown:
     friction_t: float
     S_apart: float
     J_apart: float
+    answered: float
+    jump: float
+    bounds: float
+
+    @property
+    def could(self) -> bool:
+        """Whether its slips may say anything against the fit."""
+        against = SlipsAgainstFit(self.S_apart, self.J_apart, self.answered, self.jump, self.bounds)
+        return against.could
+
+    def against_the_fit(self, but: str = "") -> bool:
+        """Whether its slips contradict the fit of a loop that answers them between samples, by all
+        limits ``but`` one."""
+        b = between_samples
+        asked = {
+            "apart": self.S_apart > b.S_APART or self.J_apart > b.J_APART,
+            "answered": self.answered < b.ANSWERED,
+            "jump": self.jump >= b.CLEAR,
+            "bounds": self.bounds <= b.WIDEST,
+            "samples_per_turn": self.samples_per_turn <= b.RESOLVED,
+        }
+        return all(met for name, met in asked.items() if name != but)
 
 
 @dataclass(frozen=True)
@@ -81,7 +109,7 @@ def shown_by(valve: StudiedValve) -> list[Shown]:
 def _shown(way: str, sticking: bool, recording: Recording) -> Shown:
     late = late_evidence(recording).gain
     archive, fit = even_archive(recording), fit_stickslip(recording)
-    S, J = _apart(fit, archive)
+    against = _against(fit, archive)
     return Shown(
         way=way,
         sticking=sticking,
@@ -90,20 +118,20 @@ def _shown(way: str, sticking: bool, recording: Recording) -> Shown:
         samples_per_turn=np.nan if archive is None else archive.per_turn,
         friction_mean=fit.of_sticking.mean,
         friction_t=fit.of_sticking.t,
-        S_apart=S,
-        J_apart=J,
+        S_apart=against.S,
+        J_apart=against.J,
+        answered=against.answered,
+        jump=against.jump,
+        bounds=against.bounds,
     )
 
 
-def _apart(fit: StickSlipFit, archive: Archive | None) -> tuple[float, float]:
-    """How far slips that may say so have another S and J than the fit; NaN where none may."""
+def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
+    """What the slips say against the fit; NaN where too few are seen."""
     c = fit.candidate
     gain, zero = 1.0 + float(c[coordinate.GAIN]), float(c[coordinate.ZERO])
     slips = None if archive is None else archive.slips(fit.evaluator.problem, gain, zero)
-    if slips is None:
-        return np.nan, np.nan
-    against = against_fit(fit, slips)
-    return (against.S, against.J) if against.could else (np.nan, np.nan)
+    return SlipsAgainstFit(*[np.nan] * 5) if slips is None else against_fit(fit, slips)
 
 
 def run_archive_limits(
@@ -132,8 +160,26 @@ def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
         "slow archive: samples to a turn", b.FEW, sticking, slow, "samples_per_turn", above=False
     )
     yield _limit("friction evident: mean", b.EVIDENT_MEAN, noisy, slow, "friction_mean")
-    yield _limit("slips against the fit: S", b.S_APART, sticking, slow, "S_apart")
-    yield _limit("slips against the fit: J", b.J_APART, sticking, slow, "J_apart")
+    evident = _both(noisy, slow, lambda one: one.friction_mean >= b.EVIDENT_MEAN)
+    yield _limit("friction evident: t", b.EVIDENT_T, evident[0], evident[1], "friction_t")
+    nulls, others = _both(sticking, slow, lambda one: one.could)
+    yield _limit("slips against the fit: S", b.S_APART, nulls, others, "S_apart")
+    yield _limit("slips against the fit: J", b.J_APART, nulls, others, "J_apart")
+    for name, limit, field, above in (
+        ("slips against the fit: answered", b.ANSWERED, "answered", False),
+        ("slips against the fit: jump", b.CLEAR, "jump", True),
+        ("slips against the fit: bounds", b.WIDEST, "bounds", False),
+        ("slips against the fit: samples to a turn", b.RESOLVED, "samples_per_turn", False),
+    ):
+        nulls, others = _both(sticking, slow, partial(Shown.against_the_fit, but=field))
+        yield _limit(name, limit, nulls, others, field, above=above)
+
+
+def _both(
+    nulls: Sequence[Shown], others: Sequence[Shown], where: Callable[[Shown], bool]
+) -> tuple[list[Shown], list[Shown]]:
+    """Those of either group that meet the other limits."""
+    return [one for one in nulls if where(one)], [one for one in others if where(one)]
 
 
 def _limit(

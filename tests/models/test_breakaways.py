@@ -116,14 +116,44 @@ def test_the_readings_span_and_zero_change_nothing(gain, zero):
     assert (other.S, other.J) == pytest.approx((plain.S, plain.J), abs=0.05)
 
 
+@pytest.mark.parametrize(("degree", "wrong"), [(1, "slope"), (3, "bend"), (3, "nothing")])
+def test_slips_put_an_estimated_curve_right(degree, wrong):
+    """A curve that is a little off moves S; slips at many places tell the one from the other."""
+    errors = []
+    for where in range(6):
+        valve, recording = sticking(where)
+        op = recording.op.values
+        low, high = np.percentile(op, (0.5, 99.5))
+        place = 2.0 * (op - low) / (high - low) - 1.0
+        # Of the same ends for the bend, so that S in percent of OP is the same.
+        off, slope = {
+            "slope": (0.03 * (op - 50.0), 1.03),
+            "bend": (1.5 * (place**3 - place), 1.0),
+            "nothing": (np.zeros(op.size), 1.0),
+        }[wrong]
+        right = breakaways(make_problem(recording), 1.0, 0.0, valve.S, valve.J)
+        signals = {**recording.signals, Role.OP: Signal.good(op + off, "OP")}
+        problem = make_problem(replace(recording, signals=signals))
+        seen = [
+            breakaways(replace(problem, unsure_degree=unsure), 1.0, 0.0, valve.S, valve.J)
+            for unsure in (0, degree)
+        ]
+        errors.append([abs(one.S - slope * right.S) for one in seen])
+        low, high = interval(seen[1].draws(300, np.random.default_rng(3))[0], seen[1].S)
+        assert low <= slope * valve.S <= high
+    without, with_curve = np.median(errors, axis=0)
+    assert with_curve < (0.06 if wrong == "nothing" else 0.4 * without)
+
+
 @given(
+    degree=st.sampled_from([0, 1, 3]),
     seed=st.integers(0, 2**32 - 1),
     samples=st.integers(30, 400),
     S=st.floats(0.0, 20.0),
     J=st.floats(0.0, 20.0),
     step=st.sampled_from([0.0, 0.5, 10.0]),
 )
-def test_no_record_breaks_it(seed, samples, S, J, step):
+def test_no_record_breaks_it(degree, seed, samples, S, J, step):
     """Whatever moves, the answer is finite numbers or none."""
     rng = np.random.default_rng(seed)
     op = 50.0 + np.cumsum(rng.normal(0.0, 0.5, samples))
@@ -132,7 +162,8 @@ def test_no_record_breaks_it(seed, samples, S, J, step):
         sticking(0)[1],
         signals={Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "MV")},
     )
-    found = breakaways(make_problem(recording), 1.0, 0.0, S, J)
+    problem = replace(make_problem(recording), unsure_degree=degree)
+    found = breakaways(problem, 1.0, 0.0, S, J)
     if found is not None:
         drawn = found.draws(50, rng)
         assert np.isfinite((found.S, found.J, found.scatter)).all()

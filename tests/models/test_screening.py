@@ -155,7 +155,9 @@ def test_a_reversed_position_is_read_the_right_way_round(S, J, verdict):
     assert found.S.low <= S <= found.S.high
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2)), 3]
+)
 def test_slow_healthy_valves_are_not_accused(seed):
     """Lags and dead times of seconds, without friction to speak of, are never called sticky."""
     one = quick(plant(0.3, 0.05, 1.0 + seed, 0.5 * seed, seed))[0]
@@ -253,3 +255,14 @@ def test_a_real_rate_limited_valve_is_not_sticky(recordings):
     assert one.indicators["naive_S_percent"].value > 8.0
     assert one.S.value < 2.0
     assert Verdict.STICKY is not one.verdict
+
+
+def test_the_scans_of_both_tags_stand_among_the_decisions():
+    """A position that is scanned slowly is said beside OP's own scan, and nothing of it else."""
+    base = plant()
+    mv = base.signals[Role.MV].values[np.arange(len(base)) // 3 * 3]
+    slow = replace(base, signals={**base.signals, Role.MV: Signal.good(mv, "ZT")})
+    plain, scanned = quick(base, slow)
+    said = [one for one in scanned.provenance.decisions if "scan" in one]
+    assert said == ["OP changes every 1 s, the position every 3 s: each has its own scan."]
+    assert not any("scan" in one for one in plain.provenance.decisions)

@@ -64,6 +64,16 @@ def equal_percentage(travel):
     return 100.0 * np.log1p(np.clip(travel, 0.0, 100.0) / 100.0 * 39.0) / np.log(40.0)
 
 
+def stuck(command, S: float, J: float):
+    """Position of a stem that lets go (S + J)/2 from its command and stays (S - J)/2 behind it."""
+    place, mv = command[0], np.empty(command.size)
+    for k, wanted in enumerate(command):
+        if abs(wanted - place) > 0.5 * (S + J):
+            place = wanted - np.sign(wanted - place) * 0.5 * (S - J)
+        mv[k] = place
+    return mv
+
+
 WAYS = {
     "upper half of a split range": {"op": lambda v: 50.0 + v / 2.0},
     "lower half of a split range": {"op": lambda v: v / 2.0},
@@ -113,6 +123,21 @@ def test_the_command_behind_op_is_found(way, valve):
     off = curve_of(way, *valve).command(recording.op.values) - truth
     assert off.std() < 0.5
     assert abs(off.mean()) < 1.0
+
+
+def test_half_of_op_is_found_about_the_middle_of_its_range():
+    """There the position is nowhere far from OP, and wide sticking lets them go together less."""
+    rng = np.random.default_rng(4)
+    clock = np.arange(3600.0)
+    slow = np.interp(clock, np.linspace(0.0, 3600.0, 13), 5.0 * rng.standard_normal(13))
+    travel = 50.0 + slow + 5.5 * np.sin(2.0 * np.pi * clock / 70.0)
+    mv = stuck(travel, S=7.0, J=2.0)
+    signals = {Role.OP: Signal.good(travel, "OP"), Role.MV: Signal.good(mv, "MV")}
+    plain_op = Recording(valve="V", signals=signals, interval_s=1.0)
+    half = changed(plain_op, op=lambda v: 25.0 + v / 2.0)
+    assert slope_of_means(half) is None
+    assert curve_suspected(half)
+    assert not curve_suspected(plain_op)
 
 
 def test_the_peaks_of_op_ask_for_their_own_travel():
@@ -183,9 +208,12 @@ def test_a_bend_is_said_with_its_size():
     assert "as if" not in said
 
 
-def test_no_curve_is_looked_for_where_op_is_percent_of_travel():
+@pytest.mark.parametrize(
+    ("healthy", "sticking"), [(6, 4), pytest.param(18, 12, marks=pytest.mark.long)]
+)
+def test_no_curve_is_looked_for_where_op_is_percent_of_travel(healthy, sticking):
     """Healthy and sticking valves of all kinds, stored as they are, keep the plain reading."""
-    loops = [*draw_healthy(18, 90), *draw_sticky(12, 90)]
+    loops = [*draw_healthy(healthy, 90), *draw_sticky(sticking, 90)]
     suspects = [
         loop.tag
         for place, loop in enumerate(loops)

@@ -13,12 +13,15 @@ from stemwatch.models.mismatch.findings import (
     EffectEvidence,
     Finding,
     FreeRuns,
+    Gain,
     HeldOutFit,
     HotPlace,
     Mismatch,
     RecordEffect,
     ResidualMap,
     Stiction,
+    Tried,
+    TriedOutcome,
     Untestable,
 )
 from stemwatch.models.recording import Recording
@@ -123,6 +126,12 @@ def second_effect() -> Effect:
     )
 
 
+def tried(slug: str, alone: float, beside: float | None, outcome: TriedOutcome) -> Tried:
+    """One effect that was tried, with gains of these sizes."""
+    on_top = None if beside is None else Gain(mean=beside, t=20.0 * beside)
+    return Tried(slug=slug, alone=Gain(mean=alone, t=20.0 * alone), beside=on_top, outcome=outcome)
+
+
 def named(recording: Recording | None = None) -> Mismatch:
     """Two effects accepted, everything known; runs where there is a recording with MV."""
     runs = None
@@ -162,6 +171,14 @@ def named(recording: Recording | None = None) -> Mismatch:
         before=residual_map(1.6, hot=True),
         after=residual_map(0.4, hot=False),
         runs=runs,
+        tried=(
+            tried("asymmetric_rate_limit", 0.71, None, TriedOutcome.NAMED),
+            tried("dead_time", 0.3, None, TriedOutcome.NAMED),
+            tried("rate_limit", 0.2, 0.001, TriedOutcome.ADDS_NOTHING),
+            tried("actuator_lag", 0.1, None, TriedOutcome.AS_GOOD),
+            tried("stem_creep", -0.01, 0.0, TriedOutcome.CHANCE),
+        ),
+        together=Gain(mean=0.9, t=11.0),
         seconds=0.8,
     )
 

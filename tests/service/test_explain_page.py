@@ -73,6 +73,30 @@ def test_the_page_says_everything_in_words(written):
         assert words in page.replace("\N{NO-BREAK SPACE}", " ")
 
 
+def test_a_sceptic_sees_what_was_tried_and_the_pictures(written):
+    """Gains alone and together, what was rejected and why, strokes, loops, a test with numbers."""
+    page = html.unescape(written.html.read_text("utf-8")).replace("\N{NO-BREAK SPACE}", " ")
+    article = page.split("<article")[1]
+    assert re.search(r"asymmetric rate limit</th>\s*<td[^>]*><b>51 %</b>", article)
+    assert re.search(r"all together</th>\s*<td[^>]*><b>59 %</b>", article)
+    assert re.search(
+        r"rate limit</th>\s*<td[^>]*><b>18 %</b>.*?<b>0 %</b>.*?adds nothing", article, re.DOTALL
+    )
+    assert "this recording cannot tell it from what is named" in article
+    for heading in ("Stroke 1", "Stroke 2", "Stroke 3", "MV against OP: S and J alone"):
+        assert f"<figcaption>{heading}" in article
+    assert "What shows it: asymmetric rate limit" in article
+    assert "6.9 s (6.5 to 7.4) falling" in article
+    assert "Passes:" in article
+
+
+def test_where_nothing_is_named_there_is_no_picture_of_it(written):
+    """What was tried still stands there, with its scores."""
+    unknown = written.html.read_text("utf-8").split("<article")[3]
+    assert "small-plot" not in unknown
+    assert "What else was tried" in unknown
+
+
 def test_the_page_loads_nothing(written):
     """A policy without any source, and no address but into the page."""
     page = written.html.read_text("utf-8")

@@ -26,7 +26,7 @@ class AvevaHistory:
 
     def parse(self, source: LayoutInput) -> RawTable:
         separator = source.separator()
-        table = read_header_table(source, source.rows(separator))
+        table = read_header_table(source, source.rows(separator), separator)
         detail = pick(table.header, ("QualityDetail", "OPCQuality"))
         quality = pick(table.header, ("Quality",)) if detail is None else detail
         return narrow_table(

@@ -25,7 +25,7 @@ class AvevaInsight:
         return needed <= names <= needed | _OPTIONAL and bool(names & _OPTIONAL)
 
     def parse(self, source: LayoutInput) -> RawTable:
-        table = read_header_table(source, source.rows(","))
+        table = read_header_table(source, source.rows(","), ",")
         return narrow_table(
             source,
             table.columns,

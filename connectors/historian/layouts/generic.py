@@ -25,7 +25,7 @@ from stemwatch.connectors.historian.tables.structure import (
     find_structure,
     is_number,
 )
-from stemwatch.connectors.historian.tables.wide import table_body, wide_table
+from stemwatch.connectors.historian.tables.wide import wide_table
 from stemwatch.connectors.historian.times.time_formats import is_time
 from stemwatch.connectors.historian.values.value_texts import text_quality
 from stemwatch.models.recording import Quality
@@ -51,8 +51,12 @@ def parse_table(source: LayoutInput, layout: str = "", first: int = 0) -> RawTab
     structure = find_structure(rows, source.options, source.name)
     header = column_names(structure).tags
     where = narrow_columns(source, rows, structure, header)
+    if where is None:
+        refuse_text(source, rows, structure)
+    body = source.body(
+        rows, structure.first_row, structure.width, separator, headers=structure.headers
+    )
     if where is not None:
-        body = table_body(source, rows, structure)
         return narrow_table(
             source,
             body.columns,
@@ -62,9 +66,8 @@ def parse_table(source: LayoutInput, layout: str = "", first: int = 0) -> RawTab
             separator=separator,
             layout=layout or "narrow table: one row per sample",
         )
-    refuse_text(source, rows, structure)
     return wide_table(
-        source, rows, structure, separator, layout or "wide table: one column per tag"
+        source, body, structure, separator, layout or "wide table: one column per tag"
     )
 
 

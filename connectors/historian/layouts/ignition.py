@@ -6,7 +6,7 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.layouts.generic import parse_table
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.tables.rows import Rows, split_rows, table_rows
+from stemwatch.connectors.historian.tables.rows import split_rows
 from stemwatch.connectors.historian.tables.wide import unique_tags
 
 
@@ -33,32 +33,24 @@ class Ignition:
         return self._rows(source, header[0], marks[0])
 
     def _rows(self, source: LayoutInput, names: list[str], mark: int) -> RawTable:
-        rows = self._body(source, names, mark)
-        cells = [list(column) for column in zip(*rows.cells, strict=True)] or [[] for _ in names]
+        body = source.body(source.rows(",", mark + 1), 0, len(names), ",")
+        cells = body.columns
         time = next((i for i, n in enumerate(names) if n.strip().lower() == "t_stamp"), 0)
         columns = [
             RawColumn(tag=names[i].strip(), cells=cells[i]) for i in range(len(names)) if i != time
         ]
         promised = source.document.lines[mark].strip('"').partition(",")[2].strip(' "')
-        if promised.isdigit() and int(promised) != len(rows.cells):
+        if promised.isdigit() and int(promised) != len(body.numbers):
             source.notes.problem(
-                f"line {mark + 1} promises {promised} rows, {len(rows.cells)} were read; the file "
-                "may be cut"
+                f"line {mark + 1} promises {promised} rows, {len(body.numbers)} were read; the "
+                "file may be cut"
             )
         return RawTable(
             layout="Ignition CSV with #NAMES",
             times=RawTimes(texts=cells[time], name=names[time]),
             columns=unique_tags(columns, source.notes),
-            numbers=rows.numbers,
+            numbers=body.numbers,
             separator=",",
-        )
-
-    def _body(self, source: LayoutInput, names: list[str], mark: int) -> Rows:
-        return table_rows(
-            source.rows(",", mark + 1),
-            len(names),
-            source.notes,
-            ends_whole=source.document.ends_whole,
         )
 
 

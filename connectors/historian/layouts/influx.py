@@ -6,16 +6,19 @@ measurement, the other group tags and the field.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import NarrowColumns, narrow_table
 from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.tables.rows import Rows
+from stemwatch.connectors.historian.values.stored_text import together
 
 _OWN = frozenset(
     ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
 )
+_NAMING = ("_measurement", "_field")
 
 
 class Influx:
@@ -28,12 +31,33 @@ class Influx:
         return any(line.startswith(("#group,", "#datatype,", "#default,")) for line in head[:4])
 
     def parse(self, source: LayoutInput) -> RawTable:
+        rows = source.rows(",")
+        marked = [row[0].startswith("#") for row in rows.cells]
+        first = marked.index(False) if False in marked else len(marked)
+        if any(marked[first:]):
+            return self._tables(source, rows)
+        if first == len(marked):
+            raise UnreadableSource(
+                f"{source.name}: expected a header with _time and _value after the lines with #"
+            )
+        header = self._header(source, rows.cells[first], rows.numbers[first])
+        body = source.body(rows, first + 1, len(header), ",", stops=("#",))
+        columns = dict(zip(header, body.columns, strict=True))
+        naming = [name for name in columns if name in _NAMING or name not in _OWN]
+        tags = together(
+            [columns[name] for name in naming],
+            lambda cells: _tag(dict(zip(naming, cells, strict=True))),
+        )
+        return self._narrow(source, (tags, columns["_time"], columns["_value"]), body.numbers)
+
+    def _tables(self, source: LayoutInput, rows: Rows) -> RawTable:
+        """Several tables, each under its own annotations and header."""
+        source.all_lines()  # rows of a part of the file would not do
         tags: list[str] = []
         times: list[str] = []
         values: list[str] = []
         numbers: list[int] = []
         header: list[str] = []
-        rows = source.rows(",")
         for row, number in zip(rows.cells, rows.numbers, strict=True):
             if row[0].startswith("#"):
                 header = []
@@ -49,9 +73,14 @@ class Influx:
                 times.append(cells["_time"])
                 values.append(cells["_value"])
                 numbers.append(number)
+        return self._narrow(source, (tags, times, values), numbers)
+
+    def _narrow(
+        self, source: LayoutInput, columns: Sequence[Sequence[str]], numbers: Sequence[int]
+    ) -> RawTable:
         return narrow_table(
             source,
-            (tags, times, values),
+            columns,
             numbers,
             ("tag", "_time", "_value"),
             NarrowColumns(tag=0, time=(1,), value=2),

@@ -7,10 +7,11 @@ Line 5: settings of the plant's own method, of no use here and with a broken tab
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.tables.rows import Rows, table_rows
 
 _FIRST = 5
 # Flag column of each role's suffix: the archive repeated the value before.
@@ -36,31 +37,27 @@ class ProcessData:
         tags = [cell.strip() for cell in lines[2].split("\t")]
         descriptions = [cell.strip() for cell in lines[3].split("\t")]
         descriptions += [""] * (len(tags) - len(descriptions))
-        rows = self._rows(source, len(tags))
-        cells = dict(zip(range(len(tags)), map(list, zip(*rows.cells, strict=True)), strict=False))
+        rows = source.rows("\t", _FIRST)
+        body = source.body(rows, 0, len(tags), "\t")
+        cells = dict(enumerate(body.columns)) if body.numbers else {}
         columns = [
             self._column(i, tags, descriptions, cells)
             for i in range(1, len(tags))
             if tags[i] not in _FLAGS.values() and i in cells
         ]
-        self._check_line_two(source, lines[1], len(rows.cells))
+        self._check_line_two(source, lines[1], len(body.numbers))
         return RawTable(
             layout="PROCESSDATA export (.MV is the controller output, flagged values are held)",
             times=RawTimes(texts=cells.get(0, []), name="time"),
             columns=columns,
-            numbers=rows.numbers,
+            numbers=body.numbers,
             separator="\t",
             decimal=".",
             mv_is_output=True,
         )
 
-    def _rows(self, source: LayoutInput, width: int) -> Rows:
-        return table_rows(
-            source.rows("\t", _FIRST), width, source.notes, ends_whole=source.document.ends_whole
-        )
-
     def _column(
-        self, i: int, tags: list[str], descriptions: list[str], cells: dict[int, list[str]]
+        self, i: int, tags: list[str], descriptions: list[str], cells: dict[int, Sequence[str]]
     ) -> RawColumn:
         flag = _FLAGS.get(tags[i].rpartition(".")[2])
         held = cells.get(tags.index(flag)) if flag in tags else None

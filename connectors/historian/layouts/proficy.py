@@ -9,7 +9,11 @@ from __future__ import annotations
 import re
 
 from stemwatch.connectors.connector import UnreadableSource
-from stemwatch.connectors.historian.tables.header_table import read_header_table, required_column
+from stemwatch.connectors.historian.tables.header_table import (
+    HeaderTable,
+    read_header_table,
+    required_column,
+)
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import (
     QUALITY_NAMES,
@@ -20,7 +24,8 @@ from stemwatch.connectors.historian.tables.narrow import (
     pick,
 )
 from stemwatch.connectors.historian.tables.raw_table import RawTable
-from stemwatch.connectors.historian.tables.rows import Rows, split_rows, table_rows
+from stemwatch.connectors.historian.tables.rows import Rows, split_rows
+from stemwatch.connectors.historian.values.stored_text import each
 
 _SECTION = re.compile(r"^\[(Tags|Data|Messages|Alarms)\]\s*$", re.I)
 _EXTRACT = re.compile(r"^\d{9,10}:\d{1,9},[^,]+,[^,]*,\w+,(?:GOOD|BAD)\s*$", re.I)
@@ -51,11 +56,17 @@ class ProficyCsv:
                 f"{source.name}: line {sections[0] + 1}: no [Data] section; the file has "
                 f"{', '.join(lines[i].strip() for i in sections)}. Export the data of the tags"
             )
-        return self._sections(source, data, sections)
+        if len(sections) > 1:
+            return self._sections(source)
+        rows = source.rows(",", data[0] + 1, comment="*")
+        table = read_header_table(source, rows, ",", comment="*", stops=("[",))
+        return self._table(source, table, data[0] + 2)
 
-    def _sections(self, source: LayoutInput, data: list[int], sections: list[int]) -> RawTable:
+    def _sections(self, source: LayoutInput) -> RawTable:
         """All ``[Data]`` sections, whose header lines must be the same."""
-        lines = source.document.lines
+        lines = source.all_lines()
+        sections = [i for i, line in enumerate(lines) if _SECTION.match(line.strip())]
+        data = [i for i in sections if "data" in lines[i].lower()]
         cells: list[list[str]] = []
         numbers: list[int] = []
         header: list[str] = []
@@ -67,13 +78,16 @@ class ProficyCsv:
             header = header or [cell.strip() for cell in part.cells[0]]
             cells += part.cells[1:]
             numbers += part.numbers[1:]
-        table = read_header_table(source, Rows([header, *cells], [data[0] + 2, *numbers]))
+        table = read_header_table(source, Rows([header, *cells], [data[0] + 2, *numbers]), ",")
+        return self._table(source, table, data[0] + 2)
+
+    def _table(self, source: LayoutInput, table: HeaderTable, line: int) -> RawTable:
         return narrow_table(
             source,
             table.columns,
             table.numbers,
-            header,
-            self._where(source, header, data[0] + 2),
+            table.header,
+            self._where(source, table.header, line),
             separator=",",
             layout="Proficy Historian CSV, section [Data]",
             day_first=False,
@@ -92,13 +106,11 @@ class ProficyCsv:
         )
 
     def _extract(self, source: LayoutInput) -> RawTable:
-        rows = table_rows(source.rows(","), 5, source.notes, ends_whole=source.document.ends_whole)
-        columns = [list(column) for column in zip(*rows.cells, strict=True)] or [[]] * 5
-        columns[0] = [_epoch(text) for text in columns[0]]
+        body = source.body(source.rows(","), 0, len(_EXTRACT_HEADER), ",")
         return narrow_table(
             source,
-            columns,
-            rows.numbers,
+            (each(body.columns[0], _epoch), *body.columns[1:]),
+            body.numbers,
             _EXTRACT_HEADER,
             NarrowColumns(tag=1, time=(0,), value=2, quality=4),
             separator=",",

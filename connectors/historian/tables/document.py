@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
@@ -18,7 +21,7 @@ MAX_EXPANSION = 200
 EXPANSION_ALLOWED_BYTES = 256 * 1024**2
 LOST = "\ufffd"  # stands in a cell where bytes were lost; the same sign as for undecodable bytes
 _CHUNK = 1 << 16
-_GZIP = b"\x1f\x8b"
+GZIP = b"\x1f\x8b"
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _FOREIGN = (
     (b"PK\x03\x04", "is a zip archive or an Excel workbook; save the sheet as CSV"),
@@ -59,7 +62,7 @@ def read_document(raw: bytes, path: Path, encoding: str | None, notes: ReadingNo
     """
     digest = hashlib.sha256(raw).hexdigest()
     data = _inflate(raw, path, notes)
-    _refuse_foreign(data, path)
+    refuse_foreign(data, path)
     chosen = encoding or _detect(data)
     text = _clean(_decode(data, chosen, path, notes), notes)
     if not text.strip():
@@ -86,63 +89,71 @@ def _read(path: Path) -> bytes:
 
 def _inflate(raw: bytes, path: Path, notes: ReadingNotes) -> bytes:
     """Gzip members unpacked; of a damaged archive as much as can be had."""
-    if not raw.startswith(_GZIP):
+    if not raw.startswith(GZIP):
         return raw
-    parts: list[bytes] = []
+    return b"".join(unpacked(io.BytesIO(raw), len(raw), path, notes))
+
+
+def unpacked(file: BinaryIO, size: int, path: Path, notes: ReadingNotes) -> Iterator[bytes]:
+    """The text of every gzip member of ``file``, of ``size`` bytes, in small pieces; of a damaged
+    archive as much as can be had.
+
+    Raises ``UnreadableSource`` where there is none, or more than an export can unpack to.
+    """
+    there = 0
     try:
-        _unpack(raw, parts, path)
+        for piece in _members(file):
+            there += len(piece)
+            _refuse_expansion(there, size, path)
+            yield piece
     except zlib.error as error:
-        if not any(parts):
+        if not there:
             raise UnreadableSource(
                 f"{path}: the gzip archive is damaged ({error}); copy it again from its source"
             ) from error
         notes.problem(f"the gzip archive is damaged ({error}); only its readable start was used")
     notes.decide("The file is compressed with gzip.")
-    return b"".join(parts)
 
 
-def _unpack(raw: bytes, parts: list[bytes], path: Path) -> None:
-    """Append the text of every member of ``raw`` to ``parts``, in small steps of the input."""
+def _members(file: BinaryIO) -> Iterator[bytes]:
     unpacker = zlib.decompressobj(wbits=31)
-    size = at = 0
-    while at < len(raw):
-        chunk = raw[at : at + _CHUNK]
-        parts.append(unpacker.decompress(chunk))  # at most 64 MiB: gzip packs 1,032 times
-        at += len(chunk) - len(unpacker.unused_data)
-        size += len(parts[-1])
-        if size > max(EXPANSION_ALLOWED_BYTES, MAX_EXPANSION * len(raw)):
-            raise UnreadableSource(
-                f"{path}: unpacks to more than {MAX_EXPANSION} times its size: {size >> 20} MB "
-                f"from {at >> 10} kB; expected an export, whose measurements pack 5 to 50 times. "
-                "If it is one, unpack it and split it"
-            )
-        if size > MAX_TEXT_BYTES:
-            raise UnreadableSource(
-                f"{path}: unpacks to more than {MAX_TEXT_BYTES >> 30} GiB; split the export"
-            )
+    data = file.read(_CHUNK)
+    while data:
+        yield unpacker.decompress(data)  # at most 64 MiB: gzip packs 1,032 times
+        data = unpacker.unused_data if unpacker.eof else b""
+        if len(data) < len(GZIP):
+            data += file.read(_CHUNK)
         if unpacker.eof:
-            if not raw.startswith(_GZIP, at):
+            if not data.startswith(GZIP):
                 return
             unpacker = zlib.decompressobj(wbits=31)
-    if not unpacker.eof:
-        raise zlib.error("it ends early")
+    raise zlib.error("it ends early")
 
 
-def _refuse_foreign(data: bytes, path: Path) -> None:
+def _refuse_expansion(there: int, size: int, path: Path) -> None:
+    if there > max(EXPANSION_ALLOWED_BYTES, MAX_EXPANSION * size):
+        raise UnreadableSource(
+            f"{path}: unpacks to more than {MAX_EXPANSION} times its size: {there >> 20} MB "
+            f"from {size >> 10} kB; expected an export, whose measurements pack 5 to 50 times. "
+            "If it is one, unpack it and split it"
+        )
+    if there > MAX_TEXT_BYTES:
+        raise UnreadableSource(
+            f"{path}: unpacks to more than {MAX_TEXT_BYTES >> 30} GiB; split the export"
+        )
+
+
+def refuse_foreign(data: bytes, path: Path) -> None:
+    """Raise ``UnreadableSource`` for archives and documents, known by their first bytes."""
     for magic, what in _FOREIGN:
         if data.startswith(magic):
             raise UnreadableSource(f"{path}: {what}.")
 
 
 def _detect(data: bytes) -> str:
-    for mark, name in _BOMS:
-        if data.startswith(mark):
-            return name
-    head = data[:4096]
-    low, high = head[::2].count(0), head[1::2].count(0)
-    # A block of NULs that a power cut left has them on both sides of each pair.
-    if low + high > 0.3 * len(head) and len(head) > 3 and min(low, high) < 0.2 * max(low, high):
-        return "utf-16-le" if high > low else "utf-16-be"
+    marked = marked_encoding(data)
+    if marked is not None:
+        return marked
     try:
         data.decode("utf-8")
         return "utf-8"
@@ -150,14 +161,28 @@ def _detect(data: bytes) -> str:
         # A file cut inside its last character is still UTF-8.
         if error.start >= len(data) - 3 and error.reason == "unexpected end of data":
             return "utf-8"
-    return "gb18030" if _looks_chinese(data) else "cp1252"
+    return "gb18030" if in_byte_pairs(data) and _decodes(data, "gb18030") else "cp1252"
 
 
-def _looks_chinese(data: bytes) -> bool:
-    """Chinese writes runs of byte pairs; western text has single high bytes among ASCII."""
-    runs = _HIGH_RUN.findall(data[: 1 << 20])
+def marked_encoding(head: bytes) -> str | None:
+    """The encoding that a byte order mark or the NULs of UTF-16 in the first bytes tell."""
+    for mark, name in _BOMS:
+        if head.startswith(mark):
+            return name
+    head = head[:4096]
+    low, high = head[::2].count(0), head[1::2].count(0)
+    # A block of NULs that a power cut left has them on both sides of each pair.
+    if low + high > 0.3 * len(head) and len(head) > 3 and min(low, high) < 0.2 * max(low, high):
+        return "utf-16-le" if high > low else "utf-16-be"
+    return None
+
+
+def in_byte_pairs(head: bytes) -> bool:
+    """Whether the first MiB has runs of byte pairs, as Chinese writes them; western text has single
+    high bytes among ASCII."""
+    runs = _HIGH_RUN.findall(head[: 1 << 20])
     paired = sum(len(run) % 2 == 0 and _decodes(run, "gb2312") for run in runs)
-    return bool(runs) and paired >= 0.8 * len(runs) and _decodes(data, "gb18030")
+    return bool(runs) and paired >= 0.8 * len(runs)
 
 
 def _decodes(data: bytes, encoding: str) -> bool:
@@ -195,22 +220,34 @@ def _decode_damaged(data: bytes, encoding: str, error: Exception, notes: Reading
 def _clean(text: str, notes: ReadingNotes) -> str:
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").rstrip("\x1a")
     if "\0" in text:
-        text = _mark_lost(text, notes)
-    if "Â" in text:
-        text, repaired = _TWICE_ENCODED.subn(r"\1", text)
-        if repaired:
-            notes.decide(f"{repaired} signs written as in 'Â°' were read as '°' (encoded twice).")
+        text = mark_lost(text, 1, notes)
+    text, repaired = once_encoded(text)
+    say_repaired(repaired, notes)
     return text
 
 
-def _mark_lost(text: str, notes: ReadingNotes) -> str:
-    """NULs stand where bytes were lost: what is left of such a cell is no number any more."""
+def once_encoded(text: str) -> tuple[str, int]:
+    """``text`` with signs such as 'Â°' as they were meant, and how many there were."""
+    return _TWICE_ENCODED.subn(r"\1", text) if "Â" in text else (text, 0)
+
+
+def say_repaired(signs: int, notes: ReadingNotes) -> None:
+    """The sentence about signs that were encoded twice."""
+    if signs:
+        notes.decide(f"{signs} signs written as in 'Â°' were read as '°' (encoded twice).")
+
+
+def mark_lost(text: str, first: int, notes: ReadingNotes) -> str:
+    """NULs stand where bytes were lost: what is left of such a cell is no number any more.
+
+    ``first`` is the number of the first line of ``text``.
+    """
     lines = text.split("\n")
     for i, line in enumerate(lines):
         if "\0" not in line:
             continue
         only = not line.strip("\0 \t")
         what = "only lost bytes" if only else "a cell that lost bytes; it is unreadable"
-        notes.problem(f"line {i + 1}: {what} ({line.count(chr(0))} NUL characters)")
+        notes.problem(f"line {first + i}: {what} ({line.count(chr(0))} NUL characters)")
         lines[i] = "" if only else line.replace("\0", LOST)
     return "\n".join(lines)

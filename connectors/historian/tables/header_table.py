@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import pick
-from stemwatch.connectors.historian.tables.rows import Rows, table_rows
+from stemwatch.connectors.historian.tables.rows import Rows
 
 
 @dataclass(frozen=True)
@@ -16,21 +16,22 @@ class HeaderTable:
     """Columns of cells under their names, with the line number of each row."""
 
     header: list[str]
-    columns: list[Sequence[str]]
-    numbers: list[int]
+    columns: Sequence[Sequence[str]]
+    numbers: Sequence[int]
 
 
-def read_header_table(source: LayoutInput, rows: Rows) -> HeaderTable:
+def read_header_table(
+    source: LayoutInput,
+    rows: Rows,
+    separator: str,
+    *,
+    comment: str = "",
+    stops: tuple[str, ...] = (),
+) -> HeaderTable:
     """``rows`` with the first as header; rows of another width are reported and left out."""
     header = [cell.strip() for cell in rows.cells[0]] if rows.cells else []
-    body = table_rows(
-        Rows(rows.cells[1:], rows.numbers[1:]),
-        len(header),
-        source.notes,
-        ends_whole=source.document.ends_whole,
-    )
-    columns: list[Sequence[str]] = list(zip(*body.cells, strict=True))
-    return HeaderTable(header, columns or [[] for _ in header], body.numbers)
+    body = source.body(rows, 1, len(header), separator, comment=comment, stops=stops)
+    return HeaderTable(header, body.columns, body.numbers)
 
 
 def required_column(

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.document import Document
-from stemwatch.connectors.historian.tables.rows import Rows, sniff_separator, split_rows
+from stemwatch.connectors.historian.tables.rows import (
+    Rows,
+    sniff_separator,
+    split_rows,
+    table_rows,
+)
 
 _HEAD = 60
 _LINE = 4000
 _SAMPLE = 300
+
+
+@dataclass(frozen=True)
+class Body:
+    """The rows of data as columns of cells, with the line number of each row."""
+
+    columns: Sequence[Sequence[str]]
+    numbers: Sequence[int]
 
 
 @dataclass(frozen=True)
@@ -45,9 +59,56 @@ class LayoutInput:
             self.notes.decide(f"The separator is {shown}.")
         return separator or ","
 
-    def rows(self, separator: str, first: int = 0) -> Rows:
-        """All rows from line ``first + 1`` on."""
-        return split_rows(self.document.lines[first:], separator, first + 1, self.notes)
+    def rows(self, separator: str, first: int = 0, comment: str = "") -> Rows:
+        """All rows from line ``first + 1`` on; lines that begin with ``comment`` are none."""
+        lines = self._without(self.document.lines[first:], comment)
+        return split_rows(lines, separator, first + 1, self.notes)
+
+    def all_lines(self) -> Sequence[str]:
+        """Every line, for a layout that ``rows`` and ``body`` cannot read."""
+        return self.document.lines
+
+    def body(
+        self,
+        rows: Rows,
+        first: int,
+        width: int,
+        separator: str,
+        *,
+        headers: Sequence[Sequence[str]] = (),
+        comment: str = "",
+        stops: tuple[str, ...] = (),
+    ) -> Body:
+        """The rows of data: ``rows`` from index ``first`` on that have ``width`` cells, the others
+        reported; without rows that are one of ``headers`` again, which come where files are joined.
+
+        ``separator`` and ``comment`` are those of ``rows``; no line of data begins with any of
+        ``stops``.
+        """
+        rest = Rows(rows.cells[first:], rows.numbers[first:])
+        rest = _without_headers(rest, headers, self.notes)
+        rest = table_rows(rest, width, self.notes, ends_whole=self.document.ends_whole)
+        columns: list[Sequence[str]] = [list(column) for column in zip(*rest.cells, strict=True)]
+        return Body(columns or [[] for _ in range(width)], rest.numbers)
+
+    @staticmethod
+    def _without(lines: Sequence[str], comment: str) -> Sequence[str]:
+        return ["" if line.startswith(comment) else line for line in lines] if comment else lines
+
+
+def _without_headers(rows: Rows, headers: Sequence[Sequence[str]], notes: ReadingNotes) -> Rows:
+    known = {tuple(row) for row in headers}
+    starts = {row[0] for row in known}
+    kept = [
+        i
+        for i, row in enumerate(rows.cells)
+        if row[0].strip() not in starts or tuple(cell.strip() for cell in row) not in known
+    ]
+    dropped = len(rows.cells) - len(kept)
+    if not dropped:
+        return rows
+    notes.decide(f"{dropped} repeated header rows inside the file were left out.")
+    return Rows([rows.cells[i] for i in kept], [rows.numbers[i] for i in kept])
 
 
 def usual_width(rows: Rows) -> int:

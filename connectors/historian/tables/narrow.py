@@ -11,6 +11,14 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.values.quality_codes import Family
+from stemwatch.connectors.historian.values.stored_text import (
+    chosen,
+    coded,
+    first_filled,
+    joined,
+    rows_of_each,
+    some,
+)
 from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
 TAG_NAMES = (
@@ -85,8 +93,14 @@ def narrow_table(
     series = _series(columns, where, source)
     cells = _values(columns, where)
     quality_name = header[where.quality] if where.quality is not None and header else "Quality"
+    units = _firsts(columns, where.unit, series)
+    descriptions = _firsts(columns, where.description, series)
+    codes = None if where.quality is None else columns[where.quality]
     raw = [
-        _column(tag, rows, cells, columns, where, quality_name, family)
+        _column(
+            *(tag, rows, cells, codes, units.get(tag, ""), descriptions.get(tag, "")),
+            *(quality_name, family),
+        )
         for tag, rows in series.items()
     ]
     return RawTable(
@@ -103,52 +117,56 @@ def narrow_table(
 def _joined(columns: Sequence[Sequence[str]], time: tuple[int, ...]) -> Sequence[str]:
     if len(time) == 1:
         return columns[time[0]]
-    pairs = zip(columns[time[0]], columns[time[1]], strict=True)
-    return [f"{date.strip()} {clock.strip()}" for date, clock in pairs]
+    return joined(columns[time[0]], columns[time[1]])
 
 
 def _values(columns: Sequence[Sequence[str]], where: NarrowColumns) -> Sequence[str]:
     if where.second_value is None:
         return columns[where.value]
-    pairs = zip(columns[where.value], columns[where.second_value], strict=True)
-    return [first if first.strip() else second for first, second in pairs]
+    return first_filled(columns[where.value], columns[where.second_value])
 
 
 def _series(
     columns: Sequence[Sequence[str]], where: NarrowColumns, source: LayoutInput
 ) -> dict[str, Index]:
     """Rows of each tag, in file order."""
-    n = len(columns[where.value])
     if where.tag is None:
+        n = len(columns[where.value])
         return {source.document.path.stem.split(".")[0]: np.arange(n, dtype=np.int64)}
-    by_tag: dict[str, list[int]] = {}
-    for row, tag in enumerate(columns[where.tag]):
-        by_tag.setdefault(tag, []).append(row)
-    merged: dict[str, list[int]] = {}
-    for tag, rows in by_tag.items():
-        merged.setdefault(tag.strip(), []).extend(rows)
-    return {tag: np.sort(np.array(rows, dtype=np.int64)) for tag, rows in merged.items() if tag}
+    tags, which = coded(columns[where.tag])
+    rows = rows_of_each(which, len(tags))
+    return {tag: of_tag for tag, of_tag in zip(tags, rows, strict=True) if tag}
+
+
+def _firsts(
+    columns: Sequence[Sequence[str]], column: int | None, series: dict[str, Index]
+) -> dict[str, str]:
+    """What a column says on the first row of each tag."""
+    if column is None:
+        return {}
+    rows = {tag: int(of_tag[0]) for tag, of_tag in series.items()}
+    order = sorted(rows, key=rows.__getitem__)
+    texts = some(columns[column], np.array([rows[tag] for tag in order], dtype=np.int64))
+    return {tag: text.strip() for tag, text in zip(order, texts, strict=True)}
 
 
 def _column(
     tag: str,
     rows: Index,
     cells: Sequence[str],
-    columns: Sequence[Sequence[str]],
-    where: NarrowColumns,
+    quality_codes: Sequence[str] | None,
+    unit: str,
+    description: str,
     quality_name: str,
     family: Family,
 ) -> RawColumn:
-    at = rows.tolist()
-    first = at[0]
-    unit = columns[where.unit][first] if where.unit is not None else ""
     return RawColumn(
         tag=bare_tag(tag),
-        cells=[cells[i] for i in at],
+        cells=chosen(cells, rows),
         unit=canonical(unit) or split_unit(tag)[1],
-        description=columns[where.description][first] if where.description is not None else "",
+        description=description,
         rows=rows,
-        quality_codes=None if where.quality is None else [columns[where.quality][i] for i in at],
+        quality_codes=None if quality_codes is None else chosen(quality_codes, rows),
         quality_name=quality_name,
         quality_family=family,
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stemwatch.connectors.historian.values.quality_codes import Family
 
-Index = NDArray[np.int64]
+Index = NDArray[np.int64] | NDArray[np.int32]
 
 
 @dataclass(frozen=True, kw_only=True)

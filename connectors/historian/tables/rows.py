@@ -33,16 +33,33 @@ def split_rows(
     if not any('"' in line for line in lines):
         kept = [(line, n) for n, line in enumerate(lines, first_line) if line.strip()]
         return Rows([line.split(separator) for line, _ in kept], [n for _, n in kept])
+    return whole_rows(lines, separator, first_line, notes)[0]
+
+
+def whole_rows(
+    lines: Sequence[str],
+    separator: str,
+    first_line: int = 1,
+    notes: ReadingNotes | None = None,
+    *,
+    goes_on: bool = False,
+) -> tuple[Rows, int]:
+    """The rows of lines with quotes, and how many lines they take.
+
+    Where the text ``goes_on`` after ``lines``, a row that may end there is left for later.
+    """
     cells: list[list[str]] = []
     numbers: list[int] = []
     at = 0
     while at < len(lines):
+        if goes_on and lines[at].count('"') % 2 and at + _QUOTED_LINES > len(lines):
+            break
         row, used = _next_row(lines, at, separator, first_line, notes)
         if any(cell.strip() for cell in row) or len(row) > 1:
             cells.append(row)
             numbers.append(first_line + at)
         at += used
-    return Rows(cells, numbers)
+    return Rows(cells, numbers), at
 
 
 def _next_row(

@@ -64,7 +64,8 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
     headers = tuple(_fit(row, width) for row in rows.cells[:first] if _is_header(row, width))
     if first == len(rows.cells):
         raise UnreadableSource(
-            f"{name}: no row of numbers was found in {len(rows.cells)} rows; the first is "
+            f"{name}: no row of numbers was found in the first "
+            f"{min(_HEADER_ROWS, len(rows.cells))} rows; the first is "
             f"{'|'.join(rows.cells[0])[:60]!r}. Expected a time and values in every row: this is "
             "probably not a recording"
         )

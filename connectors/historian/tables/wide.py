@@ -3,39 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.layout_input import LayoutInput
+from stemwatch.connectors.historian.tables.layout_input import Body, LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
-from stemwatch.connectors.historian.tables.rows import Rows, table_rows
 from stemwatch.connectors.historian.tables.structure import Names, Structure, column_names
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.quality_codes import looks_like_codes
+from stemwatch.connectors.historian.values.stored_text import joined
 from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
 _ROW_NUMBER = frozenset(("", "index", "row", "no", "no.", "nr", "nr.", "#", "unnamed: 0", "record"))
 _STATUS = ("status", "quality", "qualität", "qualitaet", "qual", "qstatus", "opcquality", "state")
 
 
-@dataclass(frozen=True)
-class Body:
-    """The rows of data as columns of cells."""
-
-    columns: Sequence[Sequence[str]]
-    numbers: Sequence[int]
-
-
 def wide_table(
-    source: LayoutInput, rows: Rows, structure: Structure, separator: str, layout: str
-) -> RawTable:
-    """The table of a file whose tags stand side by side."""
-    return wide_body(source, table_body(source, rows, structure), structure, separator, layout)
-
-
-def wide_body(
     source: LayoutInput, body: Body, structure: Structure, separator: str, layout: str
 ) -> RawTable:
     """The table of a file whose rows of data are ``body``."""
@@ -54,32 +39,6 @@ def wide_body(
     )
 
 
-def table_body(source: LayoutInput, rows: Rows, structure: Structure) -> Body:
-    """The rows of data, without repeated headers and without rows of another width."""
-    notes, document = source.notes, source.document
-    rest = Rows(rows.cells[structure.first_row :], rows.numbers[structure.first_row :])
-    rest = _without_headers(rest, structure, notes)
-    rest = table_rows(rest, structure.width, notes, ends_whole=document.ends_whole)
-    columns: list[Sequence[str]] = [list(column) for column in zip(*rest.cells, strict=True)]
-    return Body(columns or [[] for _ in range(structure.width)], rest.numbers)
-
-
-def _without_headers(rows: Rows, structure: Structure, notes: ReadingNotes) -> Rows:
-    """Header rows come back where monthly files were joined."""
-    known = {tuple(row) for row in structure.headers}
-    starts = {row[0] for row in known}
-    kept = [
-        i
-        for i, row in enumerate(rows.cells)
-        if row[0].strip() not in starts or tuple(cell.strip() for cell in row) not in known
-    ]
-    dropped = len(rows.cells) - len(kept)
-    if not dropped:
-        return rows
-    notes.decide(f"{dropped} repeated header rows inside the file were left out.")
-    return Rows([rows.cells[i] for i in kept], [rows.numbers[i] for i in kept])
-
-
 def _times(
     body: Body, structure: Structure, names: Names, source: LayoutInput
 ) -> tuple[RawTimes, set[int]]:
@@ -90,8 +49,7 @@ def _times(
     texts = body.columns[structure.time[0]]
     if len(structure.time) == 2:
         source.notes.decide("Date and time of day are two columns; they were joined.")
-        clock = body.columns[structure.time[1]]
-        texts = [f"{date.strip()} {time.strip()}" for date, time in zip(texts, clock, strict=True)]
+        texts = joined(texts, body.columns[structure.time[1]])
     if not source.options.time_column and header:
         source.notes.decide(f"The time is column {header!r}.")
     milliseconds = None

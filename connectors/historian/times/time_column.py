@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
@@ -15,12 +16,19 @@ from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.times.cut_stamps import evenly_within_stamps
 from stemwatch.connectors.historian.times.day_month_order import local_ns
-from stemwatch.connectors.historian.times.time_fields import NO_OFFSET, Ints, Order, take_apart
+from stemwatch.connectors.historian.times.time_fields import (
+    NO_OFFSET,
+    Ints,
+    Order,
+    take_apart,
+    take_apart_stored,
+)
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
-from stemwatch.connectors.historian.values.stored_text import StoredText
+from stemwatch.connectors.historian.values.stored_text import StoredText, some
 from stemwatch.models.recording import Bools, Floats
 
+_ROWS_AT_ONCE = 1 << 20
 _LOOKED_AT = 20_000  # rows of a large file that show whether it repeats its rows
 _SECOND_NS = 1_000_000_000
 _MAX_SECONDS = 4e9  # relative times beyond this are no seconds
@@ -228,33 +236,42 @@ def _dated(
 
 def _in_pieces(
     texts: StoredText, name: str, notes: ReadingNotes
-) -> tuple[Ints, Bools, Ints] | None:
+) -> tuple[Ints, Bools, NDArray[np.int32]] | None:
     """Local nanoseconds, which rows are dates, and offsets, piece by piece; ``None`` where the
     order of day and month is for the whole column to tell."""
-    parts = []
-    for piece in texts.pieces():
-        fields = take_apart(piece)
+    size, there = len(texts), 0
+    ns, ok = np.empty(size, dtype=np.int64), np.empty(size, dtype=bool)
+    offsets = np.empty(size, dtype=np.int32)
+    for text in texts.arrays():
+        fields = take_apart_stored(text)
         if (fields.order == Order.NUMERIC).any():
             return None
-        parts.append((*local_ns(fields, None, name, "", notes), fields.offset_min))
-    ns, ok, offsets = (np.concatenate(column) for column in zip(*parts, strict=True))
+        local, real = local_ns(fields, None, name, "", notes)
+        end = there + local.size
+        ns[there:end], ok[there:end], offsets[there:end] = local, real, fields.offset_min
+        there = end
     return ns, ok, offsets
 
 
 def _placed(
     ns: Ints,
     ok: Bools,
-    offset_min: Ints,
+    offset_min: Ints | NDArray[np.int32],
     table: RawTable,
     options: ReadOptions,
     notes: ReadingNotes,
 ) -> Instants:
     """Instants from local nanoseconds and the offsets the rows carry, or the zone the user gave."""
     aware = ok & (offset_min != NO_OFFSET)
-    naive = ok & ~aware
-    utc = np.where(aware, ns - offset_min * 60 * _SECOND_NS, ns)
+    naive = ok & ~aware  # which no offset moves
+    if aware.any():
+        for part in _parts(ns.size):
+            east = np.where(aware[part], offset_min[part], 0).astype(np.int64)
+            ns[part] -= east * (60 * _SECOND_NS)
+    utc = ns
     if not naive.any():
-        return Instants(ns=utc, ok=ok, known=True, zone=_offset_sentence(offset_min[ok], notes))
+        offsets = offset_min if ok.all() else offset_min[ok]
+        return Instants(ns=utc, ok=ok, known=True, zone=_offset_sentence(offsets, notes))
     if table.times.utc or _UTC_NAME.search(table.times.name):
         notes.decide("The times are UTC by the name of their column or the format's definition.")
         return Instants(ns=utc, ok=ok, known=True, zone="The times are written in UTC.")
@@ -304,9 +321,10 @@ def _localised(
     )
 
 
-def _offset_sentence(offset_min: Ints, notes: ReadingNotes) -> str:
+def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) -> str:
+    offsets = {m for part in _parts(offset_min.size) for m in np.unique(offset_min[part]).tolist()}
     distinct = [f"{m // 60:+03d}:{m % 60:02d}" if m >= 0 else f"-{-m // 60:02d}:{-m % 60:02d}"
-                for m in np.unique(offset_min).tolist()]  # fmt: skip
+                for m in sorted(offsets)]  # fmt: skip
     sentence = f"Each time carries its offset from UTC ({', '.join(distinct)})."
     notes.decide(sentence)
     return sentence
@@ -331,12 +349,35 @@ def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:
     return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
 
 
+def _near_together(ns: Ints) -> bool:
+    """Whether no row can be far from all others, found with whole seconds, which need less memory
+    than ``_without_strays`` does."""
+    first, last = int(ns.min()), int(ns.max())
+    if last - first > 2e18:
+        return False
+    seconds = np.empty(ns.size, dtype=np.int32)
+    for part in _parts(ns.size):
+        seconds[part] = (ns[part] - first) // _SECOND_NS
+    low, middle, high = np.percentile(seconds, (2.0, 50.0, 98.0), overwrite_input=True)
+    reach = max(middle + 1.0, (last - first) / 1e9 - middle + 1.0)
+    return bool(reach < 20.0 * (high - low - 1.0) + 86_400.0)
+
+
+def _parts(size: int) -> Iterator[slice]:
+    """Rows in order, so many at a time that what is made of them needs little memory."""
+    for first in range(0, size, _ROWS_AT_ONCE):
+        yield slice(first, first + _ROWS_AT_ONCE)
+
+
 def _report_unreadable(
     ok: Bools, texts: Sequence[str], table: RawTable, notes: ReadingNotes
 ) -> None:
-    for row in np.flatnonzero(~ok)[:5].tolist():
+    if ok.all():
+        return
+    rows = np.flatnonzero(~ok)[:5]
+    for row, text in zip(rows.tolist(), some(texts, rows), strict=True):
         notes.problem(
-            f"line {table.numbers[row]}: {texts[row][:40]!r} is not a time that could be placed; "
+            f"line {table.numbers[row]}: {text[:40]!r} is not a time that could be placed; "
             "the row was left out"
         )
     lost = int((~ok).sum())
@@ -348,10 +389,10 @@ def _without_strays(
     instants: Instants, texts: Sequence[str], table: RawTable, notes: ReadingNotes
 ) -> Instants:
     """Single rows dated years away from all others are damage, not a gap."""
-    good = np.flatnonzero(instants.ok)
-    if good.size < 100:
+    good = instants.ns if instants.ok.all() else instants.ns[instants.ok]
+    if good.size < 100 or _near_together(good):
         return instants
-    low, middle, high = np.percentile(instants.ns[good], (2.0, 50.0, 98.0))
+    low, middle, high = np.percentile(good, (2.0, 50.0, 98.0))
     far = np.abs(instants.ns - middle) > 20.0 * (high - low) + 86_400e9
     stray = instants.ok & far
     if not stray.any():

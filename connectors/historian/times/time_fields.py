@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,11 @@ from stemwatch.connectors.historian.times.time_formats import (
     match_time,
 )
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 Ints = NDArray[np.int64]
+Letters = NDArray[np.uint32] | NDArray[np.uint8]
 NO_OFFSET = -100_000
 _SECOND_NS = 1_000_000_000
 
@@ -58,6 +63,30 @@ def take_apart(texts: Sequence[str]) -> TimeFields:
     known = {text: _one(text) for text in dict.fromkeys(texts)}
     table = np.array([known[text] for text in texts], dtype=np.int64).reshape(len(texts), 8)
     return TimeFields(*(np.ascontiguousarray(column) for column in table.T))
+
+
+def take_apart_stored(text: pa.Array) -> TimeFields:
+    """The same of Arrow text, blanks at both ends taken off."""
+    import pyarrow.compute as pc
+
+    text = pc.utf8_trim_whitespace(text)
+    first = text[0].as_py() if len(text) else ""
+    length = len(first)
+    lengths = pc.min_max(pc.binary_length(text)).as_py()
+    if length and first.isascii() and lengths == {"min": length, "max": length}:
+        match = _plain(first)
+        if match is not None:
+            begin = text.offset * length  # trimmed text has one buffer, without gaps
+            letters = np.frombuffer(text.buffers()[2], dtype=np.uint8)
+            found = _of_letters(
+                letters[begin : begin + len(text) * length].reshape(len(text), length), match
+            )
+            if found is not None:
+                return found
+    encoded = text.dictionary_encode()
+    each = take_apart(encoded.dictionary.to_pylist())
+    rows = encoded.indices.to_numpy(zero_copy_only=False)
+    return TimeFields(*(getattr(each, name.name)[rows] for name in fields(TimeFields)))
 
 
 _NOTHING = (int(Order.UNREADABLE), 0, 0, 0, 0, 0, 0, NO_OFFSET)
@@ -127,15 +156,30 @@ _FIELDS = ("Y", "m", "d", "a", "b", "y", "H", "M", "S", "f", "Yc", "mc", "dc", "
 
 def _uniform(texts: Sequence[str]) -> TimeFields | None:
     """All texts at once where each differs from the first in digits only, else ``None``."""
-    first = match_time(texts[0]) if len(texts) else None
-    if first is None or first.string != texts[0] or not texts[0].isascii():
-        return None
-    if first["ap1"] or first["ap2"] or first["mon"] or first["mon2"] or first["Hd"]:
+    first = _plain(texts[0]) if len(texts) else None
+    if first is None:
         return None
     length = len(texts[0])
     if any(len(text) != length for text in texts):
         return None
     letters = np.array(texts, dtype=f"U{length}").view(np.uint32).reshape(len(texts), length)
+    return _of_letters(letters, first)
+
+
+def _plain(text: str) -> re.Match[str] | None:
+    """A time that is told by its digits alone."""
+    first = match_time(text)
+    if first is None or first.string != text or not text.isascii():
+        return None
+    if first["ap1"] or first["ap2"] or first["mon"] or first["mon2"] or first["Hd"]:
+        return None
+    return first
+
+
+def _of_letters(letters: Letters, first: re.Match[str]) -> TimeFields | None:
+    """``letters`` (n, length): the characters of each text, which are those of ``first`` but for
+    the digits; ``None`` where they are not."""
+    length = letters.shape[1]
     is_digit = (letters >= ord("0")) & (letters <= ord("9"))
     in_field = np.zeros(length, dtype=bool)
     for key in _FIELDS:
@@ -143,18 +187,19 @@ def _uniform(texts: Sequence[str]) -> TimeFields | None:
             in_field[slice(*first.span(key))] = True
     if not is_digit[:, in_field].all() or (letters[:, ~in_field] != letters[0, ~in_field]).any():
         return None
-    return _from_matrix(letters.astype(np.int64) - ord("0"), first)
+    return _from_matrix(letters, first)
 
 
-def _from_matrix(digits: Ints, first: re.Match[str]) -> TimeFields | None:
-    n = digits.shape[0]
+def _from_matrix(letters: Letters, first: re.Match[str]) -> TimeFields | None:
+    n = letters.shape[0]
 
     def number(*keys: str) -> Ints:
         for key in keys:
             if first[key] is not None:
-                part = digits[:, slice(*first.span(key))]
-                powers = 10 ** np.arange(part.shape[1] - 1, -1, -1, dtype=np.int64)
-                return np.asarray(part @ powers)
+                value = np.zeros(n, dtype=np.int64)
+                for place in range(*first.span(key)):
+                    value = value * 10 + letters[:, place] - ord("0")
+                return value
         return np.zeros(n, dtype=np.int64)
 
     hour, minute, second = number("H", "Hc"), number("M", "Mc"), number("S", "Sc")

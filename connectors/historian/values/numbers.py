@@ -9,28 +9,27 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.values.stored_text import StoredText
 from stemwatch.connectors.historian.values.units import is_unit
 from stemwatch.models.recording import Floats
 
-_LONGEST = 400  # characters; longer cells are no numbers
-_SIGN = r"[+\-\u2212]?"
-_EXPONENT = r"(?:[eE][+\-]?[0-9]+)?"
+LONGEST = 400  # characters; longer cells are no numbers
+SIGN = r"[+\-\u2212]?"
+EXPONENT = r"(?:[eE][+\-]?[0-9]+)?"
 _PLAIN = {
-    ".": re.compile(rf"{_SIGN}(?:[0-9]+\.?[0-9]*|\.[0-9]+){_EXPONENT}"),
-    ",": re.compile(rf"{_SIGN}(?:[0-9]+,?[0-9]*|,[0-9]+){_EXPONENT}"),
+    ".": re.compile(rf"{SIGN}(?:[0-9]+\.?[0-9]*|\.[0-9]+){EXPONENT}"),
+    ",": re.compile(rf"{SIGN}(?:[0-9]+,?[0-9]*|,[0-9]+){EXPONENT}"),
 }
 _GROUPED = {
     ".": re.compile(
-        rf"{_SIGN}[0-9]{{1,3}}(?:(?:,[0-9]{{3}})+|(?:[ '\u00a0\u202f][0-9]{{3}})+)(?:\.[0-9]+)?"
+        rf"{SIGN}[0-9]{{1,3}}(?:(?:,[0-9]{{3}})+|(?:[ '\u00a0\u202f][0-9]{{3}})+)(?:\.[0-9]+)?"
     ),
     ",": re.compile(
-        rf"{_SIGN}[0-9]{{1,3}}(?:(?:\.[0-9]{{3}})+|(?:[ '\u00a0\u202f][0-9]{{3}})+)(?:,[0-9]+)?"
+        rf"{SIGN}[0-9]{{1,3}}(?:(?:\.[0-9]{{3}})+|(?:[ '\u00a0\u202f][0-9]{{3}})+)(?:,[0-9]+)?"
     ),
 }
 _MARKS = re.compile(r"[ '\u00a0\u202f]")
@@ -38,15 +37,17 @@ _GROUPS = re.compile(r"[0-9][,. '\u00a0\u202f][0-9]{3}(?![0-9])")
 _FEWEST_APART, _HABIT = 2, 0.1  # cells with marks for thousands, and their share of all
 _NEEDS_MARK, _NEAR_MARK = 10_000.0, 500.0  # "1000" is often written without a mark, "10000" not
 _WITH_UNIT = re.compile(r"^(?P<number>[^A-Za-z%°]*[0-9.,])\s*(?P<unit>[A-Za-z%°][^\s]*)$")
-# A comma that does not stand before exactly three digits cannot mark thousands.
-_CERTAIN_COMMA = re.compile(r",(?:[0-9]{1,2}(?![0-9])|[0-9]{4})")
-_COMMA_NUMBER = re.compile(rf"{_SIGN}[0-9][0-9.,' \u00a0\u202f]*{_EXPONENT}")
+
+
+def written_with(text: str, decimal: str) -> bool:
+    """Whether ``text`` is a number with this decimal mark, marks for thousands or none."""
+    return bool(_PLAIN[decimal].fullmatch(text) or _GROUPED[decimal].fullmatch(text))
 
 
 def parse_number(text: str, decimal: str) -> float | None:
     """The number that ``text`` is, or ``None``. ``decimal`` is the file's decimal mark."""
     text = text.strip()
-    if len(text) > _LONGEST:
+    if len(text) > LONGEST:
         return None
     if _PLAIN[decimal].fullmatch(text):
         return float(text.replace(decimal, ".").replace("\u2212", "-"))
@@ -84,7 +85,7 @@ def parse_numbers(cells: Sequence[str], decimal: str) -> Floats:
 
 def _of_stored(cells: StoredText, decimal: str) -> Floats:
     """The same numbers, plain cells read as such by Arrow, which is as exact."""
-    quick = cells.plain_numbers() if decimal == "." else None
+    quick = cells.plain_numbers(decimal)
     if quick is not None:
         return quick
     values, rows, texts = cells.numbers_and_rest(decimal)
@@ -137,58 +138,3 @@ def quick_numbers(cells: Sequence[str], decimal: str) -> Floats | None:
     except ValueError:
         return None
     return values if np.isfinite(values).all() else None
-
-
-def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) -> tuple[str, str]:
-    """Decimal mark of a file and the sentence why, from every cell of its value columns.
-
-    ``1,5`` and ``0,123`` can only be decimal commas, ``1.5`` only a decimal point; ``1,234``
-    alone is either. Raises ``UnreadableSource`` where only such numbers occur and the separator
-    does not settle it.
-    """
-    votes = _votes(columns)
-    comma, point, either = votes["comma"], votes["point"], votes["either"]
-    if comma or point:
-        if comma > point:
-            return ",", f"The decimal mark is a comma ({comma} numbers show it)."
-        return ".", "The decimal mark is a point."
-    if not either:
-        return ".", "No number has a decimal mark; a point is taken."
-    if separator == ";":
-        return ",", "Numbers like 1,234 in a file with semicolons were read as 1.234."
-    if separator == ",":
-        return ".", "Numbers like '1,234' in quotes were read as 1234 (thousands)."
-    raise UnreadableSource(
-        f"{name}: {either} numbers such as '1,234' may be 1.234 or 1234, and no other number "
-        "settles it; say decimal=',' or decimal='.'"
-    )
-
-
-def _votes(columns: Iterable[Sequence[str]]) -> Counter[str]:
-    votes: Counter[str] = Counter()
-    for cells in columns:
-        joined = "\n".join(cells)
-        if "," not in joined:
-            votes["point"] += "." in joined and quick_numbers(cells[:500], ".") is not None
-            continue
-        certain = len(_CERTAIN_COMMA.findall(joined))
-        if certain and quick_numbers(cells, ",") is not None:
-            votes["comma"] += certain
-            continue
-        for text in dict.fromkeys(cells):
-            votes[_vote(text.strip())] += 1
-    return votes
-
-
-def _vote(text: str) -> str:
-    if len(text) > _LONGEST or not _COMMA_NUMBER.fullmatch(text):
-        return "none"
-    as_point = bool(_PLAIN["."].fullmatch(text) or _GROUPED["."].fullmatch(text))
-    as_comma = bool(_PLAIN[","].fullmatch(text) or _GROUPED[","].fullmatch(text))
-    if as_point and as_comma:
-        if "," in text and text.lstrip("+-").startswith("0"):
-            return "comma"
-        return "either" if "," in text else "none"
-    if as_comma:
-        return "comma"
-    return "point" if as_point else "none"

@@ -8,7 +8,7 @@ it, or the user.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.values.stored_text import Kinds, coded
 from stemwatch.models.recording import Bools, Quality
 
 Family = Literal["opc", "aveva", "words", "unknown"]
@@ -52,16 +53,15 @@ def quality_of(
     Raises ``UnreadableSource`` where codes of unknown meaning differ and nothing settles which of
     them is good.
     """
-    distinct = list(dict.fromkeys(code.strip() for code in codes))
-    verdicts = _verdicts(distinct, codes, has_value, column, good, family, name, notes)
-    known = {code: Quality.GOOD if ok else Quality.BAD for code, ok in verdicts.items()}
-    out = (known[code.strip()] for code in codes)
-    return np.fromiter(out, dtype=np.uint8, count=len(codes))
+    distinct, which = coded(codes)
+    verdicts = _verdicts(distinct, which, has_value, column, good, family, name, notes)
+    known = [Quality.GOOD if verdicts[code] else Quality.BAD for code in distinct]
+    return np.array(known, dtype=np.uint8)[which]
 
 
 def _verdicts(
     distinct: list[str],
-    codes: Sequence[str],
+    which: Kinds,
     has_value: Bools,
     column: str,
     good: Sequence[str],
@@ -76,13 +76,14 @@ def _verdicts(
     words = {code: _good_word(code) for code in distinct if code not in numeric}
     if not numeric:
         return words
-    return words | _numeric_verdicts(numeric, codes, has_value, column, family, name, notes)
+    counts = np.bincount(which[has_value], minlength=len(distinct))
+    with_value = {code for code, count in zip(distinct, counts.tolist(), strict=True) if count}
+    return words | _numeric_verdicts(numeric, with_value, column, family, name, notes)
 
 
 def _numeric_verdicts(
     numeric: dict[str, int],
-    codes: Sequence[str],
-    has_value: Bools,
+    with_value: Set[str],
     column: str,
     family: Family,
     name: str,
@@ -103,22 +104,20 @@ def _numeric_verdicts(
             "no row from another."
         )
         return {only: True}
-    return _settled_by_values(numeric, codes, has_value, column, name, notes)
+    return _settled_by_values(numeric, with_value, column, name, notes)
 
 
 def _settled_by_values(
     numeric: dict[str, int],
-    codes: Sequence[str],
-    has_value: Bools,
+    with_value: Set[str],
     column: str,
     name: str,
     notes: ReadingNotes,
 ) -> dict[str, bool]:
     """Codes whose rows never have a value are bad; settled where one other code is left."""
-    stripped = np.array([code.strip() for code in codes], dtype=object)
-    with_value = {code: bool(has_value[stripped == code].any()) for code in numeric}
-    if sum(with_value.values()) == 1:
-        good = next(code for code, seen in with_value.items() if seen)
+    filled = [code for code in numeric if code in with_value]
+    if len(filled) == 1:
+        good = filled[0]
         notes.decide(f"Quality column {column!r}: only rows with {good} have values; it is good.")
         return {code: code == good for code in numeric}
     shown = ", ".join(sorted(numeric, key=numeric.__getitem__)[:8])

@@ -3,49 +3,81 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, overload
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stemwatch.models.recording import Floats
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+Rows = NDArray[np.int64] | NDArray[np.int32]
+Kinds = NDArray[np.intp] | NDArray[np.int32] | NDArray[np.uint16]
+Combine = Callable[[list["pa.Array"]], "pa.Array"]
 _PIECE = 200_000  # cells that are Python texts at one time
 
 
-class StoredText(Sequence[str]):
-    """As many cells as the table has rows, blanks at both ends taken off.
+class StoredColumns(Protocol):
+    """The columns of a file that is read in pieces."""
 
-    ``read_text`` gives them as Arrow text and ``read_numbers`` as numbers where every cell is a
-    plain one; both keep what they have read until they are told otherwise.
+    @property
+    def size(self) -> int:
+        """Rows of the table."""
+        ...
+
+    @property
+    def has_comma(self) -> bool:
+        """Whether a cell of any column has a comma."""
+        ...
+
+    @property
+    def has_point(self) -> bool:
+        """Whether a cell of any column has a point."""
+        ...
+
+    def batches(self, places: Sequence[int], rows: int | None = None) -> Iterator[list[pa.Array]]:
+        """The text of columns, some rows at a time, of all rows or the first ones."""
+        ...
+
+    def read(self, numbers: Sequence[StoredText], texts: Sequence[StoredText], mark: str) -> None:
+        """Fill in the numbers or the texts of these in one pass."""
+        ...
+
+
+@dataclass(eq=False)
+class StoredText(Sequence[str]):
+    """Cells of the file's columns ``places``, blanks at both ends taken off.
+
+    ``combine`` makes one column of several; ``rows`` are those of the table that count, in order,
+    ``None`` for all. What was read is kept until ``forget``.
     """
 
-    def __init__(
-        self,
-        place: int,
-        size: int,
-        read_text: Callable[[int], pa.Array],
-        read_numbers: Callable[[int], Floats | None],
-        read_first: Callable[[int, int], pa.Array],
-    ) -> None:
-        self.place, self._size = place, size
-        self._read_text, self._read_numbers = read_text, read_numbers
-        self._read_first = read_first
+    columns: StoredColumns
+    places: tuple[int, ...]
+    combine: Combine | None = None
+    rows: Rows | None = None
+    text: pa.Array | None = field(default=None, repr=False)
+    numbers: Floats | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
-        return self._size
+        return self.columns.size if self.rows is None else len(self.rows)
 
     @overload
     def __getitem__(self, at: int) -> str: ...
     @overload
     def __getitem__(self, at: slice) -> list[str]: ...
     def __getitem__(self, at: int | slice) -> str | list[str]:
-        text = self._read_text(self.place)
         if isinstance(at, slice):
-            return [cell.strip() for cell in text[at].to_pylist()]
-        return str(text[at].as_py()).strip()
+            begin, end, step = at.indices(len(self))
+            if self.text is None and begin == 0 and step == 1 and end <= _PIECE:
+                return self.first(end)
+            return [cell.strip() for cell in self.whole()[at].to_pylist()]
+        if self.text is None:
+            return self.at(np.array([at]))[0]
+        return str(self.text[at].as_py()).strip()
 
     def __iter__(self) -> Iterator[str]:
         for piece in self.pieces():
@@ -53,23 +85,67 @@ class StoredText(Sequence[str]):
 
     def first(self, count: int) -> list[str]:
         """The first cells, without reading the others."""
-        return [cell.strip() for cell in self._read_first(self.place, count).to_pylist()]
+        if self.rows is not None:
+            return self.at(np.arange(min(count, len(self))))
+        found: list[str] = []
+        for columns in self.columns.batches(self.places, min(count, len(self))):
+            found += self.of(columns).to_pylist()
+        return [cell.strip() for cell in found[:count]]
+
+    def at(self, chosen: Rows) -> list[str]:
+        """The cells in these places of the column, which are in order."""
+        rows = chosen if self.rows is None else self.rows[chosen]
+        part = StoredText(self.columns, self.places, self.combine, rows)
+        return [cell.strip() for cell in part.whole().to_pylist()]
+
+    def only(self, rows: Rows) -> StoredText:
+        """The cells of these rows of the table."""
+        return StoredText(self.columns, self.places, self.combine, rows)
+
+    def of(self, columns: Sequence[pa.Array]) -> pa.Array:
+        """This column's cells of one batch, of all rows of the table."""
+        return columns[0] if self.combine is None else self.combine(list(columns))
+
+    def arrays(self) -> Iterator[pa.Array]:
+        """The cells in order as Arrow text, some at a time."""
+        if self.text is not None or self.rows is not None:
+            text = self.whole()
+            for first in range(0, len(text), _PIECE):
+                yield text[first : first + _PIECE]
+            return
+        for columns in self.columns.batches(self.places):
+            text = self.of(columns)
+            for first in range(0, len(text), _PIECE):
+                yield text[first : first + _PIECE]
 
     def pieces(self) -> Iterator[list[str]]:
         """The cells in order, so many at a time that they need little memory."""
-        for first in range(0, self._size, _PIECE):
-            yield self[first : first + _PIECE]
+        for text in self.arrays():
+            yield [cell.strip() for cell in text.to_pylist()]
 
-    def plain_numbers(self) -> Floats | None:
-        """(n,) numbers where every cell is one with a decimal point; else ``None``."""
-        return self._read_numbers(self.place)
+    def whole(self) -> pa.Array:
+        """All cells as Arrow text, blanks and all."""
+        if self.text is None:
+            self.columns.read([], [self], ".")
+        assert self.text is not None
+        return self.text
+
+    def forget(self) -> None:
+        """Keep nothing any more."""
+        self.text = self.numbers = None
+
+    def plain_numbers(self, decimal: str) -> Floats | None:
+        """(n,) numbers where every cell is one with this mark and nothing else; else ``None``."""
+        if self.numbers is None and self.text is None:
+            self.columns.read([self], [], decimal)
+        return self.numbers
 
     def numbers_and_rest(self, decimal: str) -> tuple[Floats, list[int], list[str]]:
         """(n,) numbers of the plain cells; the rows of all others, and their texts."""
         import pyarrow as pa
         import pyarrow.compute as pc
 
-        text = pc.ascii_trim_whitespace(self._read_text(self.place))
+        text = pc.ascii_trim_whitespace(self.whole())
         mark = r"\." if decimal == "." else ","
         pattern = rf"^-?(?:[0-9]+{mark}?[0-9]*|{mark}[0-9]+)(?:[eE][+-]?[0-9]+)?$"
         plain = pc.match_substring_regex(text, pattern)
@@ -77,8 +153,118 @@ class StoredText(Sequence[str]):
         if decimal != ".":
             numbers = pc.replace_substring(numbers, ",", ".")
         is_plain = np.asarray(plain.to_numpy(zero_copy_only=False), dtype=bool)
-        values = np.full(self._size, np.nan)
+        values = np.full(len(self), np.nan)
         values[is_plain] = pc.cast(numbers, pa.float64()).to_numpy(zero_copy_only=False)
         values[~np.isfinite(values)] = np.nan
         rest = np.flatnonzero(~is_plain)
         return values, rest.tolist(), text.take(pa.array(rest)).to_pylist()
+
+
+def has_been_read(cells: Sequence[str]) -> bool:
+    """Whether nothing has to be read from a file to convert ``cells``."""
+    return not isinstance(cells, StoredText) or cells.text is not None or cells.numbers is not None
+
+
+def coded(cells: Sequence[str]) -> tuple[list[str], Kinds]:
+    """The different cells, blanks at both ends taken off, in the order in which they first come;
+    (n,) which of them each cell is."""
+    known: dict[str, int] = {}
+    parts: list[NDArray[Any]] = []
+    if isinstance(cells, StoredText):
+        for text in cells.arrays():
+            words = text.dictionary_encode()
+            places = [known.setdefault(w.strip(), len(known)) for w in words.dictionary.to_pylist()]
+            indices = words.indices.to_numpy(zero_copy_only=False)
+            which = np.array(places, dtype=np.int32)[indices]
+            parts.append(which.astype(np.uint16) if len(known) < 2**16 else which)
+        return list(known), np.concatenate(parts or [np.zeros(0, dtype=np.int32)])
+    kinds = (known.setdefault(cell.strip(), len(known)) for cell in cells)
+    which = np.fromiter(kinds, dtype=np.intp, count=len(cells))
+    return list(known), which
+
+
+def rows_of_each(which: Kinds, kinds: int) -> list[Rows]:
+    """The rows of each kind in order; ``which`` (n,) tells the kind of each row."""
+    narrow = np.int32 if which.size < 2**31 else np.int64
+    counts = np.bincount(which, minlength=kinds)
+    order = np.empty(which.size, dtype=narrow)
+    free = np.cumsum(counts) - counts  # the next place of each kind
+    for begin in range(0, which.size, _PIECE):
+        part = which[begin : begin + _PIECE]
+        by_kind = np.argsort(part, kind="stable")
+        sorted_kinds = part[by_kind]
+        starts = np.searchsorted(sorted_kinds, np.arange(kinds))
+        order[free[sorted_kinds] + np.arange(part.size) - starts[sorted_kinds]] = by_kind + begin
+        free += np.bincount(part, minlength=kinds)
+    return np.split(order, np.cumsum(counts)[:-1]) if kinds else []
+
+
+def chosen(cells: Sequence[str], rows: Rows) -> Sequence[str]:
+    """The cells of these rows."""
+    if isinstance(cells, StoredText):
+        return cells.only(rows)
+    return [cells[row] for row in rows.tolist()]
+
+
+def some(cells: Sequence[str], rows: Rows) -> list[str]:
+    """The cells of a few rows, in order, read at once."""
+    if isinstance(cells, StoredText):
+        return cells.at(rows)
+    return [cells[row] for row in rows.tolist()]
+
+
+def joined(date: Sequence[str], clock: Sequence[str]) -> Sequence[str]:
+    """Each cell of two columns as one text, with a blank between them."""
+    if isinstance(date, StoredText) and isinstance(clock, StoredText):
+        return StoredText(date.columns, (*date.places, *clock.places), _with_blank)
+    return [f"{one.strip()} {other.strip()}" for one, other in zip(date, clock, strict=True)]
+
+
+def _with_blank(columns: list[pa.Array]) -> pa.Array:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    date, clock = (pc.utf8_trim_whitespace(column) for column in columns)
+    return pc.binary_join_element_wise(date, clock, pa.scalar(" "))
+
+
+def first_filled(cells: Sequence[str], others: Sequence[str]) -> Sequence[str]:
+    """Each cell of ``cells``, or the one of ``others`` beside it where it is blank."""
+    if isinstance(cells, StoredText) and isinstance(others, StoredText):
+        return StoredText(cells.columns, (*cells.places, *others.places), _filled)
+    return [one if one.strip() else other for one, other in zip(cells, others, strict=True)]
+
+
+def _filled(columns: list[pa.Array]) -> pa.Array:
+    import pyarrow.compute as pc
+
+    blank = pc.equal(pc.utf8_trim_whitespace(columns[0]), "")
+    return pc.if_else(blank, columns[1], columns[0])
+
+
+def each(cells: Sequence[str], change: Callable[[str], str]) -> Sequence[str]:
+    """Each cell changed alone."""
+    return together([cells], lambda one: change(one[0]))
+
+
+def together(
+    columns: Sequence[Sequence[str]], make: Callable[[Sequence[str]], str]
+) -> Sequence[str]:
+    """One text of the cells of each row. Of a file in pieces each different row is made once."""
+    stored = [column for column in columns if isinstance(column, StoredText)]
+    if not stored or len(stored) < len(columns):
+        return [make(row) for row in zip(*columns, strict=True)]
+
+    def made(cells: list[pa.Array]) -> pa.Array:
+        import pyarrow as pa
+
+        which = np.zeros(len(cells[0]), dtype=np.int64)
+        for column in cells:
+            encoded = column.dictionary_encode()
+            which = which * len(encoded.dictionary) + encoded.indices.to_numpy(zero_copy_only=False)
+        distinct, rows = np.unique(which, return_index=True)
+        texts = pa.array([make([column[row].as_py() for column in cells]) for row in rows.tolist()])
+        return texts.take(pa.array(np.searchsorted(distinct, which)))
+
+    places = tuple(place for column in stored for place in column.places)
+    return StoredText(stored[0].columns, places, made)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import nan
+from math import floor, log10, nan
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
+
+SAID_IN_SECONDS = 0.1  # shorter times are said in ms
 
 
 class _Defect:
@@ -79,3 +81,42 @@ def size(estimate: Estimate) -> Estimate:
     low = None if estimate.high is None else max(-estimate.high, 0.0)
     high = None if estimate.low is None else -estimate.low
     return replace(estimate, value=-estimate.value, low=low, high=high)
+
+
+def inverse(estimate: Estimate, over: float) -> Estimate:
+    """``over`` divided by a speed: how long it takes, in seconds."""
+
+    def took(value: float | None) -> float | None:
+        return None if value is None or value <= 0.0 else over / value
+
+    return replace(
+        estimate,
+        value=took(estimate.value),
+        low=took(estimate.high),
+        high=took(estimate.low),
+        unit="s",
+    )
+
+
+def about(estimate: Estimate, times: float = 1.0) -> str:
+    """``times`` an estimate with two figures and its interval, for a test by hand:
+    "7.0 s (6.6 to 7.5)"."""
+    if estimate.value is None:
+        return "an unknown size"
+    factor, unit = times, estimate.unit
+    if unit == "s" and estimate.value == 0.0:
+        return "at once"
+    if unit == "s" and abs(times * estimate.value) < SAID_IN_SECONDS:
+        factor, unit = 1000.0 * times, "ms"
+    said = f"{_figure(factor * estimate.value)} {unit}".rstrip()
+    if estimate.low is None or estimate.high is None:
+        return said
+    return f"{said} ({_figure(factor * estimate.low)} to {_figure(factor * estimate.high)})"
+
+
+def _figure(value: float) -> str:
+    """Two figures without an exponent."""
+    if value == 0.0:
+        return "0"
+    digits = max(0, 1 - floor(log10(abs(value))))
+    return f"{value:.{digits}f}"

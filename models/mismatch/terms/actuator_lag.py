@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm
+from stemwatch.models.mismatch.terms._ways import CommandTerm, about
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -40,7 +40,7 @@ class ActuatorLag(CommandTerm):
     slug = "actuator_lag"
     order = 20
     words = Words(
-        plain="the actuator or its I/P converter takes seconds to fill or vent",
+        plain="the actuator or its I/P converter takes time to fill or vent",
         decide=(
             "Step OP by 2 % and by 10 %, then ramp it at two speeds: a lag delays the start of "
             "the motion the more, the faster the ramp; grease on the stem (drag) does not delay "
@@ -102,6 +102,18 @@ class ActuatorLag(CommandTerm):
         return (
             f"The actuator follows its command with a lag of {parameters['tau']} both ways: "
             f"{self.words.plain}."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        tau = parameters["tau"]
+        return FieldTest(
+            do=(
+                "Loop in manual: step OP by 10 % and by 20 %, and time the stem to 63 % of each "
+                "step."
+            ),
+            fails=f"about {about(tau)} for either step",
+            passes=f"within {MATERIAL_S} s",
         )
 
 

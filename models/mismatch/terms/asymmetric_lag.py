@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, number
+from stemwatch.models.mismatch.terms._ways import CommandTerm, about, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -125,6 +125,18 @@ class AsymmetricLag(CommandTerm):
         if number(fast) < AT_ONCE_S:
             other = f"follows at once when {quickly}"
         return f"The actuator lags by {slow} when {slowly} but {other}: {self.words.plain}."
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        up, down = about(parameters["tau_rising"]), about(parameters["tau_falling"])
+        return FieldTest(
+            do=(
+                "Loop in manual: step OP by 10 % up, then down, and time the stem to 63 % of "
+                "each step."
+            ),
+            fails=f"about {up} rising and {down} falling",
+            passes=f"both within {MATERIAL_S} s, or alike to within {MATERIAL_RATIO} times",
+        )
 
 
 TERM: Term = AsymmetricLag()

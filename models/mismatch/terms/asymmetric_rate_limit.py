@@ -14,15 +14,16 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, number
+from stemwatch.models.mismatch.terms._ways import CommandTerm, about, inverse, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 SLOWEST = 8.0  # s per %, as for the rate limit
 FREE = 100.0  # %/s, as for the rate limit
 MATERIAL = 10.0  # %/s, as for the rate limit
+STEP_PERCENT = 20.0  # of the test by hand
 AS_BUILT = 2.5  # %/s, as for the rate limit
 MATERIAL_RATIO = 1.5  # below, it is one limit
 
@@ -138,6 +139,24 @@ class AsymmetricRateLimit(CommandTerm):
         return (
             f"The valve moves at no more than {slow} when {slowly} but {other}: check the "
             "exhaust restriction, the booster or the supply."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        up, down = (
+            about(inverse(parameters[name], STEP_PERCENT))
+            for name in ("rate_rising", "rate_falling")
+        )
+        return FieldTest(
+            do=(
+                f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem to its "
+                "place."
+            ),
+            fails=f"about {up} rising and {down} falling",
+            passes=(
+                f"both within {STEP_PERCENT / AS_BUILT:g} s, or alike to within "
+                f"{MATERIAL_RATIO} times"
+            ),
         )
 
 

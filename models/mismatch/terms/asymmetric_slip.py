@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number
 from stemwatch.models.recording import Floats
 
 # Jumps that differ by less than 1.5 to 1 lie within the scatter of a few dozen slips.
@@ -92,6 +92,18 @@ class AsymmetricSlip(StemTerm):
         if number(ratio) < 1.0:
             ratio, larger, smaller = _inverse(ratio), falling, rising
         return f"The jumps when {larger} are {ratio} times those when {smaller}."
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual: step OP by 0.2 % one way until the stem jumps, five times each "
+                "way, "
+                "and read each jump."
+            ),
+            fails=f"jumps rising about {about(parameters['ratio'])} times those falling",
+            passes=f"alike to within {(1.0 + MATERIAL) / (1.0 - MATERIAL):.1f} times",
+        )
 
 
 def _inverse(ratio: Estimate) -> Estimate:

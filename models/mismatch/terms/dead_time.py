@@ -13,10 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.delay import delayed
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm
+from stemwatch.models.mismatch.terms._ways import CommandTerm, about
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -98,6 +98,22 @@ class DeadTime(CommandTerm):
         return (
             f"The valve answers {parameters['theta']} after its command, by the same delay every "
             "time: a delay on the way of the command, or clocks of OP and MV that differ."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual, a watch at the valve: let the operator step OP by 5 % on a "
+                "count by "
+                "radio, and time how long the stem stands still."
+            ),
+            fails=f"about {about(parameters['theta'])}",
+            passes=(
+                f"less than {AS_BUILT} s; the delay is then in how OP and MV are stamped, not in "
+                "the "
+                "valve"
+            ),
         )
 
 

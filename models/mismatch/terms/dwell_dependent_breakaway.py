@@ -9,16 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
+from math import log
 
 import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.mismatch.terms._ways import StemTerm, about
 from stemwatch.models.recording import Floats
 
 T0_S = 5.0  # seconds; a convention of the formula, which b is stated with
@@ -113,6 +114,19 @@ class DwellDependentBreakaway(StemTerm):
         return (
             "The longer the stem has rested, the harder it is to start: the breakaway rises by "
             f"{parameters['b']} of span each time the rest is 2.7 times longer."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        tenfold = log(10.0)
+        return FieldTest(
+            do=(
+                "Loop in manual: let the stem rest 1 minute, step OP by 0.1 % one way and count "
+                "the "
+                "steps until it moves; the same after 10 minutes."
+            ),
+            fails=f"about {about(parameters['b'], tenfold)} more after the long rest",
+            passes=f"no more than {tenfold * MATERIAL_PERCENT:.1f} % more",
         )
 
 

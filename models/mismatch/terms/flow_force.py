@@ -13,11 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.5  # change of the force over the travel seen
@@ -96,6 +96,18 @@ class FlowForce(StemTerm):
             "The process fluid pushes on the plug, differently at different openings: by "
             f"{size(parameters['U'])} of span more towards {towards} at mid-travel than at the "
             "ends."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual, flow through the valve: go to both ends of its usual travel and "
+                "to the "
+                "middle, each from below, and read OP less position."
+            ),
+            fails=f"in the middle {about(size(parameters['U']))} off the mean of the ends",
+            passes=f"within {MATERIAL_PERCENT} %",
         )
 
 

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, number, size
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_SHARE = 0.2  # over the record; less is what warm packing does in a shift
@@ -84,6 +84,18 @@ class GrowingStiction(StemTerm):
         return (
             f"The friction {verb} by {size(parameters['growth'])} over the record; S and J are "
             "those at its beginning."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual: count steps of OP of 0.2 % from one move of the stem to the "
+                "move back, "
+                "at the beginning and at the end of a time as long as this recording."
+            ),
+            fails=f"the count changes by about {about(size(parameters['growth']))}",
+            passes=f"alike to within {100.0 * MATERIAL_SHARE:g} %",
         )
 
 

@@ -15,11 +15,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, number, size
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, number, size
 from stemwatch.models.recording import Floats
 
 MOST = 60.0  # percent at an end of travel, either way
@@ -109,6 +109,17 @@ class LoadByPosition(StemTerm):
         return (
             "A load that depends on position pulls the stem off its command: by "
             f"{size(rise)} of span more towards {towards} at 75 % of travel than at 25 %."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual: go to 25 % and to 75 % from below, and read OP less position at "
+                "both."
+            ),
+            fails=f"the two differ by about {about(size(parameters['rise']))}",
+            passes=f"within {MATERIAL_PERCENT} %",
         )
 
 

@@ -13,11 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.mismatch.terms._ways import StemTerm, about
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel; good linkages have a tenth
@@ -90,6 +90,18 @@ class LostMotion(StemTerm):
         return (
             f"Between the stem and its position reading there is a play of {parameters['b']} of "
             "travel, in the linkage or the feedback arm."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual, a dial gauge at the stem: step OP by 0.2 % one way until the "
+                "stem moves, "
+                "then back, and read how far the stem goes before the position reading follows."
+            ),
+            fails=f"about {about(parameters['b'])} of travel",
+            passes=f"less than {MATERIAL_PERCENT} %",
         )
 
 

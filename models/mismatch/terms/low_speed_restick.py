@@ -13,11 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm
+from stemwatch.models.mismatch.terms._ways import ReadingTerm, about
 from stemwatch.models.recording import Floats
 
 # Every stem sticks again on ramps slower than its packing's Stribeck speed, up to 0.1 %/s or so.
@@ -85,6 +85,15 @@ class LowSpeedRestick(ReadingTerm):
         return (
             f"Below {parameters['v_c']} the stem does not slide but sticks again and again: it "
             "follows a slow command in small steps."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        half, twice = about(parameters["v_c"], 0.5), about(parameters["v_c"], 2.0)
+        return FieldTest(
+            do=f"Loop in manual: ramp OP over 5 % at {half}, then at {twice}, and watch the stem.",
+            fails="steps on the slow ramp, a smooth slide on the quick one",
+            passes="a smooth slide on both",
         )
 
 

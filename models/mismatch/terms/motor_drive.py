@@ -18,11 +18,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, grid
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, grid
 from stemwatch.models.recording import Floats
 
 LONGEST = 60.0  # samples
@@ -104,6 +104,14 @@ class MotorDrive(StemTerm):
         return (
             "A motor of finite gain moves the stem: it follows with a time constant of "
             f"{parameters['tau']} and runs up in {parameters['run_up']}."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do="Step the command by 5 % and time the drive to 63 % of it.",
+            fails=f"about {about(parameters['tau'])} behind the command",
+            passes="the time that the maker gives for this gain and load",
         )
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, number
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.4  # of S/2; the tight spots that fitters find are half a percent and more
@@ -107,6 +107,19 @@ class PositionDependentFriction(StemTerm):
         return (
             f"Between {place - width:.0f} and {place + width:.0f} % of travel the stem drags: "
             f"friction is higher by {parameters['A']} of span at {parameters['place']} of travel."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        place, both = parameters["place"], 2.0
+        return FieldTest(
+            do=(
+                f"Loop in manual: at {about(place)} of travel step OP by 0.2 % from one move of "
+                "the stem "
+                "to the move back, and count; the same well away from there."
+            ),
+            fails=f"about {about(parameters['A'], both)} of OP more there",
+            passes=f"no more than {both * MATERIAL_PERCENT:g} % more",
         )
 
 

@@ -13,15 +13,16 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm
+from stemwatch.models.mismatch.terms._ways import CommandTerm, about, inverse
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 SLOWEST = 8.0  # s per %: a full stroke in 13 minutes; more where samples are further apart
 FREE = 100.0  # %/s: a full stroke in a second is as good as no limit
 MATERIAL = 10.0  # %/s: a full stroke in 10 s is what valves of usual size do
+STEP_PERCENT = 20.0  # of the test by hand
 AS_BUILT = 2.5  # %/s: large actuators without a booster take up to 40 s for a full stroke
 
 
@@ -121,6 +122,18 @@ class RateLimit(CommandTerm):
         return (
             f"The valve moves at no more than {parameters['rate']}, {rising} and {falling} alike: "
             "large fast commands are followed at that speed and no faster."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        took = about(inverse(parameters["rate"], STEP_PERCENT))
+        return FieldTest(
+            do=(
+                f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem to its "
+                "place."
+            ),
+            fails=f"about {took}, and a quarter of that for a quarter of the step",
+            passes=f"within {STEP_PERCENT / AS_BUILT:g} s",
         )
 
 

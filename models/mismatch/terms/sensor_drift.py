@@ -14,11 +14,11 @@ from functools import cache
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 WAVES = (1, 2, 3)
@@ -102,6 +102,18 @@ class SensorDrift(StemTerm):
         return (
             f"The position reading drifts {way} by {size(parameters['D'])} of travel over the "
             "record."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual: mark the stem, note its reading, and bring it back to the mark "
+                "after a "
+                "time as long as this recording."
+            ),
+            fails=f"readings apart by up to {about(parameters['range'])}",
+            passes=f"within {MATERIAL_PERCENT} %",
         )
 
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, either_sign, number
+from stemwatch.models.mismatch.terms._ways import ReadingTerm, about, either_sign, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its middle
@@ -84,6 +84,18 @@ class SpanError(ReadingTerm):
         return (
             f"The position reading is {way} over the stroke: it moves by {parameters['gain']} % "
             "for each percent of travel."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual: go to 20 % and to 80 % on the scale at the stem, and take the "
+                "difference "
+                "of the two readings."
+            ),
+            fails=f"about {about(parameters['gain'], 60.0)} %",
+            passes=f"60 %, to within {MATERIAL_PERCENT} %",
         )
 
 

@@ -8,13 +8,14 @@ Signature: MV has a slope while the stem should rest, whichever way it moved bef
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, either_sign, number, size
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT_PER_S = 0.004  # 1 % of travel in four minutes: a loop has to work against it
@@ -84,6 +85,19 @@ class StemCreep(StemTerm):
         return (
             f"The stem creeps at {size(parameters['creep'])}, {direction}, while it should rest: "
             "an air leak, or packing that gives."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        held_s = 240.0
+        crept = about(size(replace(parameters["creep"], unit="%")), held_s)
+        return FieldTest(
+            do=(
+                "Loop in manual: hold OP for four minutes, and read the stem at the beginning and "
+                "at the end."
+            ),
+            fails=f"it creeps by about {crept}",
+            passes=f"less than {held_s * MATERIAL_PERCENT_PER_S:.1g} %",
         )
 
 

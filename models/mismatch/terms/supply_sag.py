@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, grid, number, size
+from stemwatch.models.mismatch.terms._ways import CommandTerm, about, grid, number, size
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -118,6 +118,23 @@ class SupplySag(CommandTerm):
             f"On large moves the valve falls short by {size(parameters['sag'])} of the move when "
             f"{direction} and recovers with a time constant of {parameters['recovery']}: "
             "the air supply cannot keep up."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        step = 20.0
+        return FieldTest(
+            do=(
+                f"Loop in manual: step OP by {step:g} % the way that uses the air, the supply "
+                "gauge in "
+                "view."
+            ),
+            fails=(
+                f"the stem stops about {about(size(parameters['sag']), step / 100.0)} short, and "
+                "arrives "
+                f"with a time constant of about {about(parameters['recovery'])}"
+            ),
+            passes=f"less than {MATERIAL_PERCENT:g} % short, and the gauge stands still",
         )
 
 

@@ -13,11 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, number
+from stemwatch.models.mismatch.terms._ways import StemTerm, about, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_BEYOND = 0.5  # percent of travel by which OP asks for more than the stop gives
@@ -113,6 +113,15 @@ class TravelStop(StemTerm):
             said.append(f"does not rise above {high} of travel")
         places = " and ".join(said) if said else f"stays between {low} and {high} of travel"
         return f"The stem {places} while the command goes on."
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        low, high = about(parameters["stop_low"]), about(parameters["stop_high"])
+        return FieldTest(
+            do="Where the process allows it, loop in manual: take OP to 0 % and to 100 %.",
+            fails=f"the stem stays between {low} and {high}",
+            passes=f"it reaches both ends to within {MATERIAL_INSIDE:g} %",
+        )
 
 
 TERM: Term = TravelStop()

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, grid, number
 from stemwatch.models.recording import Floats
@@ -149,6 +149,19 @@ class UnderdampedPositioner(CommandTerm):
                 f"{100.0 * overshoot(damping):.0f} % of the move"
             )
         return f"{rings} (natural frequency {wn}, damping ratio {zeta})."
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        zeta = number(parameters["zeta"])
+        over = 100.0 * overshoot(zeta) if 0.0 <= zeta < 1.0 else 0.0
+        return FieldTest(
+            do=(
+                "Loop in manual: step OP by 10 %, and read how far the stem swings beyond its "
+                "place."
+            ),
+            fails=f"by about {over:.0f} % of the step",
+            passes=f"by no more than {100.0 * overshoot(MATERIAL_ZETA):.0f} % of it",
+        )
 
 
 TERM: Term = UnderdampedPositioner()

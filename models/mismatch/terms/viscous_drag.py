@@ -13,11 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.mismatch.terms._ways import StemTerm, about
 from stemwatch.models.recording import Floats
 
 MATERIAL_S = 0.7  # a slip that takes less is how good valves are
@@ -90,6 +90,18 @@ class ViscousDrag(StemTerm):
         return (
             "The stem starts on time but slides to its place with a time constant of "
             f"{parameters['tau_v']}, as through thick grease."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do=(
+                "Loop in manual: step OP by 10 %, and time the stem from its first movement to "
+                "63 % of the "
+                "step."
+            ),
+            fails=f"about {about(parameters['tau_v'])}",
+            passes=f"within {MATERIAL_S} s",
         )
 
 

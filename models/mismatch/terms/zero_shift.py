@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, check_steps
+from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, either_sign, number, size
+from stemwatch.models.mismatch.terms._ways import ReadingTerm, about, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.4  # of travel; positioners are set to within a quarter of a percent or so
@@ -82,6 +82,14 @@ class ZeroShift(ReadingTerm):
         return (
             f"The position reads {way} by {size(parameters['zero'])} of travel at mid-travel: "
             "its zero is off, or the bench set of the spring is."
+        )
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """A test by hand with what to expect from this effect's own numbers."""
+        return FieldTest(
+            do="Loop in manual: go to 50 % on the scale at the stem, and read the position.",
+            fails=f"it reads about {about(size(parameters['zero']))} off",
+            passes=f"within {MATERIAL_PERCENT} %",
         )
 
 

@@ -17,10 +17,11 @@ Value = TypeVar("Value")
 
 
 def mismatch_json(mismatch: Mismatch | None) -> dict[str, Any] | None:
-    """The mismatch as JSON, without the samples of its free runs."""
+    """The mismatch as JSON, without the samples of its free runs, and without the scores, which are
+    stored apart (``evidence``)."""
     if mismatch is None:
         return None
-    packed: dict[str, Any] = pack(replace(mismatch, runs=None))
+    packed: dict[str, Any] = pack(replace(mismatch, runs=None, scores=()))
     return packed | defects_key(mismatch)
 
 

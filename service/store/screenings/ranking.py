@@ -107,8 +107,8 @@ class RankingPage:
     largest_percent: float  # the largest S or J of all filtered valves, the scale of the bars
 
 
-def _joined(*columns: Any) -> Select[Any]:
-    latest = ScreeningRow.id == latest_screening_id()
+def _joined(*columns: Any, until: datetime | None = None) -> Select[Any]:
+    latest = ScreeningRow.id == latest_screening_id(until=until)
     return select(*columns).select_from(ValveRow).outerjoin(ScreeningRow, latest)
 
 
@@ -271,6 +271,16 @@ def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
         areas=read_areas(session),
         largest_percent=largest,
     )
+
+
+def read_work_states(session: Session, until: datetime) -> dict[WorkState, int]:
+    """How many valves stood where at ``until``, by the latest screening that each had then."""
+    states = dict.fromkeys(WorkState, 0)
+    for row in session.connection().execute(_joined(*_deciding(), until=until)).all():
+        verdict, _ = _decided(row)
+        if verdict is not None:
+            states[STATE_OF[verdict]] += 1
+    return states
 
 
 def _lines(

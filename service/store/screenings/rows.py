@@ -11,6 +11,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.service.store.screenings.evidence_json import evidence_json
 from stemwatch.service.store.screenings.false_discoveries import remark_of
 from stemwatch.service.store.screenings.mismatch_json import mismatch_json, mismatch_of
 from stemwatch.service.store.screenings.records import (
@@ -131,6 +132,7 @@ def _mismatch_columns(screening: Screening) -> dict[str, Any]:
         if mismatch is None
         else [effect.slug for effect in mismatch.effects],
         "mismatch": mismatch_json(mismatch),
+        "evidence": evidence_json(screening),
     }
 
 

@@ -140,17 +140,20 @@ def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
 
 
 def latest_screening_id(
-    valve: InstrumentedAttribute[str] = ValveRow.id, before: int = 0
+    valve: InstrumentedAttribute[str] = ValveRow.id,
+    before: int = 0,
+    until: datetime | None = None,
 ) -> ScalarSelect[int]:
     """A subquery: the number of the latest screening of the valve in column ``valve`` of the outer
-    query, or of the one ``before`` places earlier; NULL where there is none.
+    query, or of the one ``before`` places earlier; NULL where there is none. With ``until`` the
+    latest at that time.
 
     One index seek for each valve, so that the time does not grow with the years stored.
     """
     newest = aliased(ScreeningRow)
     return (
         select(newest.id)
-        .where(newest.valve == valve)
+        .where(newest.valve == valve, *(() if until is None else (newest.at <= until,)))
         .order_by(newest.at.desc(), newest.id.desc())
         .limit(1)
         .offset(before)

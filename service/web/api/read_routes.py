@@ -32,6 +32,8 @@ Sort = Literal[
 ]
 State = Literal["open", "acknowledged", "snoozed", "closed", "false", "all"]
 
+NEWEST_RUNS = 5  # of which a page notices that something changed
+
 router = APIRouter(prefix="/api/v1", tags=["read"], responses=shapes.REFUSALS)
 
 
@@ -101,6 +103,17 @@ def alert_list(deps: Deps, state: State = "open") -> list[shapes.AlertLine]:
     """Alerts in a state, the newest first."""
     alerts = deps.store.alerts.in_state(state, deps.now)
     return [alert_line(alert, deps) for alert in alerts]
+
+
+@router.get("/changes")
+def changes(deps: Deps) -> shapes.ChangesAnswer:
+    """What changes when a run begins, goes on or is over, or an alert comes or goes: a page that
+    shows results asks for it often, and for itself only when this is another."""
+    newest = deps.store.queue.recent(NEWEST_RUNS)
+    return shapes.ChangesAnswer(
+        runs=[f"{run.id} {run.state.value} {run.done}" for run in newest],
+        open_alerts=deps.open_alerts(),
+    )
 
 
 @router.get("/runs")

@@ -180,6 +180,14 @@ class AlertLine(BaseModel):
     false_alarm: bool
 
 
+class ChangesAnswer(BaseModel):
+    """What a page compares with what it saw before: the newest runs with state and valves done, and
+    how many alerts are open."""
+
+    runs: list[str]
+    open_alerts: int
+
+
 class RunAnswer(BaseModel):
     """A run that waits, goes on or is over."""
 

@@ -14,8 +14,10 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.physics_words import left_to_tell
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
@@ -73,6 +75,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         open_alerts=deps.open_alerts(),
         one=stored,
         shown=shown,
+        by_window=store.evidence([name]).get(name),
         gauge_top=bar_top(max(numbers)),
         models=MODEL_NAMES,
         compact=False,
@@ -87,6 +90,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         roles=_roles(deps, name),
         quality=quality,
         sheet=None if shown is None else _sheet(deps, shown),
+        plan_link=_plan_link(request, shown),
     )
 
 
@@ -183,6 +187,18 @@ def indicator_of(name: str, point: TrendPoint) -> Indicator:
         low=point.low,
         high=point.high,
     )
+
+
+def _plan_link(request: Request, shown: ShownScreening | None) -> str:
+    """Where the test that would tell is planned; empty where none would be of use."""
+    if shown is None:
+        return ""
+    mismatch = shown.screening.mismatch
+    left = bool(mismatch is not None and left_to_tell(mismatch))
+    if not left and shown.screening.verdict is not Verdict.UNDETERMINED:
+        return ""
+    base = request.scope.get("root_path", "").rstrip("/")
+    return f"{base}/valve/test-plan?{urlencode({'id': shown.screening.valve})}"
 
 
 def _sheet(deps: Dependencies, shown: ShownScreening) -> str | None:

@@ -15,7 +15,7 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.connectors.historian.connector import propose_valves
 from stemwatch.connectors.historian.opened_file import open_file
-from stemwatch.connectors.historian.tables import large_file
+from stemwatch.connectors.historian.tables import large_file, text_pieces
 
 ROWS = 900
 START = datetime(2026, 10, 25, 0, 50, tzinfo=UTC)  # clocks are put back ten minutes later
@@ -84,17 +84,31 @@ FILES: dict[str, tuple[bytes, ReadOptions]] = {
     "units": (export(header=UNITS), ReadOptions()),
     "one name twice": (export(header=TWICE), ReadOptions()),
 }
+FILES |= {
+    name: (content, ReadOptions())
+    for name, content in {
+        "quotes": export(cells={(5, 1): '"1.5"', (6, 1): '"a ""word"""', (7, 1): '"two\nlines"'}),
+        "a quote that is never closed": export(lines={5: '2026-10-25T00:50:50Z,"1,2,3,4,5'}),
+        "lost bytes": export(cells={(5, 1): "12\x00977"}),
+        "decimal comma": export(separator=";", decimal=","),
+        "decimal comma and words": export(
+            separator=";", decimal=",", cells={(3, 1): "Bad", (4, 1): "", (5, 1): "+7,5"}
+        ),
+        "headers again": export(lines={5: "Time,FIC-1.OP,FIC-1.ZT,FIC-1.PV,FIC-2.OP,FIC-2.ZT"}),
+        "empty cells at the end": export(lines={5: "2026-10-25T00:50:50Z,1,2,3,4,5,,"}),
+        "other encoding": export(header="Time,FIC-1.OP,FIC-1.ZT,Hoehe,FIC-2.OP,FIC-2.ZT").replace(
+            b"Hoehe", b"H\xf6he"
+        ),
+        "bytes that no encoding has": export(cells={(5, 1): "x"}).replace(b",x,", b",\x81,"),
+        "old line ends": export(end="\r"),
+        "compressed": gzip.compress(export()),
+        "compressed and cut": gzip.compress(export())[:-3000],
+        "compressed in parts": gzip.compress(export()[:9000]) + gzip.compress(export()[9000:]),
+    }.items()
+}
 READ_WHOLE = {
-    "quotes": export(cells={(5, 1): '"1.5"'}),
-    "lost bytes": export(cells={(5, 1): "12\x00977"}),
-    "decimal comma": export(separator=";", decimal=","),
-    "headers again": export(lines={5: "Time,FIC-1.OP,FIC-1.ZT,FIC-1.PV,FIC-2.OP,FIC-2.ZT"}),
-    "empty cells at the end": export(lines={5: "2026-10-25T00:50:50Z,1,2,3,4,5,,"}),
-    "other encoding": export(header="Time,FIC-1.OP,FIC-1.ZT,Hoehe,FIC-2.OP,FIC-2.ZT").replace(
-        b"Hoehe", b"H\xf6he"
-    ),
-    "old line ends": export(end="\r"),
-    "compressed": gzip.compress(export()),
+    "control characters": export(cells={(5, 1): "\x0c1.5"}),
+    "a character that is cut": export()[:-1] + "é".encode()[:1],
 }
 
 
@@ -128,10 +142,10 @@ def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         path.write_bytes(content)
         whole = everything(path, options)
         monkeypatch.setattr(large_file, "LARGE_BYTES", 0)
-        monkeypatch.setattr(large_file, "_BLOCK", 10_000)
-        monkeypatch.setattr(large_file, "_HEAD_LINES", 700)
+        monkeypatch.setattr(text_pieces, "BLOCK", 10_000)
+        monkeypatch.setattr(text_pieces, "HEAD_LINES", 700)
         try:
-            in_pieces = open_file(path, options).in_file is not None
+            in_pieces = open_file(path, options).in_pieces
         except UnreadableSource:
             in_pieces = False
         return whole, everything(path, options), in_pieces
@@ -173,44 +187,71 @@ def test_a_file_that_grows_meanwhile_is_read_as_it_was(tmp_path: Path, monkeypat
 READ_ONE = """
 import pathlib, re, sys
 from stemwatch.connectors.connector import TagMapping, ValveTags
-from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.connectors.historian import HistorianFile
 from stemwatch.models.recording import Role
 tags = {role: TagMapping(tag=f"V12.{role.value.upper()}", unit="%") for role in (Role.OP, Role.MV)}
 recording = HistorianFile(sys.argv[1]).read(ValveTags(valve="V12", tags=tags))
 status = pathlib.Path("/proc/self/status").read_text()
 print(len(recording), int(re.search(r"VmHWM:\\s+(\\d+) kB", status)[1]) // 1024)
 """
+KINDS = ("plain", "quoted", "cp1252", "packed", "narrow", "AVEVA Insight")
+VALVES = 24
+TAG_NAMES = [f"V{n}.{role}" for n in range(VALVES) for role in ("OP", "MV")]
 
 
-def write_days(path: Path, megabytes: int, valves: int = 24) -> int:
-    """An export at 1 s of so many MB: the same day again under the next date; how many rows."""
-    rng = np.random.default_rng(1)
-    walk = np.cumsum(rng.standard_normal((86_400, 2 * valves)) * 0.05, axis=0)
-    clock = [f"{s // 3600:02d}:{s // 60 % 60:02d}:{s % 60:02d}Z" for s in range(86_400)]
-    rows = (",".join(f"{value:.2f}" for value in row) for row in (50 + walk).tolist())
-    day = "".join(f"2026-01-01T{time},{row}\n" for time, row in zip(clock, rows, strict=True))
-    names = [f"V{n}.{role}" for n in range(valves) for role in ("OP", "MV")]
-    count = 0
-    with path.open("w", encoding="utf-8") as file:
-        file.write(",".join(["Time", *names]) + "\n")
-        while count == 0 or file.tell() < megabytes * 10**6:
-            date = (datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=count)).date()
-            file.write(day.replace("2026-01-01T", f"{date}T"))
-            count += 1
-    return 86_400 * count
+def hour_of(kind: str, hour: int, rows: list[list[str]]) -> str:
+    """An hour at 1 s, as text."""
+    began = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=hour)
+    stamps = [f"{began:%Y-%m-%dT%H}:{s // 60:02d}:{s % 60:02d}Z" for s in range(3600)]
+    if kind in ("narrow", "AVEVA Insight"):
+        form = "{};{};{}\n" if kind == "narrow" else "{},{},{},192\n"
+        return "".join(
+            form.format(tag, stamp, value)
+            for stamp, row in zip(stamps, rows, strict=True)
+            for tag, value in zip(TAG_NAMES, row, strict=True)
+        )
+    apart = '","' if kind == "quoted" else ","
+    quote = '"' if kind == "quoted" else ""
+    return "".join(
+        f"{quote}{stamp}{apart}{apart.join(row)}{quote}\n"
+        for stamp, row in zip(stamps, rows, strict=True)
+    )
+
+
+def write_hours(path: Path, kind: str, megabytes: int) -> int:
+    """An export at 1 s of so many MB of text: the same hour again and again; how many instants."""
+    walk = np.cumsum(np.random.default_rng(1).standard_normal((3600, 2 * VALVES)) * 0.05, axis=0)
+    rows = [[f"{value:.2f}" for value in row] for row in (50 + walk).tolist()]
+    header = {
+        "narrow": "Tag;Time;Value",
+        "AVEVA Insight": "TagName,DateTime,Value,OpcQuality",
+        "cp1252": ",".join(["Zeit in °", *TAG_NAMES]),
+    }.get(kind, ",".join(["Time", *TAG_NAMES]))
+    hours = written = 0
+    with gzip.open(path, "wb", 1) if kind == "packed" else path.open("wb") as file:
+        file.write((header + "\n").encode("cp1252"))
+        while written < megabytes * 10**6:
+            written += file.write(hour_of(kind, hours, rows).encode())
+            hours += 1
+    return 3600 * hours
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is read from /proc")
 @pytest.mark.parametrize(
-    ("megabytes", "most_mb"),
-    [(24, 260), pytest.param(2000, 1500, marks=pytest.mark.long)],
+    ("kind", "megabytes", "most_mb"),
+    [
+        ("quoted", 16, 400),
+        ("narrow", 16, 400),
+        *(pytest.param(kind, 2000, 1500, marks=pytest.mark.long) for kind in KINDS),
+    ],
 )
 def test_one_valve_of_a_large_export_needs_little_memory(
-    tmp_path: Path, megabytes: int, most_mb: int
+    tmp_path: Path, kind: str, megabytes: int, most_mb: int
 ) -> None:
-    """2 GB in less than 1.5 GB, whatever else is in the file."""
-    rows = write_days(tmp_path / "export.csv", megabytes)
+    """2 GB in less than 1.5 GB, whatever else is in the file and however it is written."""
+    rows = write_hours(tmp_path / "export.csv", kind, megabytes)
     command = [sys.executable, "-c", READ_ONE, str(tmp_path / "export.csv")]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    (tmp_path / "export.csv").unlink()
     assert int(said[0]) == rows
     assert int(said[1]) < most_mb

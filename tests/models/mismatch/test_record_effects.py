@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.record_effects import refresh_period, settle
+from stemwatch.models.mismatch.record_effects import refresh_period, scan_sentence, settle
+from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import ClockFacts, Recording, Role, Signal
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import (
@@ -223,6 +225,40 @@ def test_a_controller_that_scans_slowly_is_no_record_effect():
     base = plant()
     op = base.op.values[np.arange(len(base)) // 5 * 5]
     assert {} == found(replace(base, signals={**base.signals, Role.OP: Signal.good(op, "OP")}))
+
+
+@pytest.mark.parametrize(
+    ("op_s", "position_s", "said"),
+    [
+        (1, 1, ""),
+        (5, 5, ""),
+        (5, 1, "OP changes every 5 s, the position every 1 s: each has its own scan."),
+        (2, 10, "OP changes every 2 s, the position every 10 s: each has its own scan."),
+    ],
+)
+def test_the_scan_of_either_tag_is_said_where_they_differ(op_s, position_s, said):
+    """In seconds of the plant, whatever the recording's own clock."""
+    base, times = plant(), {Role.OP: op_s, Role.MV: position_s}
+    place = np.arange(len(base))
+    signals = {
+        role: Signal.good(base.signals[role].values[place // scan_s * scan_s], role.value)
+        for role, scan_s in times.items()
+    }
+    scanned = replace(base, signals={**base.signals, **signals})
+    assert said == scan_sentence(scanned)
+    fast = scan_sentence(on_own_clock(replace(scanned, interval_s=0.001)))
+    assert re.sub(r"(\d) s", r"\1 ms", said) == fast
+
+
+@given(period=st.integers(2, 30), stray=st.integers(0, 2), seed=st.integers(0, 2**16))
+@settings(max_examples=30, deadline=None)
+def test_a_scan_with_a_few_changes_off_it_is_still_measured(period, stray, seed):
+    """One change in fifty may fall elsewhere, next to another or not."""
+    rng = np.random.default_rng(seed)
+    values = rng.standard_normal(7200)[np.arange(7200) // period]
+    for place in rng.choice(np.arange(1, 7199), stray, replace=False):
+        values[place] += 1.0
+    assert period == refresh_period(values)[0]
 
 
 def test_an_uneven_clock_is_said():

@@ -347,6 +347,35 @@ def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
 
 
 @everywhere
+def test_each_effect_has_a_test_in_the_field_with_numbers(slug):
+    """What to do, and what to expect where the finding is right and where there is nothing to mend;
+    the larger the effect, the larger the number that is expected."""
+    term = CATALOGUE[slug]
+    values = term.starts(LOOK)[-1]
+    numbers = {}
+    for name, (value, unit) in term.parameters(values).items():
+        low, high = sorted((0.9 * value, 1.1 * value))
+        numbers[name] = Estimate(value=value, low=low, high=high, unit=unit)
+    test = term.field_test(numbers)
+    assert re.search(r"[A-Z].*\.$", test.do)
+    assert re.search(r"\d", test.do + test.fails)
+    assert test.fails != test.passes
+    for words in (test.fails, test.passes):
+        assert words
+        assert not words.endswith(".")
+        assert "nan" not in words
+
+
+def test_the_expected_time_of_a_speed_limit_is_that_of_the_step():
+    """At 2.0 %/s a step of 20 % takes 10 s; large actuators are built to take eight."""
+    rate = Estimate(value=2.0, low=1.9, high=2.1, unit="%/s")
+    test = CATALOGUE["rate_limit"].field_test({"rate": rate})
+    assert "step OP by 20 %" in test.do
+    assert test.fails.startswith("about 10 s (9.5 to 11)")
+    assert test.passes == "within 8 s"
+
+
+@everywhere
 def test_what_belongs_to_the_machine_is_told_from_a_defect(slug: str):
     """A motor's lag, a load, and a stroke as slow as large actuators have; nothing else."""
     term = CATALOGUE[slug]

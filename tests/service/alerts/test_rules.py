@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -9,7 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Effect, EffectEvidence, Finding, Mismatch, Stiction
+from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.mismatch.findings import (
+    Effect,
+    EffectEvidence,
+    EffectScore,
+    Finding,
+    Mismatch,
+    Stiction,
+)
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.rules import (
@@ -20,6 +29,7 @@ from stemwatch.service.alerts.rules import (
     has_grown,
 )
 from stemwatch.service.config.service_schema import AlertRules
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -171,9 +181,43 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
     assert raised == []
     assert "mismatch" in closed
     many = [screening(n, mismatch=found, named=True) for n in (2, 1)]
-    raised, _ = apply_rules(ValveRecord(valve=VALVE, screenings=many), RULES)
+    confirmed = evidence(True, True, True)
+    assert apply_rules(ValveRecord(valve=VALVE, screenings=many), RULES)[0] == []
+    by_chance = ValveRecord(valve=VALVE, screenings=many, by_window=confirmed, stands=False)
+    assert apply_rules(by_chance, RULES)[0] == []
+    raised, _ = apply_rules(replace(by_chance, stands=True), RULES)
     check = catalogue()["lost_motion"].words.check
-    assert raised[0].text == f"FIC-1 (Feed): There is play. {check}"
+    since = "Lost motion: first seen on 2026-03-02, confirmed in 3 of 3 windows."
+    assert raised[0].text == f"FIC-1 (Feed): There is play. {since} {check}"
+
+
+def evidence(*named: bool) -> EvidenceOfWeeks | None:
+    """Days on which play is named or not."""
+    return evidence_of_weeks(
+        WindowEvidence(
+            at=NOW + timedelta(days=day),
+            named=(("lost_motion",),) if one else (),
+            scores=(EffectScore(slug="lost_motion", mean=0.0, t=0.0, strength=0.0),),
+        )
+        for day, one in enumerate(named)
+    )
+
+
+def test_an_effect_that_one_window_named_raises_and_closes_nothing() -> None:
+    """It waits for another window; an alert that was open stays open meanwhile."""
+    well = [screening(n) for n in (4, 3, 2, 1)]
+    seen = ValveRecord(valve=VALVE, screenings=well, by_window=evidence(True, False), stands=True)
+    raised, closed = apply_rules(seen, RULES)
+    assert AlertKind.MISMATCH not in {one.kind for one in raised}
+    assert "mismatch:FIC-1" not in closed
+
+
+def test_an_effect_that_is_gone_closes_its_alert() -> None:
+    """After windows on end without it."""
+    well = [screening(n) for n in (4, 3, 2, 1)]
+    gone = evidence(*[True] * 4, *[False] * 6)
+    seen = ValveRecord(valve=VALVE, screenings=well, by_window=gone)
+    assert "mismatch:FIC-1" in apply_rules(seen, RULES)[1]
 
 
 @pytest.mark.parametrize(("criticality", "severity"), [(3, "high"), (2, "medium"), (1, "low")])

@@ -14,18 +14,8 @@ import pytest
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.maintenance_html import book_html
-from stemwatch.service.maintenance.pdf import (
-    BOX,
-    ROOM,
-    SIZES,
-    _fitting,
-    _height,
-    _sheet,
-    _Type,
-    book_pdf,
-    is_whole,
-    runs,
-)
+from stemwatch.service.maintenance.paper import BOX, TypeSize, height_of, is_whole, runs
+from stemwatch.service.maintenance.pdf import ROOM, SIZES, _fitting, _sheet, book_pdf
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.maintenance.work_orders import (
     FIELDS,
@@ -115,7 +105,7 @@ def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
     the last word of each text is there."""
     screenings, made, background = longest()
     found = work_list_of(screenings, made, background)
-    assert all(_height(_sheet(_Type(SIZES[-1]), one, made)) > ROOM for one in found.sheets)
+    assert all(height_of(_sheet(TypeSize(SIZES[-1]), one, made)) > ROOM for one in found.sheets)
     pdf = book_pdf(found, compress=False)
     said = text_of(pdf)
     assert said.count("Done, parts used") == 2 * len(screenings)
@@ -127,8 +117,8 @@ def test_a_page_is_set_in_the_largest_type_that_fits(whole):
     """A usual finding fills one page in type that can be read at the valve."""
     for sheet in whole.sheets:
         story = _fitting(sheet, whole.context)
-        assert _height(story) <= ROOM
-        assert _height(story) == _height(_sheet(_Type(SIZES[0]), sheet, whole.context))
+        assert height_of(story) <= ROOM
+        assert height_of(story) == height_of(_sheet(TypeSize(SIZES[0]), sheet, whole.context))
 
 
 def test_hundreds_of_valves_flow_over_several_pages_of_the_list():

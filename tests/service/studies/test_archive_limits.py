@@ -31,8 +31,13 @@ def test_the_limits_are_those_of_the_product(printed) -> None:
         "late clock: t": clock_shift.LEAST_T,
         "slow archive: samples to a turn": between_samples.FEW,
         "friction evident: mean": between_samples.EVIDENT_MEAN,
+        "friction evident: t": between_samples.EVIDENT_T,
         "slips against the fit: S": between_samples.S_APART,
         "slips against the fit: J": between_samples.J_APART,
+        "slips against the fit: answered": between_samples.ANSWERED,
+        "slips against the fit: jump": between_samples.CLEAR,
+        "slips against the fit: bounds": between_samples.WIDEST,
+        "slips against the fit: samples to a turn": between_samples.RESOLVED,
     }
 
 

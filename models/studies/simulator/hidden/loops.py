@@ -236,6 +236,14 @@ def tuned(loop: PlantLoop, extra_s: float, rng: np.random.Generator) -> PlantLoo
     return replace(steady, setpoints=_some_moves(steady, rng))
 
 
+def moved_anew(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
+    """``loop`` in another window: the same valve and controller, moved by other set points, or by
+    hand otherwise where it is moved by hand."""
+    if loop.manual:
+        return replace(loop, manual=(draw_manual(loop.duration_s, loop.warmup_s, rng),))
+    return replace(loop, setpoints=_some_moves(loop, rng)) if loop.setpoints else loop
+
+
 def _some_moves(loop: PlantLoop, rng: np.random.Generator) -> tuple[tuple[float, float], ...]:
     """Set points every 150 to 500 s that bring the valve to openings between 25 and 75 %; on a
     level, small ones that its controller answers with a kick."""

@@ -1,0 +1,284 @@
+"""The rows of a large table in blocks: quotes taken off, rows that do not count left out.
+
+A block holds rows of one width, one a line, cells apart by ``MARK``; a line end inside a quoted
+cell is ``BREAK``. Neither sign stands in text that is read in pieces. What is a row, and what is
+said of one that is left out, is what ``rows`` says of the same lines.
+"""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import overload
+
+import numpy as np
+
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.rows import row_left_out, whole_rows
+from stemwatch.connectors.historian.tables.text_pieces import NotInPieces, TextPieces
+
+MARK, BREAK = "\x1f", "\x1e"
+_MARK = MARK.encode()
+# More rows of another width than this, and this share of all: the table is another than it seems.
+_MOST_LEFT_OUT, _SHARE_LEFT_OUT = 1000, 0.01
+
+
+class LineNumbers(Sequence[int]):
+    """The number of the line on which each row begins, kept as runs of neighbouring lines."""
+
+    def __init__(self) -> None:
+        self._rows, self._ahead = array("q"), array("q")  # of each run: first row; line - row
+        self._size = 0
+
+    def extend(self, first: int, count: int) -> None:
+        """So many rows on the lines from ``first`` on."""
+        if count and (not self._rows or self._ahead[-1] != first - self._size):
+            self._rows.append(self._size)
+            self._ahead.append(first - self._size)
+        self._size += count
+
+    def __len__(self) -> int:
+        return self._size
+
+    @overload
+    def __getitem__(self, at: int) -> int: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[int]: ...
+    def __getitem__(self, at: int | slice) -> int | list[int]:
+        if isinstance(at, slice):
+            return [self[row] for row in range(*at.indices(self._size))]
+        row = at + self._size if at < 0 else at
+        if not 0 <= row < self._size:
+            raise IndexError(at)
+        return row + self._ahead[bisect_right(self._rows, row) - 1]
+
+
+@dataclass(kw_only=True)
+class RowPieces:
+    """The rows of data of one table, as often as they are asked for.
+
+    ``headers`` are rows that may come back and are left out; lines that begin with ``comment`` are
+    no rows, and one that begins with any of ``stops`` makes it a file to be read whole.
+    """
+
+    text: TextPieces
+    separator: str
+    width: int
+    first_line: int
+    headers: Sequence[Sequence[str]] = ()
+    comment: str = ""
+    stops: tuple[str, ...] = ()
+    numbers: LineNumbers = field(default_factory=LineNumbers)
+    has_comma: bool = False  # in a cell
+    has_point: bool = False
+    has_break: bool = False
+    header_rows: int = 0  # that came back
+    _left_out: int = 0
+    _as_it_is: set[int] = field(default_factory=set)  # blocks in which nothing is to be changed
+    _dropped_only: bool = True  # nothing else than rows of another width was changed
+
+    @property
+    def as_stored(self) -> bool:
+        """Whether the file's own lines are the rows, those of another width aside."""
+        return self.text.as_stored and self._dropped_only
+
+    def look_through(self, notes: ReadingNotes) -> None:
+        """Find out what ``blocks`` needs. Raises ``NotInPieces``."""
+        if len(self.separator.encode()) != 1 or self.width < 2:
+            raise NotInPieces
+        if any(line.count('"') % 2 for line in self.text.head[: self.first_line - 1]):
+            raise NotInPieces  # whatever is said of them is said by the reader that sees all
+        quotes, widths = ReadingNotes(), ReadingNotes()
+        for block in self._blocks(_Look(quotes, widths)):
+            self.has_comma = self.has_comma or b"," in block
+            self.has_point = self.has_point or b"." in block
+            self.has_break = self.has_break or BREAK.encode() in block
+        if self._left_out > max(_MOST_LEFT_OUT, _SHARE_LEFT_OUT * len(self.numbers)):
+            raise NotInPieces
+        notes.take(quotes)
+        if self.header_rows:
+            notes.decide(f"{self.header_rows} repeated header rows inside the file were left out.")
+        notes.take(widths)
+
+    def blocks(self) -> Iterator[bytes]:
+        """The rows, ``MARK`` between their cells; the same at every call."""
+        return self._blocks(None)
+
+    def _blocks(self, look: _Look | None) -> Iterator[bytes]:
+        line, rest = 1, b""
+        for index, text in enumerate(self.text.blocks()):
+            data, first = rest + text, line - rest.count(b"\n")
+            line += text.count(b"\n")
+            if first < self.first_line:
+                if line <= self.first_line:
+                    continue
+                data = data.split(b"\n", self.first_line - first)[-1]
+                first = self.first_line
+            if look is None and index in self._as_it_is:
+                yield data.replace(self.separator.encode(), _MARK)
+                continue
+            block, rest = self._rows(data, first, line <= self.text.lines, index, look)
+            yield block
+        if rest:  # nothing follows any more
+            raise AssertionError("the last rows were left for later")
+
+    def _rows(
+        self, data: bytes, first: int, goes_on: bool, index: int, look: _Look | None
+    ) -> tuple[bytes, bytes]:
+        """The rows of ``data``, and what is left for later."""
+        if any(f"\n{stop}".encode() in b"\n" + data for stop in self.stops):
+            raise NotInPieces
+        taken = data
+        rest = b""
+        lines: Sequence[int] = range(first, first + data.count(b"\n"))
+        if self.comment and f"\n{self.comment}".encode() in b"\n" + data:
+            kept = [(n, line) for n, line in zip(lines, data.split(b"\n"), strict=False)
+                    if not line.startswith(self.comment.encode())]  # fmt: skip
+            taken = b"".join(line + b"\n" for _, line in kept)
+            lines = [n for n, _ in kept]
+            self._dropped_only = False
+        if b'"' in taken:
+            self._dropped_only = False
+            bare = _without_quotes(taken, self.separator.encode())
+            if bare is None:
+                bare, lines, rest = self._carefully(taken, lines, goes_on, look)
+        else:
+            bare = taken.replace(self.separator.encode(), _MARK)
+        fitting = self._of_width(bare, lines, look)
+        if (
+            look is not None
+            and fitting == bare
+            and bare == data.replace(self.separator.encode(), _MARK)
+        ):
+            self._as_it_is.add(index)
+        return fitting, rest
+
+    def _carefully(
+        self, data: bytes, lines: Sequence[int], goes_on: bool, look: _Look | None
+    ) -> tuple[bytes, Sequence[int], bytes]:
+        """Rows with quotes inside cells, cells of several lines, quotes that are never closed."""
+        texts = data.decode("utf-8").split("\n")[:-1]
+        notes = None if look is None else look.quotes
+        if self.comment:
+            raise NotInPieces
+        found, used = whole_rows(texts, self.separator, lines[0], notes, goes_on=goes_on)
+        rest = "".join(line + "\n" for line in texts[used:]).encode("utf-8")
+        joined = (MARK.join(row).replace("\n", BREAK) + "\n" for row in found.cells)
+        return "".join(joined).encode("utf-8"), found.numbers, rest
+
+    def _of_width(self, data: bytes, lines: Sequence[int], look: _Look | None) -> bytes:
+        """``data`` without the rows that do not count, which are told; the others are counted."""
+        signs = np.frombuffer(data, dtype=np.uint8)
+        ends = np.flatnonzero(signs == 10)
+        marks = np.flatnonzero(signs == _MARK[0])
+        each = self.width - 1
+        odd: list[int] = []
+        if marks.size != each * ends.size or not _even(marks, ends, each):
+            counts = np.diff(np.searchsorted(marks, ends), prepend=0)
+            odd = np.flatnonzero(counts != each).tolist()
+        odd += self._headers_again(data, ends)
+        if not odd:
+            self._count(lines, 0, ends.size, look)
+            return data
+        parts, done, at = [], 0, 0
+        for row in sorted(set(odd)):
+            begin = int(ends[row - 1]) + 1 if row else 0
+            end = int(ends[row]) + 1
+            self._count(lines, done, row, look)
+            instead = self._instead(data[begin : end - 1].decode("utf-8"), lines[row], look)
+            if instead is not None:
+                self._count(lines, row, row + 1, look)
+            parts += [data[at:begin], b"" if instead is None else instead.encode("utf-8")]
+            done, at = row + 1, end
+        self._count(lines, done, ends.size, look)
+        return b"".join((*parts, data[at:]))
+
+    def _instead(self, text: str, number: int, look: _Look | None) -> str | None:
+        """What stands for a row of another width, or one like a header; ``None`` where nothing."""
+        if MARK not in text and not text.strip():
+            return None
+        row = text.split(MARK)
+        if len(row) == self.width:
+            if not self._is_header(row):
+                return text + "\n"
+            self._dropped_only = False
+            self.header_rows += look is not None
+            return None
+        if len(row) > self.width and not any(cell.strip() for cell in row[self.width :]):
+            self._dropped_only = False
+            return MARK.join(row[: self.width]) + "\n"
+        if look is not None:
+            cut = not self.text.ends_whole and number == self.text.lines
+            row = [cell.replace(BREAK, "\n") for cell in row]
+            look.widths.problem(row_left_out(number, row, self.width, cut=cut))
+            self._left_out += 1
+        return None
+
+    def _is_header(self, row: Sequence[str]) -> bool:
+        cells = [cell.replace(BREAK, "\n").strip() for cell in row]
+        return any(cells == list(header) for header in self.headers)
+
+    def _headers_again(self, data: bytes, ends: np.ndarray) -> list[int]:
+        """Rows whose first cell may be that of a header."""
+        rows: list[int] = []
+        for start in {header[0].replace("\n", BREAK) for header in self.headers}:
+            if not start:
+                firsts = np.concatenate([[0], ends[:-1] + 1])
+                signs = np.frombuffer(data, dtype=np.uint8)
+                rows += np.flatnonzero(np.isin(signs[firsts], (_MARK[0], 32, 9, 0xC2))).tolist()
+                continue
+            at = data.find(start.encode("utf-8"))
+            while at >= 0:
+                begin = data.rfind(b"\n", 0, at) + 1
+                if _MARK not in data[begin:at]:
+                    rows.append(int(np.searchsorted(ends, at)))
+                at = data.find(start.encode("utf-8"), at + 1)
+        return rows
+
+    def _count(self, lines: Sequence[int], begin: int, end: int, look: _Look | None) -> None:
+        """Rows ``begin`` to ``end`` of a block count."""
+        if look is None or begin >= end:
+            return
+        if isinstance(lines, range):
+            self.numbers.extend(lines[begin], end - begin)
+            return
+        for at in range(begin, end):
+            self.numbers.extend(lines[at], 1)
+
+
+@dataclass
+class _Look:
+    """What the first pass tells of: quotes that are never closed, rows of another width."""
+
+    quotes: ReadingNotes
+    widths: ReadingNotes
+
+
+def _even(marks: np.ndarray, ends: np.ndarray, each: int) -> bool:
+    table = marks.reshape(ends.size, each)
+    return bool((table[:, -1] < ends).all() and (table[1:, 0] > ends[:-1]).all())
+
+
+def _without_quotes(data: bytes, separator: bytes) -> bytes | None:
+    """``data`` with ``MARK`` between cells and none of the quotes around cells; ``None`` where
+    quotes are anything else, or a cell goes on in the next line."""
+    signs = np.frombuffer(data, dtype=np.uint8)
+    is_quote = signs == 34
+    quotes = np.flatnonzero(is_quote)
+    if quotes.size % 2:
+        return None
+    opens, closes = quotes[::2], quotes[1::2]
+    before, after = signs[opens - 1], signs[closes + 1]
+    if opens[0] == 0:
+        before = before.copy()
+        before[0] = 10
+    outer = np.array([separator[0], 10], dtype=np.uint8)
+    if not (np.isin(before, outer).all() and np.isin(after, outer).all()):
+        return None
+    inside = np.logical_xor.accumulate(is_quote)
+    if (inside & (signs == 10)).any():
+        return None
+    bare = np.where((signs == separator[0]) & ~inside, _MARK[0], signs).astype(np.uint8)
+    return bare.tobytes().translate(None, b'"')

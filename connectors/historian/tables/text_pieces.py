@@ -1,0 +1,300 @@
+"""The text of a large file in blocks of whole lines: unpacked, decoded and cleaned piece by piece.
+
+Each block is what ``document`` makes of the same lines, as UTF-8. What a piece alone cannot tell
+(damaged characters of most encodings, control characters, lines that never end) is left to reading
+the file whole.
+"""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.document import (
+    GZIP,
+    in_byte_pairs,
+    mark_lost,
+    marked_encoding,
+    once_encoded,
+    refuse_foreign,
+    say_repaired,
+    unpacked,
+)
+
+BLOCK = 8 * 1024**2
+HEAD_LINES, HEAD_BYTES = 1000, 16 * 1024**2
+_FEWEST_HEAD_LINES = 100
+_SPOTS, _SPOT_BYTES = 200, 1 << 12
+_LONGEST_LINE = 64 * 1024**2
+_BOM = b"\xef\xbb\xbf"
+_CONTROL = bytes(set(range(32)) - {0, 9, 10, 13})
+# Their characters below 128 are those of ASCII, so that a piece without others is text as it is.
+_WITH_ASCII = ("cp1250", "cp1251", "cp1252", "iso8859-1", "iso8859-15", "gb18030")
+
+
+class NotInPieces(Exception):
+    """The file may be something else when it is read whole."""
+
+
+@dataclass(frozen=True)
+class TextBlock:
+    """Whole lines, each with its end, and what was changed in them."""
+
+    text: bytes
+    repaired: int = 0  # signs that were encoded twice
+    changed: bool = False  # it is not what is stored, CR LF aside
+
+
+@dataclass
+class TextPieces:
+    """One file as UTF-8 text, as often as it is asked for."""
+
+    path: Path
+    encoding: str
+    notes: ReadingNotes = field(default_factory=ReadingNotes)
+    digest: str = ""
+    lines: int = 0
+    ends_whole: bool = True
+    as_stored: bool = True  # the file's own bytes are the text, byte order mark and CR LF aside
+    head: list[str] = field(default_factory=list)
+    spots: list[str] = field(default_factory=list)  # lines from everywhere after the head
+    damaged: bool = False  # bytes that cp1252 does not know: all is read as latin-1, as ever
+
+    def blocks(self) -> Iterator[bytes]:
+        """The same lines at every call, whatever is appended to the file meanwhile."""
+        there = 0
+        for block in self.look(ReadingNotes(), ReadingNotes()):
+            count = block.text.count(b"\n")
+            if there + count > self.lines:
+                yield b"".join(block.text.splitlines(keepends=True)[: self.lines - there])
+                return
+            there += count
+            yield block.text
+
+    def look(
+        self,
+        archive: ReadingNotes,
+        notes: ReadingNotes,
+        see: Callable[[bytes], object] | None = None,
+    ) -> Iterator[TextBlock]:
+        """All blocks. ``archive`` is told of a damaged archive, ``notes`` of lost bytes; ``see`` is
+        given the bytes as they are stored, where they are not packed."""
+        line = 1
+        for raw in self._whole_lines(self._decoded(_pieces(self.path, archive, see))):
+            changed = raw.count(b"\r") != raw.count(b"\r\n")
+            text = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in raw else raw
+            repaired = 0
+            if b"\0" in text or b"\xc3\x82" in text:
+                signs = text.decode("utf-8")
+                changed = changed or "\0" in signs
+                signs, repaired = once_encoded(mark_lost(signs, line, notes))
+                text = signs.encode("utf-8")
+            yield TextBlock(text, repaired, changed or repaired > 0)
+            line += text.count(b"\n")
+
+    def _whole_lines(self, pieces: Iterator[bytes]) -> Iterator[bytes]:
+        """Pieces that end with a line; the last gets an end where it has none."""
+        rest: list[bytes] = []
+        marks = 2 if self.encoding == "utf-8-sig" else 1
+        for piece in pieces:
+            while marks and piece:
+                marks, piece = (
+                    (marks - 1 if piece.startswith(_BOM) else 0),
+                    piece.removeprefix(_BOM),
+                )
+            cut = piece.rfind(b"\n") + 1
+            if cut:
+                yield b"".join((*rest, piece[:cut]))
+                rest = [piece[cut:]]
+                continue
+            rest.append(piece)
+            if sum(map(len, rest)) > _LONGEST_LINE:
+                raise NotInPieces
+        last = b"".join(rest)
+        self.ends_whole = not last
+        if last:
+            _refuse_half_character(last)
+            yield last + b"\n"
+
+    def _decoded(self, pieces: Iterator[bytes]) -> Iterator[bytes]:
+        name = "iso8859-1" if self.damaged else codecs.lookup(self.encoding).name
+        if name in ("utf-8", "utf-8-sig"):
+            yield from pieces
+            return
+        decoder = codecs.getincrementaldecoder(name)()
+        there = 0
+        for piece in pieces:
+            if name in _WITH_ASCII and piece.isascii() and not decoder.getstate()[0]:
+                yield piece
+            else:
+                try:
+                    yield decoder.decode(piece).encode("utf-8")
+                except UnicodeDecodeError as error:
+                    error.reason = f"{there + error.start}"  # counted from the file's start
+                    raise
+            there += len(piece)
+        yield decoder.decode(b"", final=True).encode("utf-8")
+
+
+def _refuse_half_character(last: bytes) -> None:
+    """A file cut inside its last character is for the reader that sees it whole."""
+    try:
+        last.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.reason == "unexpected end of data":
+            raise NotInPieces from error
+        raise
+
+
+def is_packed(path: Path) -> bool:
+    """Whether the file is a gzip archive. Raises ``OSError``."""
+    with path.open("rb") as file:
+        return file.read(len(GZIP)) == GZIP
+
+
+def _pieces(
+    path: Path, notes: ReadingNotes, see: Callable[[bytes], object] | None = None
+) -> Iterator[bytes]:
+    """What the file holds, unpacked, in pieces of about ``BLOCK`` bytes."""
+    packed = is_packed(path)
+    with path.open("rb") as file:
+        if not packed:
+            while piece := file.read(BLOCK):
+                if see is not None:
+                    see(piece)
+                yield piece
+            return
+        held: list[bytes] = []
+        for piece in unpacked(file, path.stat().st_size, path, notes):
+            held.append(piece)
+            if sum(map(len, held)) >= BLOCK:
+                yield b"".join(held)
+                held.clear()
+        yield b"".join(held)
+
+
+def look_through(path: Path, encoding: str | None) -> TextPieces:
+    """One pass over the file: its encoding, digest, number of lines, and lines from everywhere.
+
+    Raises ``NotInPieces`` where it has to be read whole, ``UnreadableSource`` as reading it whole
+    does, ``OSError`` where it cannot be opened.
+    """
+    head = next(_pieces(path, ReadingNotes()), b"")
+    refuse_foreign(head, path)
+    for name in (encoding,) if encoding else _candidates(head):
+        try:
+            return _looked_through(TextPieces(path, name))
+        except UnicodeDecodeError as error:
+            if encoding or marked_encoding(head):
+                raise NotInPieces from error
+            if name == "cp1252":
+                return _damaged(TextPieces(path, name, damaged=True), error)
+        except UnicodeError as error:
+            raise NotInPieces from error
+    raise NotInPieces
+
+
+def _candidates(head: bytes) -> Iterator[str]:
+    marked = marked_encoding(head)
+    if marked is not None:
+        yield marked
+        return
+    yield "utf-8"
+    if in_byte_pairs(head):
+        yield "gb18030"
+    yield "cp1252"
+
+
+def _damaged(text: TextPieces, error: UnicodeDecodeError) -> TextPieces:
+    byte = error.object[error.start]
+    said = (
+        f"'charmap' codec can't decode byte 0x{byte:02x} in position {error.reason}: character "
+        "maps to <undefined>"
+    )
+    text.notes.problem(f"some bytes are not cp1252 ({said}); their cells are unreadable")
+    return _looked_through(text)
+
+
+def _looked_through(text: TextPieces) -> TextPieces:
+    """``text`` with what one pass shows."""
+    digest = hashlib.sha256()
+    archive, notes = ReadingNotes(), ReadingNotes()
+    sample = _Sample()
+    repaired, changed = 0, False
+    for block in text.look(archive, notes, digest.update):
+        if len(block.text.translate(None, _CONTROL)) != len(block.text):
+            raise NotInPieces
+        if not block.text.isascii():
+            block.text.decode("utf-8")
+        repaired, changed = repaired + block.repaired, changed or block.changed
+        sample.take(block.text)
+    packed = is_packed(text.path)
+    if packed:
+        with text.path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256")
+    text.digest, text.lines = digest.hexdigest(), sample.lines
+    text.head, text.spots = sample.head(), sample.spots()
+    text.as_stored = not changed and not packed and text.encoding in ("utf-8", "utf-8-sig")
+    before = text.notes
+    text.notes = archive
+    text.notes.take(before)
+    text.notes.decide(f"The text is {text.encoding}.")
+    text.notes.take(notes)
+    say_repaired(repaired, text.notes)
+    return text
+
+
+class _Sample:
+    """The first lines, and lines from everywhere: at every so many bytes a few."""
+
+    def __init__(self) -> None:
+        self.lines = 0
+        self._head: list[bytes] = []
+        self._head_bytes = 0
+        self._spots: list[bytes] = []
+        self._stride, self._there, self._next = 1 << 16, 0, 0
+
+    def take(self, block: bytes) -> None:
+        """The next block of whole lines."""
+        self.lines += block.count(b"\n")
+        at = self._fill_head(block)
+        while (begin := max(at, self._next - self._there)) < len(block):
+            if self._whole_head():
+                begin = block.find(b"\n", max(0, begin - 1)) + 1
+                end = block.find(b"\n", begin + self._spot_bytes()) + 1 or len(block)
+                if begin < end:
+                    self._spots.append(block[begin:end])
+                at = end
+            self._next = self._there + max(at, begin) + self._stride
+            if len(self._spots) > 2 * _SPOTS:
+                self._spots = self._spots[::2]
+                self._stride *= 2
+        self._there += len(block)
+
+    def head(self) -> list[str]:
+        """Raises ``NotInPieces`` where lines are so long that few of them were taken."""
+        if len(self._head) < min(_FEWEST_HEAD_LINES, self.lines):
+            raise NotInPieces
+        return [line.decode("utf-8") for line in self._head]
+
+    def spots(self) -> list[str]:
+        return b"".join(self._spots).decode("utf-8").split("\n")[:-1]
+
+    def _fill_head(self, block: bytes) -> int:
+        at = 0
+        while at < len(block) and not self._whole_head():
+            end = block.find(b"\n", at)
+            self._head.append(block[at:end])
+            self._head_bytes += end - at
+            at = end + 1
+        return at
+
+    def _whole_head(self) -> bool:
+        return len(self._head) >= HEAD_LINES or self._head_bytes >= HEAD_BYTES
+
+    def _spot_bytes(self) -> int:
+        return max(_SPOT_BYTES, 4 * self._head_bytes // len(self._head))

@@ -1,0 +1,240 @@
+"""The decimal mark of a file: a point or a comma, decided from every cell of its value columns."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.connectors.connector import UnreadableSource
+from stemwatch.connectors.historian.values.numbers import (
+    EXPONENT,
+    LONGEST,
+    SIGN,
+    quick_numbers,
+    written_with,
+)
+from stemwatch.connectors.historian.values.stored_text import StoredText
+from stemwatch.models.recording import Bools
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_FIRST = 500  # cells of a column that show whether it holds numbers with a point
+_ASKED = 8  # columns of a large file that are asked for their first cells before all are read
+_AT_ONCE = 8_000_000  # cells whose texts are compared at one time
+# A comma that does not stand before exactly three digits cannot mark thousands.
+_CERTAIN_COMMA = re.compile(r",(?:[0-9]{1,2}(?![0-9])|[0-9]{4})")
+_COMMA_NUMBER = re.compile(rf"{SIGN}[0-9][0-9.,' \u00a0\u202f]*{EXPONENT}")
+
+
+def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) -> tuple[str, str]:
+    """Decimal mark of a file and the sentence why, from every cell of its value columns.
+
+    ``1,5`` and ``0,123`` can only be decimal commas, ``1.5`` only a decimal point; ``1,234``
+    alone is either. Raises ``UnreadableSource`` where only such numbers occur and the separator
+    does not settle it.
+    """
+    every = list(columns)
+    stored = [cells for cells in every if isinstance(cells, StoredText)]
+    votes = stored_votes(stored) if stored else _votes(every)
+    comma, point, either = votes["comma"], votes["point"], votes["either"]
+    if comma or point:
+        if comma > point:
+            return ",", f"The decimal mark is a comma ({comma} numbers show it)."
+        return ".", "The decimal mark is a point."
+    if not either:
+        return ".", "No number has a decimal mark; a point is taken."
+    if separator == ";":
+        return ",", "Numbers like 1,234 in a file with semicolons were read as 1.234."
+    if separator == ",":
+        return ".", "Numbers like '1,234' in quotes were read as 1234 (thousands)."
+    raise UnreadableSource(
+        f"{name}: {either} numbers such as '1,234' may be 1.234 or 1234, and no other number "
+        "settles it; say decimal=',' or decimal='.'"
+    )
+
+
+def _votes(columns: Iterable[Sequence[str]]) -> Counter[str]:
+    votes: Counter[str] = Counter()
+    for cells in columns:
+        joined = "\n".join(cells)
+        if "," not in joined:
+            votes["point"] += "." in joined and quick_numbers(cells[:500], ".") is not None
+            continue
+        certain = len(_CERTAIN_COMMA.findall(joined))
+        if certain and quick_numbers(cells, ",") is not None:
+            votes["comma"] += certain
+            continue
+        for text in dict.fromkeys(cells):
+            votes[_vote(text.strip())] += 1
+    return votes
+
+
+def _vote(text: str) -> str:
+    if len(text) > LONGEST or not _COMMA_NUMBER.fullmatch(text):
+        return "none"
+    as_point, as_comma = written_with(text, "."), written_with(text, ",")
+    if as_point and as_comma:
+        if "," in text and text.lstrip("+-").startswith("0"):
+            return "comma"
+        return "either" if "," in text else "none"
+    if as_comma:
+        return "comma"
+    return "point" if as_point else "none"
+
+
+def stored_votes(columns: Sequence[StoredText]) -> Counter[str]:
+    """What ``_votes`` counts, of columns that stay in their file."""
+    votes: Counter[str] = Counter()
+    if not columns:
+        return votes
+    file = columns[0].columns
+    if not file.has_comma and (not file.has_point or _shows_point(columns[:_ASKED])):
+        votes["point"] += file.has_point
+        return votes
+    doubtful = []
+    for cells, seen in zip(columns, _look_at(columns), strict=True):
+        if not seen.comma:
+            votes["point"] += seen.point and quick_numbers(seen.first[:_FIRST], ".") is not None
+        elif seen.certain and seen.numbers:
+            votes["comma"] += seen.certain
+        else:
+            doubtful.append(cells)
+    at_once = max(1, _AT_ONCE // max(1, len(columns[0])))
+    for begin in range(0, len(doubtful), at_once):
+        part = doubtful[begin : begin + at_once]
+        file.read([], part, ".")
+        for cells in part:
+            votes += _distinct_votes(cells.whole().unique())
+            cells.forget()
+    return votes
+
+
+def _shows_point(columns: Sequence[StoredText]) -> bool:
+    for cells in columns:
+        first = cells.first(_FIRST)
+        if any("." in cell for cell in first) and quick_numbers(first, ".") is not None:
+            return True
+    return False
+
+
+def _distinct_votes(texts: pa.Array) -> Counter[str]:
+    import pyarrow.compute as pc
+
+    votes: Counter[str] = Counter()
+    # Those that ``_vote`` tells at once, and which are most: 12,5 and 12.
+    comma = pc.match_substring_regex(texts, "^[+-]?[0-9]{1,15},[0-9]{1,2}$")
+    whole = pc.match_substring_regex(texts, "^[+-]?[0-9]{1,15}$")
+    votes["comma"] += pc.sum(comma).as_py() or 0
+    votes["none"] += pc.sum(whole).as_py() or 0
+    for text in texts.filter(pc.invert(pc.or_(comma, whole))).to_pylist():
+        votes[_vote(text.strip())] += 1
+    return votes
+
+
+@dataclass
+class _Seen:
+    """What the marks in a column show."""
+
+    comma: bool = False
+    point: bool = False
+    certain: int = 0  # commas that cannot mark thousands
+    numbers: bool = True  # every cell is one with a decimal comma or none
+    first: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class _Marks:
+    """(n,) each: what ``_Seen`` counts, of some cells."""
+
+    comma: Bools
+    point: Bools
+    certain: NDArray[np.int64]
+    numbers: Bools
+
+
+def _look_at(columns: Sequence[StoredText]) -> list[_Seen]:
+    """One pass over the file."""
+    seen = [_Seen() for _ in columns]
+    places = sorted({place for cells in columns for place in cells.places})
+    there = 0
+    for batch in columns[0].columns.batches(places):
+        by_place = dict(zip(places, batch, strict=True))
+        known: dict[object, tuple[pa.Array, _Marks]] = {}
+        for cells, one in zip(columns, seen, strict=True):
+            key = (cells.places, cells.combine)
+            if key not in known:
+                text = cells.of([by_place[place] for place in cells.places])
+                known[key] = (text, _marks(text))
+            _add(one, cells, *known[key], there)
+        there += len(batch[0])
+    return seen
+
+
+def _add(one: _Seen, cells: StoredText, text: pa.Array, marks: _Marks, there: int) -> None:
+    import pyarrow as pa
+
+    if cells.rows is not None:
+        begin, end = np.searchsorted(cells.rows, (there, there + len(text)))
+        if begin == end:
+            return
+        rows = cells.rows[begin:end] - there
+        marks = _Marks(
+            marks.comma[rows], marks.point[rows], marks.certain[rows], marks.numbers[rows]
+        )
+        if len(one.first) < _FIRST:
+            text = text.take(pa.array(rows[:_FIRST]))
+    one.comma = one.comma or bool(marks.comma.any())
+    one.point = one.point or bool(marks.point.any())
+    one.certain += int(marks.certain.sum())
+    one.numbers = one.numbers and bool(marks.numbers.all())
+    if len(one.first) < _FIRST:
+        one.first += text[:_FIRST].to_pylist()
+
+
+def _marks(text: pa.Array) -> _Marks:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    comma = _bools(pc.match_substring(text, ","))
+    point = _bools(pc.match_substring(text, "."))
+    certain = np.zeros(len(text), dtype=np.int64)
+    if not comma.any():
+        return _Marks(comma, point, certain, ~point & _numbers(text))
+    try:
+        if point.any():
+            raise pa.ArrowInvalid("a point beside commas")
+        values = pc.cast(pc.replace_substring(text, ",", "."), pa.float64())
+        exponent = pc.any(pc.match_substring_regex(text, "[eE]")).as_py()
+        if exponent or not np.isfinite(values.to_numpy(zero_copy_only=False)).all():
+            raise pa.ArrowInvalid("not plain numbers")
+    except pa.ArrowInvalid:
+        found = (len(_CERTAIN_COMMA.findall(cell)) for cell in text.filter(comma).to_pylist())
+        certain[comma] = np.fromiter(found, dtype=np.int64, count=int(comma.sum()))
+        return _Marks(comma, point, certain, ~point & _numbers(text))
+    at = pc.find_substring(text, ",").to_numpy(zero_copy_only=False)
+    digits = pc.binary_length(text).to_numpy(zero_copy_only=False) - at - 1
+    certain = (comma & (digits != 3) & (digits > 0)).astype(np.int64)
+    return _Marks(comma, point, certain, np.ones(len(text), dtype=bool))
+
+
+def _numbers(text: pa.Array) -> Bools:
+    """(n,) whether ``quick_numbers`` takes the cell for a number with a decimal comma."""
+    import pyarrow.compute as pc
+
+    plain = r"^\s*[+-]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eE][+-]?[0-9]+)?\s*$"
+    numbers = _bools(pc.match_substring_regex(text, plain))
+    large = _bools(pc.match_substring_regex(text, "[eE]|[0-9]{200}")) & numbers
+    for row in np.flatnonzero(large).tolist():
+        numbers[row] = np.isfinite(float(text[row].as_py().replace(",", ".")))
+    return numbers
+
+
+def _bools(flags: pa.Array) -> Bools:
+    return np.array(flags.to_numpy(zero_copy_only=False), dtype=bool)

@@ -1,0 +1,1 @@
+"""The test that would tell: which moves of OP, within limits, tell rival models apart."""

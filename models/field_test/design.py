@@ -1,0 +1,210 @@
+"""``design``: the programme of OP that tells rival models apart best, and how probably it does.
+
+T-optimal (Atkinson and Fedorov 1975, doi:10.1093/biomet/62.1.57): of each ordered pair of rivals
+one makes the answer, the other is fitted to it again, and what it cannot follow is the pair's gain,
+a log likelihood ratio; the pair that gains least decides. Moves are added one by one, each time the
+one that does most for it, while there is time. For the programme that was found, answers are drawn
+from every rival with noise, scattering breakaways and numbers as far as they are open, and the
+share is counted in which the rival that made the answer follows it best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from stemwatch.models.field_test.programme import (
+    Move,
+    MoveKind,
+    Programme,
+    TestLimits,
+    possible_moves,
+)
+from stemwatch.models.field_test.rival_runs import RivalRuns
+from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
+from stemwatch.models.recording import Floats
+
+MOST_MOVES = 6
+LOOKED_AT = 8  # of the moves that are best alone, which are tried as further ones
+REPLICATES = 20  # answers drawn of each rival
+MOST_SAMPLES = 2400  # of a programme; more are thinned
+
+
+@dataclass(frozen=True, kw_only=True)
+class DesignedTest:
+    """A programme, what each rival makes of it, and how probably it tells them apart.
+
+    ``predicted`` (m, n) MV in percent every ``interval_s`` seconds, about ``change`` (n,) of OP.
+    ``gains`` (m, m): what rival ``j`` cannot follow of the answer of ``i``. ``wins`` (m, m): the
+    share of the answers of ``i`` that ``j`` follows best. ``upset`` is the largest change of PV
+    that any rival makes, ``None`` where the gain of PV is not known.
+    """
+
+    programme: Programme
+    models: tuple[RivalModel, ...]
+    interval_s: float
+    change: Floats
+    predicted: Floats
+    gains: Floats
+    wins: Floats
+    upset: float | None
+
+    @property
+    def probability(self) -> float:
+        """That the right one of the rivals wins, each as likely as the others, 0 to 1."""
+        return float(np.mean(np.diag(self.wins)))
+
+    @property
+    def worst_gain(self) -> float:
+        """The least gain of any ordered pair."""
+        return _worst(self.gains)
+
+    def pair_probability(self, i: int, j: int) -> float:
+        """That of two rivals alone the right one wins."""
+        won = self.wins
+        first = won[i, i] / max(won[i, i] + won[i, j], 1e-9)
+        second = won[j, j] / max(won[j, j] + won[j, i], 1e-9)
+        return float(0.5 * (first + second))
+
+
+def _worst(gains: Floats) -> float:
+    off = gains[~np.eye(gains.shape[0], dtype=bool)]
+    return float(off.min()) if off.size else 0.0
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the test is made, and its clock."""
+
+    question: OpenQuestion
+    models: tuple[RivalModel, ...]
+    limits: TestLimits
+    op: float
+
+    @property
+    def interval_s(self) -> float:
+        own = self.question.interval * self.question.unit_s
+        return max(own, self.limits.duration_s / MOST_SAMPLES)
+
+    def runs(self, programme: Programme) -> RivalRuns:
+        op = self.op + programme.changes(self.interval_s)
+        curve = self.question.curve
+        travel = op if curve is None else curve.command(op)
+        own = self.interval_s / self.question.unit_s
+        return RivalRuns(self.question, self.models, np.ascontiguousarray(travel), own)
+
+    def gains(self, runs: RivalRuns, predicted: Floats) -> Floats:
+        """(m, m) what each model loses on the answer of each other."""
+        costs = np.array([runs.costs(answer) for answer in predicted])
+        own = np.array([runs.coordinates_cost(model) for model in self.models])
+        bare = costs - own
+        return np.asarray(np.maximum(bare - np.diag(bare)[:, None], 0.0))
+
+    def upset(self, predicted: Floats) -> float | None:
+        """The largest change of PV that any of the models makes."""
+        process = self.question.process
+        if process is None:
+            return None
+        moved = [process.upset(answer, self.interval_s) for answer in predicted]
+        known = [value for value in moved if value is not None]
+        return max(known) if known else None
+
+
+def allowed_upset(question: OpenQuestion, limits: TestLimits) -> float | None:
+    """The largest change of PV that is allowed: the limit, else as far as PV moved either way in
+    the recording; ``None`` where neither is known."""
+    if limits.pv_upset is not None:
+        return limits.pv_upset
+    usual = None if question.process is None else question.process.usual_range
+    return None if usual is None or usual <= 0.0 else usual
+
+
+def design(
+    question: OpenQuestion,
+    models: tuple[RivalModel, ...],
+    limits: TestLimits,
+    op: float,
+    kinds: Container[MoveKind] = tuple(MoveKind),
+) -> DesignedTest | None:
+    """The best programme from ``op`` (percent) within ``limits``, of moves of ``kinds``; ``None``
+    where no move fits."""
+    place = _Place(question, models, limits, op)
+    down, up = limits.room(op)
+    moves = possible_moves(down, up, limits.duration_s, place.interval_s)
+    alone = [_looked_at(place, Programme().plus(move)) for move in moves if move.kind in kinds]
+    fitting = sorted((one for one in alone if one is not None), key=lambda one: one.worst_last)
+    if not fitting:
+        return None
+    best, first = fitting[0], [one.programme.moves[0] for one in fitting[:LOOKED_AT]]
+    while len(best.programme.moves) < MOST_MOVES:
+        longer = [one for one in _longer(place, best.programme, first) if one is not None]
+        richer = min(longer, key=lambda one: one.worst_last, default=None)
+        if richer is None or richer.worst_last >= best.worst_last:
+            break
+        best = richer
+    return _concluded(place, best)
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """A programme with the gains of its pairs."""
+
+    programme: Programme
+    predicted: Floats
+    gains: Floats
+    upset: float | None
+
+    @property
+    def worst(self) -> float:
+        return _worst(self.gains)
+
+    @property
+    def worst_last(self) -> tuple[float, float]:
+        """The order of programmes: the worst pair decides, and the others a little; of those that
+        are alike in it the shortest is the best."""
+        told = _worst(self.gains) + 0.05 * float(self.gains.mean())
+        return -round(told, 2), self.programme.duration_s
+
+
+def _looked_at(place: _Place, programme: Programme) -> _Looked | None:
+    """What the programme tells; ``None`` where it upsets PV more than is allowed."""
+    runs = place.runs(programme)
+    predicted = np.array([runs.predicted(model) for model in place.models])
+    upset, allowed = place.upset(predicted), allowed_upset(place.question, place.limits)
+    if upset is not None and allowed is not None and upset > allowed:
+        return None
+    return _Looked(programme, predicted, place.gains(runs, predicted), upset)
+
+
+def _longer(place: _Place, programme: Programme, moves: list[Move]) -> Iterator[_Looked | None]:
+    """``programme`` and one more of ``moves``, where time is left for it.
+
+    Each is made once: no model is the valve, and what one move tells by a fluke another does not.
+    """
+    for move in moves:
+        if move in programme.moves:
+            continue
+        longer = programme.plus(move)
+        if longer.duration_s <= place.limits.duration_s + 1e-9:
+            yield _looked_at(place, longer)
+
+
+def _concluded(place: _Place, best: _Looked) -> DesignedTest:
+    runs = place.runs(best.programme)
+    rng = np.random.default_rng(1975)
+    wins = np.zeros((len(place.models),) * 2)
+    for (i, model), _ in product(enumerate(place.models), range(REPLICATES)):
+        wins[i, int(np.argmin(runs.costs(runs.answered(model, rng))))] += 1.0 / REPLICATES
+    return DesignedTest(
+        programme=best.programme,
+        models=place.models,
+        interval_s=place.interval_s,
+        change=best.programme.changes(place.interval_s),
+        predicted=best.predicted,
+        gains=best.gains,
+        wins=wins,
+        upset=best.upset,
+    )

@@ -1,0 +1,150 @@
+"""``plan_test``: the test that would tell what a recording left open, or why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from stemwatch.models.field_test.design import DesignedTest, allowed_upset, design
+from stemwatch.models.field_test.programme import MoveKind, TestLimits
+from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
+
+# Of what chance alone leaves open, the share that a test must gain to be said to tell.
+TELLS = 0.5
+LEAST_PAIR = 0.7  # probability below which two rivals are not told apart
+MIDDLE = 50.0  # percent; where OP is not known the sheet counts from where it will be
+MOST_AMPLITUDE = 20.0  # percent, to which limits are widened to say what would tell
+HEALTHY, STICKY = (0.3, 0.1), (3.0, 1.0)  # S and J, percent, that a bump test must tell apart
+FREE, STICKS = "moves_freely", "sticks"
+
+
+class PlanKind(StrEnum):
+    """What kind of plan it is."""
+
+    TELLS = "tells"  # a test within the limits tells the rivals apart
+    CANNOT_TELL = "cannot_tell"  # none does; the best one is shown, and what would
+    NOTHING_LEFT = "nothing_left"  # nothing is left to be told apart
+    BUMP = "bump"  # there is no verdict yet: a test that would give one
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldTestPlan:
+    """The plan for one valve, within ``limits``, from OP at ``op`` percent.
+
+    ``op_known`` says whether that is where OP was last seen. ``undecided`` are pairs of rivals that
+    even this test does not tell apart; ``wider`` the limits within which one would, with its
+    probability, where such were found. ``reason`` says why there is no test.
+    """
+
+    kind: PlanKind
+    limits: TestLimits
+    op: float
+    op_known: bool
+    rivals: tuple[str, ...] = ()
+    test: DesignedTest | None = None
+    undecided: tuple[tuple[str, str], ...] = ()
+    wider: TestLimits | None = None
+    wider_probability: float | None = None
+    allowed_upset: float | None = None
+    reason: str = ""
+    question: OpenQuestion = field(default_factory=OpenQuestion)
+
+
+def plan_test(
+    question: OpenQuestion | None,
+    limits: TestLimits | None = None,
+    *,
+    judged: bool = True,
+    op: float | None = None,
+) -> FieldTestPlan:
+    """The test for what ``question`` leaves open; ``op`` is where OP is now, where it is known.
+
+    ``judged`` is False where the valve got no verdict, for want of movement: then the test is the
+    bump test that would give one. Never raises for what a question holds.
+    """
+    limits, known = limits or TestLimits(), question or OpenQuestion()
+    at = known.op if op is None else op
+    plan = FieldTestPlan(
+        kind=PlanKind.NOTHING_LEFT,
+        limits=limits,
+        op=MIDDLE if at is None else round(at, 1),
+        op_known=at is not None,
+        rivals=known.rivals,
+        allowed_upset=allowed_upset(known, limits),
+        question=known,
+    )
+    if len(known.models) > 1:
+        return _planned(plan, known.models)
+    if judged:
+        return plan
+    rivals = tuple(_stem(slug, *levels) for slug, levels in ((FREE, HEALTHY), (STICKS, STICKY)))
+    # Nothing was fitted: the scatter is what is usual, and the curve is not known either.
+    usual = replace(known, scatter=0.08 * 0.5 * sum(STICKY), restick=0.0)
+    bump = replace(plan, rivals=tuple(model.slug for model in rivals), question=usual)
+    planned = _planned(bump, rivals, (MoveKind.STAIRCASE,))
+    return replace(planned, kind=PlanKind.BUMP) if planned.kind is PlanKind.TELLS else planned
+
+
+def _stem(slug: str, S: float, J: float) -> RivalModel:
+    base = (S, J / S, 0.0, 0.0, 0.0, 0.0)
+    return RivalModel(slug=slug, base=(base, base), terms={})
+
+
+def _planned(
+    plan: FieldTestPlan,
+    models: tuple[RivalModel, ...],
+    kinds: Container[MoveKind] = tuple(MoveKind),
+) -> FieldTestPlan:
+    test = design(plan.question, models, plan.limits, plan.op, kinds)
+    if test is None:
+        short = replace(plan, kind=PlanKind.CANNOT_TELL, reason=_no_room(plan))
+        return _with_wider(short, models, kinds)
+    pairs = [(i, j) for i in range(len(models)) for j in range(i)]
+    undecided = tuple(
+        (models[j].slug, models[i].slug)
+        for i, j in pairs
+        if test.pair_probability(i, j) < LEAST_PAIR
+    )
+    if tells(test):
+        return replace(plan, kind=PlanKind.TELLS, test=test, undecided=undecided)
+    short = replace(plan, kind=PlanKind.CANNOT_TELL, test=test, undecided=undecided)
+    return _with_wider(short, models, kinds)
+
+
+def tells(test: DesignedTest) -> bool:
+    """Whether the right rival wins so often that the test is worth its time."""
+    chance = 1.0 / len(test.models)
+    return test.probability >= chance + TELLS * (1.0 - chance)
+
+
+def _no_room(plan: FieldTestPlan) -> str:
+    down, up = plan.limits.room(plan.op)
+    if down + up < 0.4:
+        return (
+            f"OP at {plan.op:g} % has no room within {plan.limits.op_low:g} to "
+            f"{plan.limits.op_high:g} %"
+        )
+    if plan.allowed_upset is not None:
+        return f"every move upsets PV by more than {plan.allowed_upset:.3g}"
+    return f"no move fits into {plan.limits.duration_s / 60.0:g} minutes"
+
+
+def _with_wider(
+    plan: FieldTestPlan, models: tuple[RivalModel, ...], kinds: Container[MoveKind]
+) -> FieldTestPlan:
+    """With the first of some wider limits within which a test tells, and how probably."""
+    limits = plan.limits
+    more = max(min(2.0 * limits.amplitude, MOST_AMPLITUDE), limits.amplitude)
+    longer_s = min(3.0 * limits.duration_s, 86400.0)
+    tried = (
+        (more, limits.duration_s),
+        (limits.amplitude, longer_s),
+        (max(more, MOST_AMPLITUDE), longer_s),
+    )
+    for amplitude, duration_s in dict.fromkeys(tried):
+        wider = replace(limits, amplitude=amplitude, duration_s=duration_s)
+        test = None if wider == limits else design(plan.question, models, wider, plan.op, kinds)
+        if test is not None and tells(test):
+            return replace(plan, wider=wider, wider_probability=test.probability)
+    return plan

@@ -1,0 +1,217 @@
+"""Runs of rival models over a programme of OP, and what each of them costs on a recorded answer.
+
+A model is run freely to say what would be seen. To judge an answer it is fitted to it again, within
+what the recording left open of its numbers, by the loss with which it was named: breakaways are
+assimilated and charged for their distance from the level (see ``mismatch.evaluator``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.field_advice import FieldAdvice, FieldTest
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.base_fit import base_bounds
+from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.evaluator import (
+    CoordinateLayout,
+    Evaluator,
+    TermSet,
+    make_evaluator,
+)
+from stemwatch.models.mismatch.least_squares import descend
+from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
+from stemwatch.models.mismatch.stem import Stem
+from stemwatch.models.mismatch.term import Coordinate, Look, Words
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.kernel import START
+from stemwatch.models.stickslip.parameters import Bounds
+from stemwatch.models.stickslip.problem import FitProblem
+
+ROUNDS = 4  # of descent when a model is fitted to an answer
+LEAST_DELTA = 0.05  # percent
+LOGARITHM_OF_SAMPLES = 3.0  # what one more coordinate costs; 20 samples that tell of it
+# What a recording leaves open of a number at least, either way: shares, and of the base percent.
+OPEN_SHARE = 0.1
+OPEN_BASE = np.array([0.0, 0.05, 0.2, 0.01, 0.0, 0.0])
+SLOW = frozenset({"growing_stiction", "sensor_drift"})  # whose size is that over a whole record
+NO_ADVICE = FieldAdvice(title="", steps=(), parts=(), damage="", cause="", part="")
+SCATTER_HOLD_S = 10.0  # of rest, for which one level of breakaway is drawn
+
+
+class BreakawayScatter(StemTerm):
+    """No effect: draws anew how hard each breakaway is, by how long the stem has rested.
+
+    One coordinate, the number of the draw. ``percent`` is the standard deviation of the level.
+    """
+
+    slug = "breakaway_scatter"
+    order = 99
+    words = Words(plain="", decide="", advice=NO_ADVICE)
+
+    def __init__(self, percent: float) -> None:
+        self.percent = percent
+
+    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+        """The number of the draw."""
+        return (Coordinate(name="draw", low=0.0, high=1e6),)
+
+    def starts(self, look: Look) -> Floats:
+        """The first draw."""
+        return np.zeros((1, 1))
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """Another level for each ten seconds of rest."""
+        size = stem.breakaway.size
+        hold = max(round(SCATTER_HOLD_S / stem.interval_s), 1)
+        rng = np.random.default_rng([41, int(values[0])])
+        levels = np.clip(rng.standard_normal(size // hold + 1), -2.5, 2.5) * self.percent
+        stem.breakaway += np.repeat(levels, hold)[:size]
+        stem.numbers[stem_number.BY_REST] = 1.0
+
+    def material(self, values: Floats, look: Look) -> bool:
+        """It is never a finding."""
+        return False
+
+    def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
+        """Nothing."""
+        return {}
+
+    def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
+        """Nothing."""
+        return ""
+
+    def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
+        """Nothing to look for at a valve."""
+        return FieldTest(do="", fails="", passes="")
+
+
+@dataclass(frozen=True)
+class RivalRuns:
+    """The rival models of ``question`` over the commands ``travel`` (n,), percent of travel, every
+    ``interval`` units of the own clock."""
+
+    question: OpenQuestion
+    models: tuple[RivalModel, ...]
+    travel: Floats
+    interval: float
+
+    @cached_property
+    def free(self) -> Evaluator:
+        """Runs from rest, with nothing measured."""
+        return replace(self._evaluator(self.travel), window=0.0, _layouts={})
+
+    def _evaluator(self, mv: Floats) -> Evaluator:
+        question, n = self.question, self.travel.size
+        start = np.zeros(n, dtype=np.uint8)
+        start[0] = START
+        low, high = float(self.travel.min()), float(self.travel.max())
+        problem = FitProblem(
+            op=self.travel,
+            mv=np.ascontiguousarray(mv),
+            start=start,
+            block=np.zeros(n, dtype=np.int64),
+            n_blocks=1,
+            interval_s=self.interval,
+            sigma=question.sigma,
+            swing=high - low,
+            mv_is_percent=True,
+            unit_s=question.unit_s,
+        )
+        look = Look(
+            interval_s=self.interval,
+            duration_s=n * self.interval,
+            op_low=low,
+            op_high=high,
+            mv_low=low,
+            mv_high=high,
+            sigma=question.sigma,
+            S=0.0,
+            J=0.0,
+        )
+        return make_evaluator(
+            problem,
+            look,
+            base_bounds(problem, look),
+            # No model follows a valve more closely than its breakaways repeat.
+            max(3.0 * question.sigma, question.scatter, LEAST_DELTA),
+            question.restick,
+            max(question.scatter, 0.03),
+        )
+
+    def layout(self, evaluator: Evaluator, model: RivalModel) -> CoordinateLayout:
+        """The coordinates of ``model``, within what the recording left open of them."""
+        known = catalogue()
+        hypothesis = TermSet()
+        for slug in model.terms:
+            hypothesis = hypothesis.plus(known[slug])
+        layout = evaluator.layout(hypothesis)
+        middle, width = self._known(layout, model)
+        low, high = middle - width, middle + width
+        # Levels and sizes do not change sign by being known badly.
+        low[base_coordinate.S_PERCENT] = max(low[base_coordinate.S_PERCENT], 0.0)
+        low[base_coordinate.RATIO] = max(low[base_coordinate.RATIO], 0.0)
+        return replace(layout, bounds=Bounds(low, high))
+
+    def _known(self, layout: CoordinateLayout, model: RivalModel) -> tuple[Floats, Floats]:
+        """(size,) middle and half width of what is left open of each coordinate."""
+        halves = np.empty((2, layout.size))
+        halves[:, : base_coordinate.N_BASE] = np.array(model.base)
+        share = self.travel.size * self.interval / max(self.question.duration, 1e-9)
+        for slug, place in layout.places.items():
+            halves[:, place] = np.array(model.terms[slug]) * (share if slug in SLOW else 1.0)
+        middle = halves.mean(axis=0)
+        width = np.abs(halves[0] - halves[1])
+        width = np.maximum(width, OPEN_SHARE * np.abs(middle))
+        width[: base_coordinate.N_BASE] = np.maximum(width[: base_coordinate.N_BASE], OPEN_BASE)
+        width[base_coordinate.RESTICK] = 0.0
+        return middle, width
+
+    def predicted(self, model: RivalModel) -> Floats:
+        """(n,) MV in percent, as ``model`` has it with its own numbers."""
+        layout = self.layout(self.free, model)
+        return self.free.simulate(layout, 0.5 * (layout.bounds.low + layout.bounds.high))
+
+    def answered(self, model: RivalModel, rng: np.random.Generator) -> Floats:
+        """(n,) an answer drawn from ``model``: numbers within what is known of them, breakaways
+        that scatter, noise."""
+        plain = self.layout(self.free, model)
+        scatter = BreakawayScatter(self.question.scatter)
+        layout = self.free.layout(plain.hypothesis.plus(scatter))
+        middle = 0.5 * (plain.bounds.low + plain.bounds.high)
+        half = 0.5 * (plain.bounds.high - plain.bounds.low)
+        drawn = plain.bounds.clip(middle + 0.5 * half * rng.standard_normal(middle.size))
+        candidate = np.zeros(layout.size)
+        candidate[: base_coordinate.N_BASE] = drawn[: base_coordinate.N_BASE]
+        for slug, place in plain.places.items():
+            candidate[layout.places[slug]] = drawn[place]
+        candidate[layout.places[scatter.slug]] = float(rng.integers(1_000_000))
+        noise = self.question.sigma * rng.standard_normal(self.travel.size)
+        return np.asarray(self.free.simulate(layout, candidate) + noise)
+
+    def coordinates_cost(self, model: RivalModel) -> float:
+        """What the coordinates of its terms cost a model, as a log likelihood."""
+        layout = self.layout(self.free, model)
+        return 0.5 * LOGARITHM_OF_SAMPLES * (layout.size - base_coordinate.N_BASE)
+
+    def costs(self, answer: Floats) -> Floats:
+        """(m,) how badly each model follows ``answer`` (n,), fitted to it again: half the robust
+        loss in variances of the noise, and what its coordinates cost, as a log likelihood."""
+        evaluator = self._evaluator(answer)
+        everything = np.ones(1, dtype=bool)
+        scale = (evaluator.delta / 3.0) ** 2
+        found = []
+        for model in self.models:
+            layout = self.layout(evaluator, model)
+            middle = 0.5 * (layout.bounds.low + layout.bounds.high)
+            fit = conclude(evaluator, descend(evaluator, layout, everything, middle, ROUNDS))
+            found.append(fit.loss * self.travel.size / (2.0 * scale) + self.coordinates_cost(model))
+        return np.array(found)

@@ -1,0 +1,56 @@
+"""``OpenQuestion``: what a recording leaves open, and what a test that would tell has to know.
+
+The models that explain the recording about as well, with their fitted numbers, and noise, scatter
+and interval of the reading. It is small and is stored with the mismatch, so that a test can be
+planned (``models/field_test``) without the samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stemwatch.models.process_response import ProcessResponse
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+
+
+@dataclass(frozen=True, kw_only=True)
+class RivalModel:
+    """One model that explains the recording about as well as the others.
+
+    ``slug`` is the effect that tells it from the others, empty for S and J alone. ``base`` (6,)
+    and ``terms`` are its coordinates on the own clock, of the fits to either half of the record
+    (see ``crossfit``): how far these lie apart is how well they are known.
+    """
+
+    slug: str
+    base: tuple[tuple[float, ...], ...]  # (2, 6)
+    terms: Mapping[str, tuple[tuple[float, ...], ...]]  # (2, k) of each
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenQuestion:
+    """Rival models of one valve, none or one where nothing is left to be told apart.
+
+    Times in units of the own clock, ``unit_s`` seconds; ``sigma`` (noise of MV) and ``scatter``
+    (of the breakaway level) in percent. ``op`` is where OP was at the end of the recording, and
+    ``op_low`` to ``op_high`` where it had been. ``duration`` is the record's length.
+    """
+
+    models: tuple[RivalModel, ...] = ()
+    unit_s: float = 1.0
+    interval: float = 1.0
+    duration: float = 0.0
+    sigma: float = 0.1
+    scatter: float = 0.1
+    restick: float = 0.0
+    op: float | None = None
+    op_low: float | None = None
+    op_high: float | None = None
+    process: ProcessResponse | None = None
+    curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """The effects that are left to be told apart; empty for S and J alone."""
+        return tuple(model.slug for model in self.models)

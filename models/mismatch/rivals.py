@@ -1,0 +1,92 @@
+"""Which models a recording leaves open: those that were named together, or came near to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stemwatch.models.forensics import noise_sigma
+from stemwatch.models.mismatch.acceptance_limits import strength
+from stemwatch.models.mismatch.crossfit import Fitted
+from stemwatch.models.mismatch.evaluator import N_BASE, Evaluator
+from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
+from stemwatch.models.mismatch.term_selection import Named, TermScore
+from stemwatch.models.process_response import process_response
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+
+MOST_RIVALS = 4
+# Of the limits at which a term is named: what comes as near is worth a test.
+SUSPECTED = 0.4
+
+
+def left_open(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> OpenQuestion:
+    """The models that were left after ``named``, of which the effects ``standing`` are published.
+
+    Where an effect was named together with others that it cannot be told from, these; where
+    nothing was named, S and J alone and what came nearest to being named.
+    """
+    problem = evaluator.problem
+    return OpenQuestion(
+        models=_rivals(evaluator, named, standing)[:MOST_RIVALS],
+        unit_s=problem.unit_s,
+        interval=problem.interval_s,
+        duration=problem.op.size * problem.interval_s,
+        sigma=problem.sigma,
+        scatter=evaluator.scatter,
+        restick=evaluator.restick,
+    )
+
+
+def _rivals(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> tuple[RivalModel, ...]:
+    for needed in named.needed:
+        if needed.term.slug in standing and len(needed.members) > 1:
+            return tuple(_model(score.slug, score.fitted) for score in needed.stage.accepted)
+    if standing or not named.stages:
+        return ()
+    first = named.stages[0]
+    near = [score for score in first.scores if _suspected(evaluator, score)]
+    if not near:
+        return ()
+    return (_model("", first.before), *(_model(score.slug, score.fitted) for score in near))
+
+
+def _suspected(evaluator: Evaluator, score: TermScore) -> bool:
+    near = strength(score.advantage, evaluator.told, score.slug) >= SUSPECTED
+    return near and score.term.material(score.values, evaluator.look)
+
+
+def _model(slug: str, fitted: Fitted) -> RivalModel:
+    return RivalModel(
+        slug=slug,
+        base=_rows(fitted.candidates[:, :N_BASE]),
+        terms={name: _rows(fitted.values(name)) for name in fitted.slugs},
+    )
+
+
+def _rows(values: Floats) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(x) for x in row) for row in values)
+
+
+def on_site(
+    question: OpenQuestion | None, recording: Recording, curve: StrokeCurve | None
+) -> OpenQuestion:
+    """``question`` with what the recording tells of the place of the test: OP, PV, interval.
+
+    ``recording`` on its own clock; without ``question`` nothing could be fitted to it.
+    """
+    op = recording.op.values[recording.op.usable]
+    known = question or OpenQuestion(
+        unit_s=recording.own_unit_s or 1.0,
+        interval=recording.interval_s,
+        duration=len(recording) * recording.interval_s,
+        sigma=0.1 if recording.mv is None else max(noise_sigma(recording.mv.values), 1e-3),
+    )
+    if op.size:
+        low, high = (float(end) for end in np.percentile(op, (1.0, 99.0)))
+        known = replace(known, op=float(op[-1]), op_low=low, op_high=high)
+    if question is not None and not question.models:
+        return replace(known, curve=curve)
+    return replace(known, process=process_response(recording), curve=curve)

@@ -1,0 +1,349 @@
+"""What shows an effect directly: one quantity against the one that drives it, sample by sample.
+
+For a speed limit that is the speed of the stem against how far it is from its command, for a dead
+time the likeness of the moves of both against how much later OP is taken. The same is worked out of
+the recording and of the free runs of both models, so that a reader sees which of them does it too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.excitation import jumps_from_rest, swing
+from stemwatch.models.recording import Bools, Floats
+
+MOST_SHIFT = 4.0  # times the dead time that likeness is tried for
+SHIFTS = 61
+STEP_OF_LAG, STEP_OF_SWING = 0.3, 0.1  # the time over which a speed is taken
+FEWEST = 12  # points that show something
+
+
+@dataclass(frozen=True)
+class Law:
+    """A fitted number drawn as a line: its ``label`` with the number, and points (k,)."""
+
+    label: str
+    x: Floats
+    y: Floats
+
+
+@dataclass(frozen=True)
+class Telltale:
+    """Points (m,) that show an effect. ``rising`` (m,) marks those of a rising stem.
+
+    ``groups`` names the two kinds of points; ``joined`` where they are a curve and no cloud.
+    """
+
+    x_label: str
+    y_label: str
+    x: Floats
+    y: Floats
+    rising: Bools
+    says: str
+    laws: tuple[Law, ...] = ()
+    groups: tuple[str, str] = ("rising", "falling")
+    joined: bool = False
+
+
+@dataclass(frozen=True)
+class Moves:
+    """A command and a position (n,), percent, and what is known of the effect that is looked at.
+
+    ``late_s`` is the dead time that was named, by which OP is taken later.
+    """
+
+    op: Floats
+    mv: Floats
+    interval_s: float
+    late_s: float
+    parameters: Mapping[str, Estimate]
+
+    def value(self, name: str) -> float:
+        """A parameter of the effect; 0 where it is not known."""
+        estimate = self.parameters.get(name)
+        return 0.0 if estimate is None or estimate.value is None else float(estimate.value)
+
+
+def later(values: Floats, delay_s: float, interval_s: float) -> Floats:
+    """(n,) ``values`` taken ``delay_s`` later, between samples by a straight line; NaN before the
+    first, and next to a gap."""
+    at = np.arange(values.size) - delay_s / interval_s
+    below = np.floor(at).astype(np.int64)
+    part = at - below
+    first = np.where(below >= 0, values[np.clip(below, 0, values.size - 1)], np.nan)
+    above = np.where(below + 1 >= 0, values[np.clip(below + 1, 0, values.size - 1)], np.nan)
+    return np.asarray(np.where(part > 0.0, (1.0 - part) * first + part * above, first))
+
+
+def telltale(slug: str, moves: Moves) -> Telltale | None:
+    """What shows the effect ``slug`` in these moves; ``None`` where too few samples tell."""
+    shown = _SHOWN.get(slug)
+    found = None if shown is None else shown(moves)
+    if found is None:
+        return None
+    known = np.isfinite(found.x) & np.isfinite(found.y)
+    if np.count_nonzero(known) < FEWEST:
+        return None
+    return Telltale(
+        **{
+            **found.__dict__,
+            "x": found.x[known],
+            "y": found.y[known],
+            "rising": found.rising[known],
+        }
+    )
+
+
+def _speed_by_error(moves: Moves, time_s: float) -> tuple[Floats, Floats, float]:
+    """How far the stem is from its command, its speed over about ``time_s`` from there on, and
+    that time."""
+    step = max(1, round(time_s / moves.interval_s))
+    took = step * moves.interval_s
+    op = later(moves.op, moves.late_s, moves.interval_s)
+    error = np.full(op.size, np.nan)
+    speed = np.full(op.size, np.nan)
+    error[:-step] = op[step:] - moves.mv[:-step]
+    speed[:-step] = (moves.mv[step:] - moves.mv[:-step]) / took
+    return error, speed, took
+
+
+_AWAY, _SPEED = "OP less position, %", "speed of the stem, %/s"
+
+
+def _limited(moves: Moves) -> Telltale:
+    both = moves.value("rate")
+    up, down = moves.value("rate_rising") or both, moves.value("rate_falling") or both
+    slower = min((rate for rate in (up, down) if rate > 0.0), default=1.0)
+    error, speed, took = _speed_by_error(moves, STEP_OF_SWING * swing(moves.op) / slower)
+    low, high = _ends(error)
+    at = np.unique(np.clip([low, -down * took, up * took, high], low, high))
+    label = f"limit: {up:.3g} %/s" if both else f"limits: {up:.3g} and {down:.3g} %/s"
+    return Telltale(
+        x_label=_AWAY,
+        y_label=_SPEED,
+        x=error,
+        y=speed,
+        rising=error > 0.0,
+        says=(
+            "However far the stem is from its command, it does not move faster than the limit; "
+            "without one the points would go on along the slope."
+        ),
+        laws=(Law(label, at, np.clip(at / took, -down, up)),),
+    )
+
+
+def _lagging(moves: Moves) -> Telltale:
+    both = moves.value("tau") or moves.value("tau_v") or moves.value("recovery")
+    up, down = moves.value("tau_rising") or both, moves.value("tau_falling") or both
+    error, speed, took = _speed_by_error(moves, STEP_OF_LAG * max(up, down))
+    low, high = _ends(error)
+    at = np.unique(np.clip([low, 0.0, high], low, high))
+
+    def slope(tau_s: float) -> float:
+        return (1.0 - np.exp(-took / tau_s)) / took if tau_s > 0.0 else 1.0 / took
+
+    law = np.where(at > 0.0, slope(up), slope(down)) * at
+    said = f"{up:.3g} s" if abs(up - down) < 1e-9 else f"{up:.3g} s rising, {down:.3g} s falling"
+    return Telltale(
+        x_label=_AWAY,
+        y_label=_SPEED,
+        x=error,
+        y=speed,
+        rising=error > 0.0,
+        says=(
+            "The farther the stem is from its command, the faster it moves, by the slope of the "
+            "time constant; a speed limit would be flat instead."
+        ),
+        laws=(Law(f"time constant {said}", at, law),),
+    )
+
+
+def _late(moves: Moves) -> Telltale:
+    theta = max(moves.value("theta"), moves.interval_s)
+    shifts = np.linspace(0.0, MOST_SHIFT * theta, SHIFTS)
+    step = np.diff(moves.mv)
+    alike = np.array([_likeness(moves, step, float(shift)) for shift in shifts])
+    return Telltale(
+        x_label="OP taken later by, s",
+        y_label="likeness of the moves of OP and stem",
+        x=shifts,
+        y=alike,
+        rising=np.ones(SHIFTS, dtype=bool),
+        says=(
+            "The correlation of the stem's moves from sample to sample with those of OP, the "
+            "longer ago the farther to the right; what else slows the stem moves the peak as well."
+        ),
+        laws=(
+            Law(
+                f"dead time {moves.value('theta'):.3g} s",
+                np.full(2, moves.value("theta")),
+                np.array([float(np.nanmin(alike)), float(np.nanmax(alike))]),
+            ),
+        ),
+        joined=True,
+    )
+
+
+def _likeness(moves: Moves, step: Floats, shift_s: float) -> float:
+    of_op = np.diff(later(moves.op, shift_s, moves.interval_s))
+    known = np.isfinite(of_op) & np.isfinite(step)
+    if np.count_nonzero(known) < FEWEST or not (np.std(of_op[known]) and np.std(step[known])):
+        return float("nan")
+    return float(np.corrcoef(of_op[known], step[known])[0, 1])
+
+
+def _off(moves: Moves) -> Floats:
+    return np.asarray(moves.mv - later(moves.op, moves.late_s, moves.interval_s))
+
+
+def _way(moves: Moves) -> Bools:
+    """(n,) where the command last went upwards."""
+    step = np.diff(moves.op, prepend=moves.op[:1])
+    last = np.maximum.accumulate(np.where(np.abs(step) > 0.0, np.arange(step.size), 0))
+    return np.asarray(step[last] > 0.0)
+
+
+def _by_place(moves: Moves, says: str, *laws: Law) -> Telltale:
+    return Telltale(
+        x_label="position, %",
+        y_label="position less OP, %",
+        x=moves.mv,
+        y=_off(moves),
+        rising=_way(moves),
+        says=says,
+        laws=laws,
+    )
+
+
+def _friction_by_place(moves: Moves) -> Telltale:
+    return _by_place(
+        moves,
+        "Where friction is higher, the stem lags more behind OP, below it when rising and above it "
+        "when falling.",
+    )
+
+
+def _force_by_place(moves: Moves) -> Telltale:
+    return _by_place(
+        moves,
+        "A force that depends on the place moves both directions alike, up or down.",
+    )
+
+
+def _zero(moves: Moves) -> Telltale:
+    zero, ends = moves.value("zero"), np.array(_ends(moves.mv))
+    law = Law(f"zero off by {zero:.2g} %", ends, np.full(2, zero))
+    return _by_place(moves, "The reading is off by the same everywhere, both ways.", law)
+
+
+def _span(moves: Moves) -> Telltale:
+    gain, ends = moves.value("gain") or 1.0, np.array(_ends(moves.mv))
+    law = Law(f"{gain:.3g} % for each percent", ends, (gain - 1.0) * (ends - 50.0))
+    return _by_place(moves, "The reading is off by more, the farther from mid-travel.", law)
+
+
+def _stopped(moves: Moves) -> Telltale:
+    op = later(moves.op, moves.late_s, moves.interval_s)
+    ends = np.array(_ends(op))
+    stops = (("lower", moves.value("stop_low"), 0.1), ("upper", moves.value("stop_high"), 99.9))
+    laws = tuple(
+        Law(f"{name} stop at {at:.3g} %", ends, np.full(2, at))
+        for name, at, end in stops
+        if (at > end if name == "lower" else 0.0 < at < end)
+    )
+    return Telltale(
+        x_label="OP, %",
+        y_label="position, %",
+        x=op,
+        y=moves.mv,
+        rising=_way(moves),
+        says="At a stop the position is flat while OP goes on.",
+        laws=laws,
+    )
+
+
+def _by_time(moves: Moves) -> Telltale:
+    return Telltale(
+        x_label="time, min",
+        y_label="position less OP, %",
+        x=np.arange(moves.op.size, dtype=np.float64) * (moves.interval_s / 60.0),
+        y=_off(moves),
+        rising=_way(moves),
+        says="What changes with time moves or widens the band between rising and falling.",
+    )
+
+
+def _by_speed(moves: Moves) -> Telltale:
+    step = 10
+    x, y = np.full(moves.op.size, np.nan), np.full(moves.op.size, np.nan)
+    x[step:] = (moves.op[step:] - moves.op[:-step]) / (step * moves.interval_s)
+    y[step:] = (moves.mv[step:] - moves.mv[:-step]) / (step * moves.interval_s)
+    return Telltale(
+        x_label="speed of OP, %/s",
+        y_label=_SPEED,
+        x=x,
+        y=y,
+        rising=x > 0.0,
+        says=(
+            "A stem that slides has the speed of its command; one that sticks again and again "
+            "stands, or jumps at a higher speed."
+        ),
+    )
+
+
+def _slips(moves: Moves) -> Telltale | None:
+    known = np.isfinite(moves.op) & np.isfinite(moves.mv)
+    if not known.all():
+        return None
+    noise = 1.4826 * float(np.median(np.abs(np.diff(moves.mv)))) / np.sqrt(2.0)
+    found = jumps_from_rest(moves.mv, moves.op, max(noise, 0.01))
+    rest_s = np.diff(found.begins, prepend=found.begins[:1]) * moves.interval_s
+    return Telltale(
+        x_label="time since the slip before, s",
+        y_label="size of the slip, %",
+        x=rest_s.astype(np.float64),
+        y=np.abs(found.sizes),
+        rising=found.sizes > 0.0,
+        says="Each point is one slip of the stem from rest.",
+    )
+
+
+def _ends(values: Floats) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return 0.0, 1.0
+    low, high = np.percentile(known, [0.5, 99.5])
+    return float(low), float(high)
+
+
+_SHOWN: Mapping[str, Callable[[Moves], Telltale | None]] = MappingProxyType(
+    {
+        **dict.fromkeys(("rate_limit", "asymmetric_rate_limit"), _limited),
+        **dict.fromkeys(
+            (
+                "actuator_lag",
+                "asymmetric_lag",
+                "viscous_drag",
+                "motor_drive",
+                "supply_sag",
+                "underdamped_positioner",
+            ),
+            _lagging,
+        ),
+        "dead_time": _late,
+        "position_dependent_friction": _friction_by_place,
+        "flow_force": _force_by_place,
+        "load_by_position": _force_by_place,
+        "zero_shift": _zero,
+        "span_error": _span,
+        "travel_stop": _stopped,
+        **dict.fromkeys(("sensor_drift", "growing_stiction", "stem_creep"), _by_time),
+        "low_speed_restick": _by_speed,
+        **dict.fromkeys(("asymmetric_slip", "lost_motion", "dwell_dependent_breakaway"), _slips),
+    }
+)

@@ -1,0 +1,80 @@
+"""Every effect that was tried, with its scores and what became of it, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.crossfit import gain
+from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
+from stemwatch.models.mismatch.findings import Effect, Gain, Tried, TriedOutcome
+from stemwatch.models.mismatch.term_selection import Named, SelectionStage, TermScore
+from stemwatch.models.stickslip.fit import Advantage
+
+
+def what_was_tried(
+    named: Named, effects: Iterable[Effect]
+) -> tuple[tuple[Tried, ...], Gain | None]:
+    """All that was tried term by term over S and J alone, the largest gain first, and the gain of
+    all that is named together; nothing of a drive, whose motor and load are one model."""
+    slugs = {effect.slug for effect in effects}
+    alike = {slug for effect in effects for slug in effect.members} - slugs
+    if not named.stages or slugs & set(OF_A_DRIVE):
+        return (), None
+    on_top = _on_top(named)
+    tried = []
+    for score in named.stages[0].scores:
+        beside = None if score.slug in slugs else on_top.get(score.slug)
+        outcome = (
+            TriedOutcome.NAMED
+            if score.slug in slugs
+            else TriedOutcome.AS_GOOD
+            if score.slug in alike
+            else _rejected(named, score, beside)
+        )
+        tried.append(
+            Tried(
+                slug=score.slug,
+                alone=_gain(score.advantage),
+                beside=None if beside is None else _gain(beside.advantage),
+                outcome=outcome,
+            )
+        )
+    # The reading's own errors are free in every hypothesis, so that what all gain together over a
+    # reading without them was never tried.
+    of_terms = bool(slugs) and slugs <= {one.slug for one in tried}
+    together = gain(named.evaluator, named.base, named.fitted) if of_terms else None
+    return tuple(tried), None if together is None else _gain(together)
+
+
+def _gain(advantage: Advantage) -> Gain:
+    return Gain(mean=float(advantage.mean), t=float(advantage.t))
+
+
+def _on_top(named: Named) -> dict[str, TermScore]:
+    """The scores of the round that began with just what is named; empty where there was none."""
+    final = set(named.fitted.layout.hypothesis.slugs)
+
+    def begins_there(stage: SelectionStage) -> bool:
+        return set(stage.before.layout.hypothesis.slugs) == final
+
+    last = next((stage for stage in named.stages[1:] if begins_there(stage)), None)
+    return {} if last is None else {score.slug: score for score in last.scores}
+
+
+def _rejected(named: Named, score: TermScore, beside: TermScore | None) -> TriedOutcome:
+    """Why a term that was tried is not named."""
+    told, look = named.evaluator.told, named.evaluator.look
+    if not convincing(score.advantage, told, score.slug):
+        return TriedOutcome.CHANCE
+    if not score.term.material(score.values, look):
+        return TriedOutcome.TOO_SMALL
+    if beside is None:
+        return TriedOutcome.NOT_HELD
+    if not convincing(beside.advantage, told, beside.slug, 1):
+        return TriedOutcome.ADDS_NOTHING
+    return (
+        TriedOutcome.NOT_HELD
+        if beside.term.material(beside.values, look)
+        else TriedOutcome.TOO_SMALL
+    )

@@ -1,0 +1,206 @@
+"""``stemwatch plan-test``: the test of a valve that would tell what its recording left open."""
+
+from __future__ import annotations
+
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from stemwatch.models.field_test.plan import FieldTestPlan
+    from stemwatch.models.field_test.programme import TestLimits
+    from stemwatch.service.config import Plant
+    from stemwatch.service.explain.explained import Explained
+    from stemwatch.service.field_test.sheet import TestSheet
+    from stemwatch.service.run.plan import Request
+
+LIMITS = "Limits of the test"
+
+
+def plan_test(
+    valve: Annotated[
+        str, typer.Argument(help="The valve's id in the store, or a file as explain takes it.")
+    ],
+    plant: o.PlantFile = None,
+    db: Annotated[str, typer.Option(help="Database URL, instead of the plant's.")] = "",
+    amplitude: Annotated[
+        float,
+        typer.Option(help="How far OP may go either way, percent.", rich_help_panel=LIMITS),
+    ] = 5.0,
+    minutes: Annotated[
+        float, typer.Option(help="How long the test may take.", rich_help_panel=LIMITS)
+    ] = 10.0,
+    pv_upset: Annotated[
+        float | None,
+        typer.Option(
+            help="How far PV may change, in its unit; else as far as it moved in the recording.",
+            rich_help_panel=LIMITS,
+        ),
+    ] = None,
+    op_low: Annotated[
+        float, typer.Option(help="OP never below this, percent.", rich_help_panel=LIMITS)
+    ] = 5.0,
+    op_high: Annotated[
+        float, typer.Option(help="OP never above this, percent.", rich_help_panel=LIMITS)
+    ] = 95.0,
+    op_now: Annotated[
+        float | None,
+        typer.Option(help="Where OP is, percent; else where the recording ended."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the sheet, HTML and PDF.")] = None,
+    json_file: o.JsonFile = None,
+    op: o.OpTag = "",
+    mv: o.MvTag = "",
+    pv: o.PvTag = "",
+    from_: o.From = "",
+    to: o.To = "",
+    zone: o.Zone = "",
+    interval_s: o.Interval = None,
+) -> None:
+    """Plan the test that would tell what a recording left open, within limits.
+
+    A person sets OP by hand as the sheet says; stemwatch never writes to a plant. From the store
+    it takes the valve's last screening, from a file the recording, explained at once. It says when
+    nothing is left to be told apart, and when no test within the limits can tell.
+    """
+    from stemwatch.models.field_test.programme import TestLimits
+    from stemwatch.service.cli import views
+    from stemwatch.service.field_test.sheet import sheet_of, to_object
+
+    limits = TestLimits(
+        amplitude=amplitude,
+        duration_s=60.0 * minutes,
+        pv_upset=pv_upset,
+        op_low=op_low,
+        op_high=op_high,
+    )
+    if Path(valve).is_file():
+        from stemwatch.service.cli.reading import read_options, request_of, tags_of
+
+        options = read_options(zone, "", "", "", None, "", "", interval_s)
+        tags = tags_of(op=op, mv=mv, pv=pv)
+        request = request_of([valve], plant, tags, "", from_, to, options)
+        name, plan, loaded = _of_file(request, limits, op_now)
+    else:
+        name, plan, loaded = _of_store(valve, plant, db, limits, op_now)
+    sheet = sheet_of(plan, name)
+    views.out.print(_on_terminal(sheet), highlight=False)
+    if json_file is not None:
+        text = json.dumps(to_object(sheet), indent=1, ensure_ascii=False, allow_nan=False)
+        json_file.write_text(text + "\n", encoding="utf-8")
+    if out is not None:
+        _write(sheet, loaded, zone, out)
+    elif sheet.test is not None:
+        views.out.print("Next: the sheet to print, with --out FOLDER.", highlight=False)
+
+
+def _of_store(
+    valve: str, plant: Path | None, db: str, limits: TestLimits, op_now: float | None
+) -> tuple[str, FieldTestPlan, Plant | None]:
+    from stemwatch.service.config import load_plant
+    from stemwatch.service.field_test.planned import KeptPlans
+    from stemwatch.service.store.store import open_existing_store
+
+    if not db and plant is None:
+        raise typer.BadParameter(
+            f"there is no file {valve}; for a valve of the store give --plant FILE or --db URL",
+            param_hint="VALVE",
+        )
+    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
+    with open_existing_store(db or (loaded.storage if loaded else db)) as store:
+        plan = KeptPlans().plan(store, valve, limits, op_now)
+        if plan is None:
+            known = ", ".join(one.id for one in store.valves()[:5]) or "none"
+            raise typer.BadParameter(
+                f"{valve} was not screened into this store; it has {known}. Run `stemwatch "
+                "screen`, or give a file",
+                param_hint="VALVE",
+            )
+    return valve, plan, loaded
+
+
+def _of_file(
+    request: Request, limits: TestLimits, op_now: float | None
+) -> tuple[str, FieldTestPlan, Plant | None]:
+    from stemwatch.service.field_test.planned import plan_of
+
+    explained = _explained(request)
+    plan = plan_of(explained.mismatch, limits, judged=False, op=op_now)
+    return explained.valve, plan, request.plant
+
+
+def _explained(request: Request) -> Explained:
+    """The one recording of a file, explained."""
+    from stemwatch.service.explain.explained import Job, explain_one
+    from stemwatch.service.explain.to_explain import what_to_explain
+
+    wanted = what_to_explain(request).valves
+    if len(wanted) != 1:
+        names = ", ".join(task.valve for task in wanted[:5]) or "none"
+        raise ValueError(
+            f"a test is planned for one valve; the file has {len(wanted)} ({names}): give its tags "
+            "with --op and --mv, or screen the file and name the valve with --db"
+        )
+    explained = explain_one(Job(asked=wanted[0], narx=False))
+    if explained.recording is None:
+        raise ValueError(explained.mismatch.sentence)
+    return explained
+
+
+def _write(sheet: TestSheet, plant: Plant | None, zone: str, out: Path) -> None:
+    from stemwatch.connectors.secret import masked_command
+    from stemwatch.service.cli import views
+    from stemwatch.service.field_test.sheet_files import write_sheet
+    from stemwatch.service.report import ReportContext
+
+    context = ReportContext(
+        started=datetime.now(UTC),
+        title=sheet.title,
+        plant=plant.name if plant else "",
+        zone=(plant.zone if plant else None) or zone or "UTC",
+        command=masked_command(("stemwatch", *sys.argv[1:])),
+    )
+    page, paper = write_sheet(sheet, context, out)
+    for path in (page, paper):
+        views.out.print(views.escape(f"Sheet: {path.resolve()}"), highlight=False, soft_wrap=True)
+
+
+def _on_terminal(sheet: TestSheet) -> RenderableType:
+    """The sheet as text: what is done when, what to watch, when to stop, what it means."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    from stemwatch.service.cli.views import escape
+
+    def line(text: str) -> Text:
+        return Text.from_markup(escape(text))
+
+    parts: list[RenderableType] = [Text(sheet.title, style="bold"), line(sheet.headline)]
+    parts += [line(f"- {one}") for one in sheet.remarks]
+    if sheet.test is None:
+        return Group(*parts)
+    legs = Table(title="The test", title_justify="left", box=None, pad_edge=False)
+    for name in ("at", "OP, %", "change", "how"):
+        legs.add_column(name, justify="left" if name == "how" else "right")
+    legs.add_row("0:00", f"{sheet.plan.op:.1f}", "0", "manual; leave OP where it is")
+    for leg in sheet.legs:
+        legs.add_row(leg.clock, f"{leg.to:.1f}", leg.shift, leg.words)
+    looks = Table(title="Watch", title_justify="left", box=None, pad_edge=False)
+    for name in ("at", "OP, %", *(f"MV, {name}" for name in sheet.rivals)):
+        looks.add_column(name, justify="right")
+    for look in sheet.looks:
+        looks.add_row(look.clock, f"{look.op:.1f}", *(f"{mv:.1f}" for mv in look.mv))
+    parts += [Text(""), *(line(one) for one in sheet.before), Text(""), legs, Text(""), looks]
+    parts.append(line(sheet.passes))
+    parts += [line(f"{one.name}: {one.means}. {one.then}".rstrip()) for one in sheet.outcomes]
+    parts += [line("Stop when:"), *(line(f"- {one}") for one in sheet.stop)]
+    return Group(*parts, line(sheet.after))

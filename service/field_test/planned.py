@@ -1,0 +1,75 @@
+"""The plan for a valve, from its last screening or from a recording that was just explained."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import replace
+from threading import Lock
+
+from stemwatch.models.field_test.plan import FieldTestPlan, PlanKind, plan_test
+from stemwatch.models.field_test.programme import TestLimits
+from stemwatch.models.mismatch import identifiability
+from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.work_decision import NO_POSITION, kinds_of
+from stemwatch.service.store.screenings.restored import screening_of
+from stemwatch.service.store.store import Store
+
+KEPT = 64  # plans of a page that is asked for again
+
+
+def plan_of(
+    mismatch: Mismatch | None, limits: TestLimits, *, judged: bool = True, op: float | None = None
+) -> FieldTestPlan:
+    """The plan for what was found, of a valve that was ``judged`` or got no verdict."""
+    question = None if mismatch is None else mismatch.open_question
+    told = mismatch is not None and mismatch.finding is not Finding.NOT_TESTABLE
+    plan = plan_test(question, limits, judged=judged or told, op=op)
+    untold = () if mismatch is None or told else mismatch.not_testable
+    blind = any(one.reason == identifiability.NO_POSITION for one in untold)
+    return _without_position(plan) if blind else plan
+
+
+def _without_position(plan: FieldTestPlan) -> FieldTestPlan:
+    reason = "the position (MV) is not recorded, and OP and PV alone tell nothing of the stem"
+    return replace(plan, kind=PlanKind.CANNOT_TELL, rivals=(), test=None, reason=reason)
+
+
+def plan_of_screening(
+    screening: Screening, limits: TestLimits, op: float | None = None
+) -> FieldTestPlan:
+    """The plan for a valve as it was screened last."""
+    judged = screening.verdict is not Verdict.UNDETERMINED
+    plan = plan_of(screening.mismatch, limits, judged=judged, op=op)
+    kinds = kinds_of(screening.verdict, shape=None, reason=screening.reason, named=(), finding=None)
+    return _without_position(plan) if NO_POSITION in kinds else plan
+
+
+class KeptPlans:
+    """Plans from a store. Each takes seconds, so those that were asked for last are kept; a new
+    screening of a valve is planned anew."""
+
+    def __init__(self, most: int = KEPT) -> None:
+        self._most = most
+        self._kept: OrderedDict[tuple[object, ...], FieldTestPlan] = OrderedDict()
+        self._guard = Lock()
+
+    def plan(
+        self, store: Store, valve: str, limits: TestLimits, op: float | None = None
+    ) -> FieldTestPlan | None:
+        """The plan from the last screening of ``valve``; ``None`` where it has none."""
+        latest = store.screenings(valve, 1)
+        if not latest:
+            return None
+        key = (str(store.address), latest[0].id, limits, op)
+        with self._guard:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+            # One at a time: a second reader of the page waits for the first one's plan.
+            plan = plan_of_screening(screening_of(latest[0]), limits, op)
+            self._kept[key] = plan
+            while len(self._kept) > self._most:
+                self._kept.popitem(last=False)
+            return plan

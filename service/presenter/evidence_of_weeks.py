@@ -1,0 +1,124 @@
+"""What the windows of weeks say of a valve together, in the words and for the picture that report,
+pages, work orders and alerts share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime, tzinfo
+
+from stemwatch.models.evidence_over_windows import (
+    MEMORY,
+    FindingState,
+    LastingFinding,
+    WindowEvidence,
+    lasting_findings,
+    pooled_stiction,
+    that_count,
+)
+from stemwatch.models.mismatch.findings import Mismatch, Stiction
+from stemwatch.service.presenter.advice import term_words
+from stemwatch.service.presenter.physics_words import effect_name
+from stemwatch.service.presenter.wording import interval, span_percent
+
+MOST_SHOWN = 30  # windows of the picture, the newest
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvidenceOfWeeks:
+    """``windows`` in order of time, those that count; ``findings`` those that hold first;
+    ``pooled`` S and J over the windows that name just what holds."""
+
+    windows: tuple[WindowEvidence, ...]
+    findings: tuple[LastingFinding, ...]
+    pooled: Stiction | None = None
+
+    @property
+    def confirmed(self) -> tuple[LastingFinding, ...]:
+        """The findings that hold now."""
+        return tuple(finding for finding in self.findings if finding.holds)
+
+    @property
+    def first_seen(self) -> tuple[LastingFinding, ...]:
+        """The findings that one window has named and no other has confirmed."""
+        return tuple(one for one in self.findings if one.state is FindingState.FIRST_SEEN)
+
+    @property
+    def p_value(self) -> float | None:
+        """The smallest p value of what is confirmed; ``None`` where nothing is."""
+        return min((finding.p_value for finding in self.confirmed), default=None)
+
+    def in_short(self, newest: Mismatch | None, zone: tzinfo = UTC) -> str:
+        """What is confirmed and what to check; in the words of the ``newest`` window, where that
+        names it too."""
+        confirmed = self.confirmed
+        said = [finding_sentence(finding, zone) for finding in confirmed]
+        effects = {effect.slug: effect for effect in newest.effects} if newest is not None else {}
+        for finding in confirmed[:1]:
+            words = term_words(finding.slug)
+            effect = effects.get(finding.slug)
+            said = [*([effect.sentence] if effect is not None else []), *said]
+            check = words.check if words is not None else effect.check if effect else ""
+            said.append(check)
+        return " ".join(sentence for sentence in said if sentence)
+
+    @property
+    def shown(self) -> tuple[WindowEvidence, ...]:
+        """The windows of the picture."""
+        return self.windows[-MOST_SHOWN:]
+
+    def sentences(self, zone: tzinfo = UTC) -> tuple[str, ...]:
+        """One sentence for each finding, and one for S and J where they are pooled."""
+        said = [finding_sentence(finding, zone) for finding in self.findings]
+        return (*said, *([self.pooled_sentence] if self.pooled is not None else []))
+
+    @property
+    def pooled_sentence(self) -> str:
+        """S and J over the windows; empty where there are too few of them."""
+        if self.pooled is None:
+            return ""
+        S, J = self.pooled.S, self.pooled.J
+        return (
+            f"Over the windows that name it, S is {span_percent(S.value)} % ({interval(S)}) and "
+            f"J {span_percent(J.value)} % ({interval(J)})."
+        )
+
+
+def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | None:
+    """What ``windows`` of one valve say together; ``None`` where no effect is followed."""
+    counted = that_count(windows)
+    findings = lasting_findings(counted)
+    if not findings:
+        return None
+    holds = any(finding.holds for finding in findings)
+    pooled = pooled_stiction(counted, findings) if holds else None
+    return EvidenceOfWeeks(windows=tuple(counted), findings=findings, pooled=pooled)
+
+
+def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
+    """One finding in a sentence: since when, and how sure."""
+    name = effect_name(finding.slug)
+    text = f"{name[0].upper()}{name[1:]}: first seen on {_day(finding.first_seen, zone)}"
+    if finding.state is FindingState.FIRST_SEEN:
+        if finding.of == 1:
+            return f"{text}, in the only window that counts so far; another one must confirm it."
+        return f"{text}, in {_counted(finding)}; not confirmed yet."
+    if finding.state is FindingState.GONE:
+        assert finding.confirmed is not None
+        return (
+            f"{text} and confirmed on {_day(finding.confirmed, zone)}; gone: last seen on "
+            f"{_day(finding.last_seen, zone)}, and not in the windows since."
+        )
+    if finding.named == 1:
+        return f"{text}, named in {_counted(finding)} and confirmed by what it gains in the others."
+    return f"{text}, confirmed in {_counted(finding)}."
+
+
+def _counted(finding: LastingFinding) -> str:
+    """``5 of 8 windows``: the last ones, where there were more."""
+    last = "the last " if finding.of == MEMORY else ""
+    return f"{finding.named} of {last}{finding.of} windows"
+
+
+def _day(at: datetime, zone: tzinfo) -> str:
+    return at.astimezone(zone).strftime("%Y-%m-%d")

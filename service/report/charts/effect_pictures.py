@@ -1,0 +1,356 @@
+"""The pictures that must convince a sceptic of what was named: strokes, shift, loop, telltale.
+
+All are made where the samples are, from the recording, the free runs of both models, and the
+numbers that the page says beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from stemwatch.models.excitation import reversals, swing
+from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch
+from stemwatch.models.mismatch.telltale import Moves, Telltale, later, telltale
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.stickslip.stroke_curve import in_travel
+from stemwatch.service.presenter.physics_words import effect_name
+from stemwatch.service.presenter.wording import figure
+from stemwatch.service.report.charts.small_plot import Drawn, Note, SmallPlot
+from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
+
+STROKES = 3
+LEAST_STROKE = 0.25  # of OP's swing
+MOST_POINTS = 350  # of a cloud
+BINS, FEWEST_IN_BIN = 14, 5
+TURNS_WITHIN = 3  # samples after the command, and the dead time, in which the stem turns
+LONGEST_STRETCH = 240  # samples of a picture that shows sample by sample
+NAIVE, EXTENDED = "S and J alone", "with what was left out"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """One picture with its heading and what to see in it."""
+
+    title: str
+    svg: Markup
+    says: str = ""
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What all pictures of a recording share: (n,) percent, times in seconds."""
+
+    op: Floats
+    mv: Floats
+    runs: FreeRuns
+    interval_s: float
+    late_s: float
+    recording: Recording
+
+    @property
+    def command(self) -> Floats:
+        """OP, later by the dead time that was named."""
+        return later(self.op, self.late_s, self.interval_s) if self.late_s else self.op
+
+
+def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Picture, ...]:
+    """The pictures of what ``mismatch`` names; none where nothing is named or no samples are
+    left."""
+    runs = mismatch.runs
+    if recording is None or recording.mv is None or runs is None or not mismatch.effects:
+        return ()
+    if runs.naive.size != len(recording):
+        return ()
+    if mismatch.stroke_curve is not None:
+        recording = in_travel(recording, mismatch.stroke_curve)
+    assert recording.mv is not None
+    late = next((one for one in mismatch.effects if one.slug == "dead_time"), None)
+    seen = _Seen(
+        op=recording.op.values,
+        mv=recording.mv.values,
+        runs=runs,
+        interval_s=recording.interval_s,
+        late_s=0.0 if late is None else _value(late, "theta"),
+        recording=recording,
+    )
+    return (
+        *_strokes(seen, mismatch.effects),
+        *_shifted(seen),
+        *_loops(seen),
+        *(picture for effect in mismatch.effects for picture in _telltale(seen, effect)),
+    )
+
+
+def _value(effect: Effect, name: str) -> float:
+    estimate = effect.parameters.get(name)
+    return 0.0 if estimate is None or estimate.value is None else float(estimate.value)
+
+
+# Strokes
+
+
+@dataclass(frozen=True)
+class _Slope:
+    """A fitted limit: percent a second, with its sign, and how it is said."""
+
+    rising: float
+    falling: float
+
+    def of(self, way: int) -> float:
+        return self.rising if way > 0 else -self.falling
+
+
+def _limit(effects: Sequence[Effect]) -> _Slope | None:
+    """The speed limit that was named; ``None`` where none was."""
+    for effect in effects:
+        if effect.slug == "rate_limit":
+            rate = _value(effect, "rate")
+            return _Slope(rate, rate)
+        if effect.slug == "asymmetric_rate_limit":
+            return _Slope(_value(effect, "rate_rising"), _value(effect, "rate_falling"))
+    return None
+
+
+def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
+    """Three of the largest moves of the command in the part that was not fitted; of a valve that is
+    slower one way, moves that way."""
+    limit = _limit(effects)
+    way = 0
+    if limit is not None and limit.rising != limit.falling:
+        way = 1 if limit.rising < limit.falling else -1
+    named = {1: "rises", -1: "falls", 0: "moves"}[way]
+    chosen = _largest(seen, way, seen.runs.heldout_from)
+    part = " in the part that neither model was fitted to"
+    if len(chosen) < STROKES:
+        chosen, part = _largest(seen, way, 0), ""
+    for number, (first, last) in enumerate(chosen, start=1):
+        yield Picture(
+            title=f"Stroke {number}",
+            svg=_stroke(seen, first, last, limit),
+            says=f"One of the {len(chosen)} largest {named} of the command{part}.",
+        )
+
+
+def _largest(seen: _Seen, way: int, begin: int) -> list[tuple[int, int]]:
+    """(first, last) samples of the largest moves of OP from one turn to the next, after ``begin``,
+    in the order of time; ``way`` 1 rising, -1 falling, 0 either."""
+    known = np.isfinite(seen.op) & np.isfinite(seen.mv)
+    op = np.where(np.isfinite(seen.op), seen.op, np.nanmedian(seen.op))
+    turns = reversals(op, max(LEAST_STROKE * swing(seen.op), 0.5))
+    turns = turns[turns >= begin]
+    sizes = np.diff(op[turns])
+    order = np.argsort(-np.abs(sizes), kind="stable")
+    taken: list[tuple[int, int]] = []
+    for k in order.tolist():
+        first, last = int(turns[k]), int(turns[k + 1])
+        if way * sizes[k] < 0.0 or not known[first : last + 1].all():
+            continue
+        if any(first <= other_last and last >= other for other, other_last in taken):
+            continue
+        taken.append((first, last))
+        if len(taken) == STROKES:
+            break
+    return sorted(taken)
+
+
+def _stroke(seen: _Seen, first: int, last: int, limit: _Slope | None) -> Markup:
+    length = max(last - first, 4)
+    begin = max(first - length // 2 - 2, 0)
+    end = min(last + 2 * length + 3, seen.op.size)
+    at = np.arange(begin, end)
+    time = _since(at, first, seen.interval_s)
+    drawn = [
+        Drawn("op", "OP", time, seen.op[at]),
+        Drawn("naive", NAIVE, time, seen.runs.naive[at], dashed=True),
+        Drawn("extended", EXTENDED, time, seen.runs.extended[at]),
+        Drawn("mv", "MV, recorded", time, seen.mv[at]),
+    ]
+    notes = []
+    way = 1 if seen.op[last] > seen.op[first] else -1
+    if seen.late_s:
+        drawn.insert(
+            1, Drawn("op", "OP, later by the dead time", time, seen.command[at], dashed=True)
+        )
+    if limit is not None and limit.of(way):
+        slope = limit.of(way)
+        # From where the stem itself turns, to where the command ends.
+        after = first + np.arange(round(seen.late_s / seen.interval_s) + TURNS_WITHIN)
+        turn = int(after[np.argmin(way * seen.mv[after[after < end]])])
+        start, begun = float(seen.mv[turn]), (turn - first) * seen.interval_s
+        took = min(abs(float(seen.op[last]) - start) / abs(slope), float(time[-1]) - begun)
+        line = np.array([begun, begun + took])
+        drawn.append(Drawn("law", "fitted limit", line, start + slope * (line - begun)))
+        middle = float(line.mean())
+        said = f"{figure(abs(slope))} %/s"
+        notes.append(Note(middle, start + slope * (middle - begun), f"\N{NO-BREAK SPACE} {said}"))
+    plot = SmallPlot(
+        x_label="time from the turn of OP, s",
+        y_label="percent",
+        spoken=(
+            f"A move of OP from {figure(float(seen.op[first]))} to {figure(float(seen.op[last]))} "
+            "percent with the recorded position and both models."
+        ),
+        drawn=drawn,
+        notes=notes,
+    )
+    return plot.svg()
+
+
+# OP later by the dead time, over MV
+
+
+def _shifted(seen: _Seen) -> Iterator[Picture]:
+    if not seen.late_s:
+        return
+    first, last = _stretch(seen)
+    at = np.arange(first, last)
+    time = _since(at, first, seen.interval_s)
+    plot = SmallPlot(
+        x_label="time, s",
+        y_label="percent",
+        spoken="OP, OP later by the dead time, and MV over a typical stretch.",
+        drawn=[
+            Drawn("op", "OP", time, seen.op[at], dashed=True),
+            Drawn("sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[at]),
+            Drawn("mv", "MV, recorded", time, seen.mv[at]),
+        ],
+        width=740,
+    )
+    yield Picture(
+        title="OP, later by the dead time, over MV",
+        svg=plot.svg(),
+        says="Where the delay is right, MV turns where the shifted OP turns.",
+    )
+
+
+def _since(at: NDArray[np.int64], first: int, interval_s: float) -> Floats:
+    """Seconds from sample ``first``."""
+    return np.asarray((at - first) * interval_s, dtype=np.float64)
+
+
+def _stretch(seen: _Seen) -> tuple[int, int]:
+    stretch = typical_stretch_of(seen.recording, seen.runs.extended, seen.runs.heldout_from)
+    if stretch is None:
+        return max(0, seen.op.size - LONGEST_STRETCH), seen.op.size
+    return stretch.first, min(stretch.last, stretch.first + LONGEST_STRETCH)
+
+
+# The loop before and after
+
+
+def _loops(seen: _Seen) -> Iterator[Picture]:
+    first, last = _stretch(seen)
+    part = slice(first, last)
+    runs = (("naive", NAIVE, seen.runs.naive), ("extended", EXTENDED, seen.runs.extended))
+    every = np.concatenate([seen.mv[part], *(run[part] for _, _, run in runs)])
+    limits = (*_around(seen.op[part]), *_around(every))
+    for kind, name, run in runs:
+        plot = SmallPlot(
+            x_label="OP, %",
+            y_label="MV, %",
+            spoken=f"MV against OP, recorded and {name}.",
+            drawn=[
+                Drawn("mv", "recorded", seen.op[part], seen.mv[part]),
+                Drawn(kind, name, seen.op[part], run[part]),
+            ],
+            equal=True,
+            limits=limits,
+            height=300,
+        )
+        yield Picture(
+            title=f"MV against OP: {name}",
+            svg=plot.svg(),
+            says="A typical stretch; one percent is as long along both axes.",
+        )
+
+
+def _around(values: Floats) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return 0.0, 1.0
+    low, high = float(known.min()), float(known.max())
+    margin = max(0.05 * (high - low), 1e-3)
+    return low - margin, high + margin
+
+
+# What shows the effect directly
+
+
+def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
+    late = 0.0 if effect.slug == "dead_time" else seen.late_s
+
+    def of(position: Floats) -> Telltale | None:
+        return telltale(
+            effect.slug, Moves(seen.op, position, seen.interval_s, late, effect.parameters)
+        )
+
+    recorded = of(seen.mv)
+    if recorded is None:
+        return
+    drawn = [*_points(recorded)]
+    for kind, name, run in (
+        ("naive", NAIVE, seen.runs.naive),
+        ("extended", EXTENDED, seen.runs.extended),
+    ):
+        simulated = of(run)
+        if simulated is not None:
+            x, y = _course(simulated, recorded)
+            drawn.append(Drawn(kind, name, x, y, dashed=kind == "naive"))
+    drawn += [Drawn("law", law.label, law.x, law.y) for law in recorded.laws]
+    plot = SmallPlot(
+        x_label=recorded.x_label,
+        y_label=recorded.y_label,
+        spoken=f"{recorded.y_label} against {recorded.x_label}: {recorded.says}",
+        drawn=drawn,
+        limits=None if recorded.joined else (*_bulk(recorded.x), *_bulk(recorded.y)),
+        width=740,
+        height=300,
+    )
+    yield Picture(
+        title=f"What shows it: {effect_name(effect.slug)}",
+        svg=plot.svg(),
+        says=f"{recorded.says} Points are recorded; lines through the models are medians."
+        if not recorded.joined
+        else recorded.says,
+    )
+
+
+def _points(found: Telltale) -> Iterator[Drawn]:
+    if found.joined:
+        yield Drawn("mv", "recorded", found.x, found.y)
+        return
+    every = -(-found.x.size // MOST_POINTS)
+    kept = np.arange(0, found.x.size, every)
+    for kind, name, group in (
+        ("mv", found.groups[0], found.rising),
+        ("pv", found.groups[1], ~found.rising),
+    ):
+        chosen = kept[group[kept]]
+        if chosen.size:
+            yield Drawn(kind, f"recorded, {name}", found.x[chosen], found.y[chosen], dots=True)
+
+
+def _course(found: Telltale, like: Telltale) -> tuple[Floats, Floats]:
+    """Medians of a cloud over even parts of what the recording covers."""
+    if found.joined:
+        return found.x, found.y
+    edges = np.linspace(*_bulk(like.x), BINS + 1)
+    where = np.digitize(found.x, edges) - 1
+    x, y = 0.5 * (edges[1:] + edges[:-1]), np.full(BINS, np.nan)
+    for k in range(BINS):
+        inside = found.y[where == k]
+        if inside.size >= FEWEST_IN_BIN:
+            y[k] = np.median(inside)
+    return x, y
+
+
+def _bulk(values: Floats) -> tuple[float, float]:
+    """Limits that hold all but the last percent at each end."""
+    low, high = (float(one) for one in np.percentile(values, [1.0, 99.0]))
+    margin = 0.06 * (high - low) or max(abs(high), 1.0) * 0.05
+    return low - margin, high + margin

@@ -1,0 +1,198 @@
+"""A small plot as SVG, drawn where there are no scripts: on paper, on a phone, in a mail.
+
+Colours come from the style sheet by the class of each line, so that both themes and paper suit it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from stemwatch.models.recording import Floats
+from stemwatch.service.presenter.wording import figure, printable
+
+WIDTH, HEIGHT = 360, 250
+LEFT, RIGHT, TOP, BOTTOM = 46, 10, 10, 38
+TICKS = 5
+_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One line or cloud: ``kind`` is its class in the style sheet; ``label`` stands in the legend
+    unless it is empty. ``dots`` are points instead of a line."""
+
+    kind: str
+    label: str
+    x: Floats
+    y: Floats
+    dots: bool = False
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Note:
+    """Words at a point of the plot."""
+
+    x: float
+    y: float
+    text: str
+
+
+@dataclass(frozen=True)
+class SmallPlot:
+    """Everything that one small plot shows; ``spoken`` is what a screen reader says."""
+
+    x_label: str
+    y_label: str
+    spoken: str
+    drawn: Sequence[Drawn]
+    notes: Sequence[Note] = ()
+    equal: bool = False  # one percent is as long along both axes
+    width: int = WIDTH
+    height: int = HEIGHT
+    limits: tuple[float, float, float, float] | None = None
+    legend: bool = True
+
+    def svg(self) -> Markup:
+        """The plot; its legend is a list of its own below the picture."""
+        x_low, x_high, y_low, y_high = self.limits or self._limits()
+        inner_x, inner_y = self.width - LEFT - RIGHT, self.height - TOP - BOTTOM
+        if self.equal:
+            x_low, x_high, y_low, y_high = _equal(x_low, x_high, y_low, y_high, inner_x / inner_y)
+
+        def at(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+            return (
+                LEFT + inner_x * (x - x_low) / (x_high - x_low),
+                TOP + inner_y * (1.0 - (y - y_low) / (y_high - y_low)),
+            )
+
+        parts = [
+            Markup(
+                '<svg class="small-plot" viewBox="0 0 {} {}" width="{}" height="{}" role="img" '
+                'aria-label="{}">'
+            ).format(self.width, self.height, self.width, self.height, printable(self.spoken)),
+            *self._axes(x_low, x_high, y_low, y_high),
+            Markup('<svg x="{}" y="{}" width="{}" height="{}" viewBox="{} {} {} {}">').format(
+                LEFT, TOP, inner_x, inner_y, LEFT, TOP, inner_x, inner_y
+            ),
+            *(_line(one, *at(one.x, one.y)) for one in self.drawn),
+            Markup("</svg>"),
+        ]
+        for note in self.notes:
+            x, y = at(np.array(note.x), np.array(note.y))
+            anchor = "end" if float(x) > LEFT + 0.6 * inner_x else "start"
+            parts.append(_text(float(x), max(float(y), TOP + 10), note.text, "note", anchor))
+        parts.append(Markup("</svg>"))
+        if self.legend:
+            parts.append(self._legend())
+        return Markup("").join(parts)
+
+    def _limits(self) -> tuple[float, float, float, float]:
+        x = np.concatenate([one.x[np.isfinite(one.x)] for one in self.drawn] or [np.zeros(1)])
+        y = np.concatenate([one.y[np.isfinite(one.y)] for one in self.drawn] or [np.zeros(1)])
+        return (*_widened(x), *_widened(y))
+
+    def _axes(self, x_low: float, x_high: float, y_low: float, y_high: float) -> list[Markup]:
+        right, bottom = self.width - RIGHT, self.height - BOTTOM
+        parts = []
+        for value in ticks(x_low, x_high):
+            x = LEFT + (right - LEFT) * (value - x_low) / (x_high - x_low)
+            parts.append(_rule(x, TOP, x, bottom))
+            parts.append(_text(x, bottom + 14, _tick(value), "axis", "middle"))
+        for value in ticks(y_low, y_high):
+            y = bottom - (bottom - TOP) * (value - y_low) / (y_high - y_low)
+            parts.append(_rule(LEFT, y, right, y))
+            parts.append(_text(LEFT - 5, y + 4, _tick(value), "axis", "end"))
+        middle = (TOP + bottom) / 2
+        parts.append(_text((LEFT + right) / 2, self.height - 6, self.x_label, "axis", "middle"))
+        parts.append(
+            Markup(
+                '<text x="11" y="{0}" class="axis" text-anchor="middle" '
+                'transform="rotate(-90 11 {0})">{1}</text>'
+            ).format(round(middle, 1), printable(self.y_label))
+        )
+        return parts
+
+    def _legend(self) -> Markup:
+        order = dict.fromkeys(
+            (one.kind, one.label, one.dots, one.dashed) for one in self.drawn if one.label
+        )
+        items = [
+            Markup(
+                '<li><svg viewBox="0 0 22 8" width="22" height="8" aria-hidden="true">{}</svg>'
+            ).format(
+                Markup('<circle class="p {}" cx="11" cy="4" r="2.5"/>').format(kind)
+                if dots
+                else Markup('<path class="l {}{}" d="M1 4H21"/>').format(
+                    kind, " dashed" if dashed else ""
+                )
+            )
+            + Markup(" {}</li>").format(printable(label))
+            for kind, label, dots, dashed in order
+        ]
+        return Markup('<ul class="small-legend">{}</ul>').format(Markup("").join(items))
+
+
+def ticks(low: float, high: float) -> list[float]:
+    """Round numbers between ``low`` and ``high``, about five."""
+    rough = (high - low) / TICKS
+    decade = 10.0 ** math.floor(math.log10(rough))
+    step = next(decade * one for one in _STEPS if decade * one >= rough)
+    first = math.ceil(low / step - 1e-9)
+    return [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def _tick(value: float) -> str:
+    text = figure(value, 6) if abs(value) > 1e-12 else "0"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def _widened(values: Floats) -> tuple[float, float]:
+    if not values.size:
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    margin = 0.05 * (high - low) or max(abs(high), 1.0) * 0.05
+    return low - margin, high + margin
+
+
+def _equal(
+    x_low: float, x_high: float, y_low: float, y_high: float, shape: float
+) -> tuple[float, float, float, float]:
+    """The limits, widened so that one unit is as long along both axes of a plot ``shape`` times as
+    wide as high."""
+    wide, high = x_high - x_low, y_high - y_low
+    if wide < shape * high:
+        more = 0.5 * (shape * high - wide)
+        return x_low - more, x_high + more, y_low, y_high
+    more = 0.5 * (wide / shape - high)
+    return x_low, x_high, y_low - more, y_high + more
+
+
+def _line(one: Drawn, x: Floats, y: Floats) -> Markup:
+    known = np.isfinite(x) & np.isfinite(y)
+    if one.dots:
+        path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[known], y[known], strict=True))
+        return Markup('<path class="p {}" d="{}"/>').format(one.kind, path)
+    path, pen = "", "M"
+    for a, b, drawn in zip(x, y, known, strict=True):
+        if drawn:
+            path += f"{pen}{a:.1f} {b:.1f}"
+        pen = "L" if drawn else "M"
+    dashed = " dashed" if one.dashed else ""
+    return Markup('<path class="l {}{}" d="{}"/>').format(one.kind, dashed, path)
+
+
+def _rule(x1: float, y1: float, x2: float, y2: float) -> Markup:
+    return Markup('<path class="rule" d="M{:.1f} {:.1f}L{:.1f} {:.1f}"/>').format(x1, y1, x2, y2)
+
+
+def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:
+    words = escape(printable(text))
+    return Markup(
+        f'<text x="{x:.1f}" y="{y:.1f}" class="{kind}" text-anchor="{anchor}">{words}</text>'
+    )

@@ -1,0 +1,83 @@
+"""The windows of the last weeks of many valves, for what they say together."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.service.store.screenings.evidence_json import evidence_of
+from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningRow
+
+WEEKS = 8  # that are looked back, from the valve's latest screening
+_NAMED = (Finding.NAMED.value, Finding.CANDIDATES.value)
+_AT_ONCE = 250  # valves of one statement
+
+
+def read_evidence(session: Session, valves: Sequence[str]) -> dict[str, list[WindowEvidence]]:
+    """The windows of the last weeks, in order of time, of those of ``valves`` on which some window
+    of these named an effect: on the others there is nothing to weigh.
+
+    Windows before the last work on the valve, and one in which it lies, do not count. A window that
+    an older version stored says what it named, and nothing of what it did not name.
+    """
+    found: dict[str, list[WindowEvidence]] = {}
+    for first in range(0, len(valves), _AT_ONCE):
+        found |= _of_part(session, list(valves[first : first + _AT_ONCE]))
+    return found
+
+
+def _of_part(session: Session, valves: Sequence[str]) -> dict[str, list[WindowEvidence]]:
+    begins = _begins(session, valves)
+    if not begins:
+        return {}
+    table = ScreeningRow
+    named = select(table.valve, table.at).where(
+        table.valve.in_(list(begins)),
+        table.at >= min(begins.values()),
+        table.mismatch_finding.in_(_NAMED),
+    )
+    wanted = {valve for valve, at in session.execute(named) if at >= begins[valve]}
+    if not wanted:
+        return {}
+    statement = select(
+        table.valve,
+        table.at,
+        table.window_start,
+        table.evidence,
+        table.mismatch_slugs,
+    ).where(
+        table.valve.in_(sorted(wanted)),
+        table.at >= min(begins[valve] for valve in wanted),
+        table.mismatch_finding.is_not(None),
+    )
+    work = _last_work(session, sorted(wanted))
+    windows: dict[str, list[WindowEvidence]] = defaultdict(list)
+    for row in session.execute(statement.order_by(table.valve, table.at, table.id)):
+        counts = row.at >= begins[row.valve]
+        if row.valve in work:
+            counts = counts and (row.window_start or row.at) >= work[row.valve]
+        if counts:
+            stored = row.evidence or {"named": [[slug] for slug in row.mismatch_slugs or ()]}
+            windows[row.valve].append(evidence_of(stored, row.window_start, row.at))
+    return dict(windows)
+
+
+def _begins(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
+    """For each valve that was screened, how far back is looked."""
+    latest = select(ScreeningRow.valve, func.max(ScreeningRow.at)).where(
+        ScreeningRow.valve.in_(valves)
+    )
+    rows = session.execute(latest.group_by(ScreeningRow.valve))
+    return {valve: at - timedelta(weeks=WEEKS) for valve, at in rows}
+
+
+def _last_work(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
+    work = select(MaintenanceRow.valve, func.max(MaintenanceRow.at))
+    work = work.where(MaintenanceRow.valve.in_(valves)).group_by(MaintenanceRow.valve)
+    return {valve: at for valve, at in session.execute(work)}

@@ -1,0 +1,71 @@
+"""What a screening adds to the evidence of many windows, as JSON and back: a kilobyte, where all of
+its mismatch is thirty."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.mismatch.findings import EffectScore
+from stemwatch.models.recording import PERCENT
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.store.storable import finite
+
+_DIGITS = 4
+
+
+def evidence_json(screening: Screening) -> dict[str, Any] | None:
+    """``named``, ``scores`` (mean, t and strength by slug), S and J (value, low, high), the
+    p value, and what ``begins_anew``; ``None`` where no effect was looked for."""
+    mismatch, at = screening.mismatch, screening.window[1] or datetime.min
+    if mismatch is None:
+        return None
+    told = WindowEvidence.of(mismatch, at, begins_anew=screening.changed)
+    return {
+        "named": [list(members) for members in told.named],
+        "scores": {
+            score.slug: [_short(score.mean), _short(score.t), _short(score.strength)]
+            for score in told.scores
+        },
+        "S": _triple(told.S),
+        "J": _triple(told.J),
+        "p_value": finite(told.p_value),
+        "begins_anew": told.begins_anew,
+    }
+
+
+def evidence_of(stored: dict[str, Any], start: datetime | None, at: datetime) -> WindowEvidence:
+    """The evidence of a window from its JSON."""
+    return WindowEvidence(
+        at=at,
+        start=start,
+        named=tuple(tuple(members) for members in stored.get("named", ())),
+        scores=tuple(
+            EffectScore(slug=slug, mean=mean or 0.0, t=t or 0.0, strength=strength or 0.0)
+            for slug, (mean, t, strength) in stored.get("scores", {}).items()
+        ),
+        S=_estimate(stored.get("S")),
+        J=_estimate(stored.get("J")),
+        p_value=stored.get("p_value"),
+        begins_anew=stored.get("begins_anew", ""),
+    )
+
+
+def _short(value: float) -> float | None:
+    number = finite(value)
+    return None if number is None else round(number, _DIGITS)
+
+
+def _triple(estimate: Estimate | None) -> list[float | None] | None:
+    if estimate is None or finite(estimate.value) is None:
+        return None
+    return [finite(estimate.value), finite(estimate.low), finite(estimate.high)]
+
+
+def _estimate(triple: list[float | None] | None) -> Estimate | None:
+    if triple is None:
+        return None
+    value, low, high = triple
+    return Estimate(value=value, low=low, high=high, unit=PERCENT)

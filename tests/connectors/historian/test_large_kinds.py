@@ -1,0 +1,140 @@
+"""Whatever an export is written like, in pieces it gives what it gives when it is read whole."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stemwatch.connectors.connector import ConnectorError, UnreadableSource
+from stemwatch.connectors.historian import HistorianFile, ReadOptions
+from stemwatch.connectors.historian.connector import propose_valves
+from stemwatch.connectors.historian.opened_file import open_file
+from stemwatch.connectors.historian.tables import large_file, text_pieces
+from tests.connectors.historian.made_exports import LAYOUTS, Kind, written
+
+ZONE = ReadOptions(zone="Europe/Berlin")
+
+
+@contextmanager
+def small_pieces() -> Iterator[None]:
+    """Files of any size are read in pieces of a few lines."""
+    with (
+        mock.patch.object(large_file, "LARGE_BYTES", 0),
+        mock.patch.object(text_pieces, "BLOCK", 5_000),
+        mock.patch.object(text_pieces, "HEAD_LINES", 700),
+    ):
+        yield
+
+
+def everything(path: Path, options: ReadOptions) -> tuple[object, ...]:
+    """All that a user can ask, as plain values; or what is said instead."""
+    try:
+        source = HistorianFile(path, options)
+        recordings = [source.read(valve) for valve in propose_valves(source)]
+        inspected = source.inspect().to_dict()
+    except ConnectorError as error:
+        return (str(error),)
+    return (
+        [
+            (
+                *(r.valve, r.interval_s, r.start, r.clock, r.provenance, role, s.tag, s.unit),
+                *(s.interval_s, s.values.tobytes(), s.quality.tobytes()),
+            )
+            for r in recordings
+            for role, s in r.signals.items()
+        ],
+        {**inspected, "tags": [repr(tag) for tag in inspected["tags"]]},
+    )
+
+
+def both_ways(kind: Kind, options: ReadOptions = ZONE) -> tuple[object, object, bool]:
+    """What reading whole gives, what reading in pieces gives, and whether it was in pieces."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / ("export.csv.gz" if kind.packed else "export.csv")
+        path.write_bytes(written(kind))
+        whole = everything(path, options)
+        with small_pieces():
+            pieces = everything(path, options)
+            try:
+                in_pieces = open_file(path, options).in_pieces
+            except UnreadableSource:
+                in_pieces = False
+    return whole, pieces, in_pieces
+
+
+def comma_apart(layout: str) -> Kind:
+    """A layout as plants with decimal commas write it."""
+    return Kind(layout=layout, separator=";", decimal=",")
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize(
+    "way",
+    [
+        Kind(),
+        Kind(quoted="all"),
+        Kind(quoted="words", end="\r\n"),
+        Kind(packed=True),
+        Kind(encoding="cp1252", cells=((0.4, "12°"),)),
+        Kind(encoding="utf-16"),
+        Kind(by_tag=True),
+    ],
+    ids=["plain", "quoted", "words quoted", "packed", "cp1252", "utf-16", "by tag"],
+)
+def test_every_layout_is_read_in_pieces_and_gives_the_same(layout: str, way: Kind) -> None:
+    """Values, quality, decisions and problems."""
+    whole, pieces, in_pieces = both_ways(replace(way, layout=layout))
+    assert pieces == whole
+    assert in_pieces or len(whole) == 1
+
+
+CELLS = st.sampled_from(
+    ["", " ", "Bad", "41 435", "1.234,5", "1,234", "12,5", "+7", "7 %", "1e999", "nan", "NaN",
+     "12\x00977", 'a "word"', "two\nlines", "Â°C", "\u2212 3", "1_000", "0", "99999",
+     "No Good Data For Calculation", "\u00a05", "1e5", "  8.25 "]
+)  # fmt: skip
+LINES = st.sampled_from(
+    ["", "   ", "x", 'an "odd quote', '"never closed', "1,2,3,4,5,6,7,8,9,10", ",,,,,,,", ";;;",
+     "2026-10-25T00:51:10Z,1,2", "[Tags]", "* a comment", "Time,FIC-1.OP,FIC-1.ZT,FIC-1.PV,TIC-2.OP"
+     ",TIC-2.ZT", "#datatype,string", "never,1,2,3,4,5", "\x00\x00\x00", "a\x0cb"]
+)  # fmt: skip
+SHARE = st.floats(0.0, 1.0).map(lambda share: round(share, 3))
+KINDS = st.builds(
+    Kind,
+    layout=st.sampled_from(sorted(LAYOUTS)),
+    separator=st.sampled_from([",", ";", "\t", "|"]),
+    decimal=st.sampled_from([".", ","]),
+    quoted=st.sampled_from(["no", "words", "all"]),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "cp1252", "utf-16", "gb18030"]),
+    end=st.sampled_from(["\n", "\r\n", "\r"]),
+    packed=st.booleans(),
+    by_tag=st.booleans(),
+    cells=st.lists(st.tuples(SHARE, CELLS), max_size=6).map(tuple),
+    lines=st.lists(st.tuples(SHARE, LINES), max_size=4).map(tuple),
+    last_end=st.booleans(),
+)
+
+
+@settings(max_examples=25)
+@given(kind=KINDS, zone=st.sampled_from([None, "Europe/Berlin"]))
+def test_damaged_in_any_way_it_is_the_same(kind: Kind, zone: str | None) -> None:
+    """Bad cells with their lines and every warning, too."""
+    whole, pieces, _ = both_ways(kind, ReadOptions(zone=zone))
+    assert pieces == whole
+
+
+@pytest.mark.long
+@settings(max_examples=1000)
+@given(kind=KINDS, zone=st.sampled_from([None, "Europe/Berlin"]))
+def test_damaged_in_a_thousand_ways_it_is_the_same(kind: Kind, zone: str | None) -> None:
+    """The same, longer."""
+    whole, pieces, _ = both_ways(kind, ReadOptions(zone=zone))
+    assert pieces == whole

@@ -1,0 +1,198 @@
+"""What many windows of one valve say together: agree, then confirm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.evidence_over_windows import (
+    MEMORY,
+    FindingState,
+    WindowEvidence,
+    lasting_findings,
+    pooled_stiction,
+)
+from stemwatch.models.mismatch.findings import EffectScore
+
+BEGIN = datetime(2026, 3, 1, 6, tzinfo=UTC)
+HOUR, DAY = timedelta(hours=1), timedelta(days=1)
+SLUG = "flow_force"
+
+
+def window(day, *named, mean=0.0, t=0.0, slug=SLUG, S=None, anew="", start=None):
+    """An hour on ``day``; each of ``named`` is a slug, or a class of slugs."""
+    classes = tuple((one,) if isinstance(one, str) else tuple(one) for one in named)
+    at = BEGIN + day * DAY
+    error = 0.1
+    size = None if S is None else Estimate(value=S, low=S - 2 * error, high=S + 2 * error, unit="%")
+    return WindowEvidence(
+        at=at,
+        start=at - HOUR if start is None else start,
+        named=classes,
+        scores=(EffectScore(slug=slug, mean=mean, t=t, strength=0.0),),
+        S=size,
+        J=size,
+        begins_anew=anew,
+    )
+
+
+def states(windows):
+    """The state of every finding by its slug."""
+    return {finding.slug: finding.state for finding in lasting_findings(windows)}
+
+
+def test_one_window_alone_confirms_nothing():
+    """What one window names is first seen, with the day, whatever its strength."""
+    (finding,) = lasting_findings([window(0), window(1, SLUG, mean=1.0, t=9.0)])
+    assert finding.state is FindingState.FIRST_SEEN
+    assert not finding.holds
+    assert finding.first_seen == BEGIN + DAY
+    assert finding.confirmed is None
+
+
+def test_two_windows_that_agree_confirm():
+    """The second window that names it confirms, and after the next one it stands."""
+    two = [window(0, SLUG), window(1), window(2, SLUG)]
+    (finding,) = lasting_findings(two)
+    assert finding.state is FindingState.CONFIRMED
+    assert (finding.named, finding.of) == (2, 3)
+    assert finding.confirmed == BEGIN + 2 * DAY
+    assert states([*two, window(3)]) == {SLUG: FindingState.STANDING}
+
+
+def test_two_windows_far_apart_do_not_agree():
+    """Of very many windows two name something by chance: only those within memory count."""
+    windows = [window(0, SLUG), *[window(day) for day in range(1, MEMORY)], window(MEMORY, SLUG)]
+    assert states(windows) == {SLUG: FindingState.FIRST_SEEN}
+
+
+def test_others_that_gain_together_confirm_what_one_has_named():
+    """None of the others names it, and all of them gain a little by it."""
+    little = [window(day, mean=0.05, t=0.65) for day in range(1, 5)]
+    assert states([window(0, SLUG), *little]) == {SLUG: FindingState.CONFIRMED}
+    nothing = [window(day, mean=0.005, t=0.9) for day in range(1, 5)]
+    assert states([window(0, SLUG), *nothing]) == {SLUG: FindingState.FIRST_SEEN}
+
+
+def test_what_no_window_names_is_never_found():
+    """Gains that no window could name alone may be a bias that all of them share."""
+    assert lasting_findings([window(day, mean=0.1, t=3.0) for day in range(30)]) == ()
+
+
+def test_two_others_are_too_few_to_confirm():
+    """Two windows with a gain tell as little as chance does."""
+    others = [window(day, mean=0.2, t=2.0) for day in (1, 2)]
+    assert states([window(0, SLUG), *others]) == {SLUG: FindingState.FIRST_SEEN}
+
+
+@pytest.mark.parametrize("slug", ["lost_motion", "dwell_dependent_breakaway"])
+def test_what_chance_names_more_often_needs_one_window_more(slug):
+    """Play and dwell: scatter of the breakaways is named so on valves without."""
+    named = [window(day, slug, slug=slug) for day in (0, 3, 5)]
+    between = [window(day, slug=slug) for day in (1, 2, 4)]
+    assert states([*named[:2], *between]) == {slug: FindingState.FIRST_SEEN}
+    assert states([*named, *between]) == {slug: FindingState.CONFIRMED}
+    gaining = [window(day, slug=slug, mean=0.05, t=1.0) for day in (1, 2, 4)]
+    assert states([*named[:2], *gaining]) == {slug: FindingState.CONFIRMED}
+
+
+def test_a_finding_goes_when_windows_on_end_do_not_name_it():
+    """One that every window named is gone after three that do not; one that every second named
+    needs more of them."""
+    always = [window(day, SLUG) for day in range(8)]
+    assert states([*always, window(8), window(9)]) == {SLUG: FindingState.STANDING}
+    assert states([*always, *[window(day) for day in (8, 9, 10)]]) == {SLUG: FindingState.GONE}
+    half = [window(day, *([SLUG] if day % 2 else [])) for day in range(8)]
+    assert states([*half, *[window(day) for day in (8, 9, 10)]]) == {SLUG: FindingState.STANDING}
+    assert states([*half, *[window(day) for day in range(8, 16)]]) == {SLUG: FindingState.GONE}
+
+
+def test_a_finding_that_is_gone_comes_back_as_confirmed_anew():
+    """Two windows must agree again."""
+    gone = [window(day, SLUG) for day in range(4)] + [window(day) for day in range(4, 14)]
+    assert states([*gone, window(14, SLUG)]) == {SLUG: FindingState.GONE}
+    (finding,) = lasting_findings([*gone, window(14, SLUG), window(15, SLUG)])
+    assert finding.state is FindingState.CONFIRMED
+    assert finding.confirmed == BEGIN + 15 * DAY
+
+
+def test_a_change_that_a_window_tells_begins_anew():
+    """A positioner that was set otherwise: what was confirmed before describes another valve."""
+    before = [window(day, SLUG) for day in range(5)]
+    assert states([*before, window(5, anew="the curve from OP to stroke is another one")]) == {}
+    (finding,) = lasting_findings([*before, window(5, SLUG, anew="another curve")])
+    assert finding.first_seen == BEGIN + 5 * DAY
+    assert finding.state is FindingState.FIRST_SEEN
+
+
+def test_the_same_minutes_twice_are_no_second_witness():
+    """A run that is repeated, or windows that overlap, confirm nothing."""
+    hourly = [
+        window(place / 240, SLUG, start=BEGIN + place / 240 * DAY - HOUR) for place in range(6)
+    ]
+    (finding,) = lasting_findings(hourly)
+    assert finding.of == 1
+    assert finding.state is FindingState.FIRST_SEEN
+
+
+def test_a_window_that_cannot_tell_two_effects_speaks_for_the_one_that_others_name():
+    """Three windows say a lag, one cannot tell it from a dead time: one finding, in four."""
+    windows = [window(day, "actuator_lag", slug="actuator_lag") for day in range(3)]
+    windows.append(window(3, ("dead_time", "actuator_lag"), slug="actuator_lag"))
+    (finding,) = lasting_findings(windows)
+    assert (finding.slug, finding.named) == ("actuator_lag", 4)
+
+
+def test_an_effect_that_a_window_could_not_have_shown_is_no_evidence_against_it():
+    """A window without travel says nothing of a flow force."""
+    blind = [
+        WindowEvidence(at=BEGIN + day * DAY, start=BEGIN + day * DAY - HOUR) for day in range(2, 30)
+    ]
+    (finding,) = lasting_findings([window(0, SLUG), window(1, SLUG), *blind])
+    assert finding.holds
+    assert finding.of == 2
+
+
+def test_confirmed_comes_before_what_was_only_seen():
+    """The order of the findings is that in which people should read them."""
+    windows = [window(0, "zero_shift"), window(1, SLUG), window(2, SLUG)]
+    assert [one.slug for one in lasting_findings(windows)] == [SLUG, "zero_shift"]
+
+
+def test_pooled_S_lies_between_and_is_surer_than_one_window():
+    """Of windows that name just what holds; one that names nothing restates another S."""
+    rng = np.random.default_rng(5)
+    windows = [window(day, SLUG, S=4.0 + 0.1 * rng.standard_normal()) for day in range(6)]
+    windows.append(window(6, S=6.0))
+    pooled = pooled_stiction(windows, lasting_findings(windows))
+    assert pooled.S.low < 4.0 < pooled.S.high
+    assert pooled.S.high - pooled.S.low < 0.4
+    assert pooled_stiction(windows[:1], lasting_findings(windows[:1])) is None
+
+
+def test_windows_that_disagree_widen_the_pooled_interval():
+    """Their scatter beyond their own intervals counts."""
+    apart = [window(day, SLUG, S=S) for day, S in enumerate((3.0, 5.0, 3.2, 4.8))]
+    pooled = pooled_stiction(apart, lasting_findings(apart))
+    assert pooled.S.high - pooled.S.low > 1.0
+
+
+def test_a_finding_stays_while_windows_gain_by_it_without_naming_it():
+    """A weak effect is named now and then: what the others gain by it speaks for it."""
+    little = [window(day, mean=0.05, t=0.9) for day in range(1, 20)]
+    assert states([window(0, SLUG), *little]) == {SLUG: FindingState.STANDING}
+
+
+def test_chance_of_what_many_windows_name():
+    """One window of eight at 0.01 is worth 0.08, two are worth 28 times the square."""
+    named = [replace(window(day, SLUG), p_value=0.01) for day in range(2)]
+    rest = [window(day) for day in range(2, 8)]
+    assert lasting_findings([named[0], *rest, window(8), window(9)]) == ()
+    (one,) = lasting_findings([named[0], *rest])
+    assert one.p_value == pytest.approx(7 * 0.01)
+    (two,) = lasting_findings([*named, *rest])
+    assert two.p_value == pytest.approx(28 * 0.01**2)

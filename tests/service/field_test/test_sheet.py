@@ -1,0 +1,133 @@
+"""The operator's sheet: the same words and numbers as text, JSON, page and PDF."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import pytest
+
+from stemwatch.service.field_test.sheet import LAST_WORD, clock, legs_of, sheet_of, to_object
+from stemwatch.service.field_test.sheet_files import html_of, pdf_of, write_sheet
+from stemwatch.service.report import ReportContext
+from tests.service.field_test.planned_tests import (
+    plan_of_a_bump,
+    plan_of_nothing,
+    plan_that_tells,
+    plan_without_room,
+)
+
+HOSTILE = "</script><b>FIC-1\x07"
+CONTEXT = ReportContext(
+    started=datetime(2026, 3, 2, 12, 30, tzinfo=UTC), plant="Unit 7", zone="UTC"
+)
+PLANS = (plan_that_tells, plan_without_room, plan_of_nothing, plan_of_a_bump)
+
+
+def test_sheet_says_what_is_told_apart_how_surely_and_that_a_person_sets_op():
+    """The golden words of a sheet for lag against dead time."""
+    sheet = sheet_of(plan_that_tells(), "FIC-1")
+    assert sheet.title == "FIC-1: the test that tells actuator lag and dead time apart"
+    assert re.fullmatch(
+        r"The right one of actuator lag and dead time is found with a probability of more than "
+        r"92 %, in \d minutes with OP between 4\d\.\d and 5\d\.\d %; each is taken to be as "
+        r"likely as the others\.",
+        sheet.headline,
+    )
+    assert sheet.remarks[-1] == LAST_WORD
+    assert any(
+        re.search(r"PV is expected to change by at most .* t/h", one) for one in sheet.remarks
+    )
+    assert "OP was last at 47.0 %." in " ".join(sheet.remarks)
+    assert sheet.stop[-1] == "To stop: OP back to 47.0 %, and the controller to automatic."
+    assert sheet.stop[0] == "PV has changed by more than 20 t/h from where it was."
+    assert [one.name for one in sheet.outcomes] == ["actuator lag", "dead time"]
+    assert all(one.means and one.then for one in sheet.outcomes)
+
+
+@pytest.mark.parametrize("plan", [plan_that_tells, plan_of_a_bump])
+def test_legs_hold_every_value_in_order_and_end_where_op_began(plan):
+    """Legs put values together and lose none."""
+    programme = plan().test.programme
+    legs = legs_of(programme, plan().op)
+    assert sum(leg.values for leg in legs) == sum(len(move.changes) for move in programme.moves)
+    assert all(b.at_s > a.at_s for a, b in pairwise(legs))
+    assert legs[-1].change == 0.0
+    assert legs[-1].to == plan().op
+    starts = {value.at_s for value in programme.values()}
+    assert all(leg.at_s in starts for leg in legs)
+
+
+def test_looks_are_where_the_rivals_differ():
+    """Every instant that the operator watches tells the rivals apart by a multiple of the noise."""
+    sheet = sheet_of(plan_that_tells(), "FIC-1")
+    assert sheet.looks
+    for look in sheet.looks:
+        assert abs(look.mv[0] - look.mv[1]) > 5.0 * sheet.plan.question.sigma
+    assert all(b.at_s > a.at_s for a, b in pairwise(sheet.looks))
+
+
+def test_plan_without_a_test_says_why_and_has_nothing_to_do():
+    """No room for PV: the limits that would do stand in the remarks, or that there are none."""
+    sheet = sheet_of(plan_without_room(), "FIC-1")
+    assert sheet.legs == ()
+    assert "upsets PV by more than 0.05" in sheet.headline
+    nothing = sheet_of(plan_of_nothing(), "FIC-1")
+    assert nothing.headline.startswith("Nothing is left to be told apart")
+
+
+def test_bump_test_of_an_unknown_op_is_given_in_changes():
+    """Where neither OP nor PV is known the sheet says so."""
+    sheet = sheet_of(plan_of_a_bump(), "LIC-2")
+    assert sheet.title == "LIC-2: the bump test that would give a verdict"
+    said = " ".join(sheet.remarks)
+    assert "take the changes from where OP is" in said
+    assert "How PV answers OP is not known" in said
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_json_has_no_number_that_json_lacks_and_the_limits_hold(plan):
+    """Every value of OP in the JSON lies within the limits beside it."""
+    told = to_object(sheet_of(plan(), "FIC-1"))
+    json.loads(json.dumps(told, allow_nan=False))
+    limits = told["limits"]
+    for value in told["values"]:
+        assert abs(value["change"]) <= limits["amplitude_percent"]
+        assert limits["op_low_percent"] <= value["op_percent"] <= limits["op_high_percent"]
+    assert bool(told["values"]) == (told["probability"] is not None)
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_page_loads_nothing_and_escapes_the_tag(plan):
+    """No script, no address, and a tag stays a tag."""
+    text = html_of(sheet_of(plan(), HOSTILE), CONTEXT).decode()
+    assert "<script" not in text
+    assert "<b>FIC-1" not in text
+    assert not re.search(r"(?:src|href)\s*=", text)
+    assert "default-src 'none'" in text
+    assert "Unit 7" in text
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_pdf_is_one_page_and_the_same_for_the_same_plan(plan):
+    """A4, one page, byte for byte."""
+    sheet = sheet_of(plan(), "FIC-1")
+    first, second = (pdf_of(sheet, CONTEXT, compress=False) for _ in range(2))
+    assert first == second
+    assert first.startswith(b"%PDF")
+    assert len(re.findall(rb"/Type /Page\b", first)) == 1
+
+
+def test_files_are_written_beside_each_other(tmp_path):
+    """The folder is made where there is none."""
+    page, paper = write_sheet(sheet_of(plan_that_tells(), "FIC-1"), CONTEXT, tmp_path / "a" / "b")
+    assert page.name == "test-plan.html"
+    assert paper.read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.0, "0:00"), (65.4, "1:05"), (600.0, "10:00")])
+def test_times_are_minutes_and_seconds(seconds, said):
+    """As a watch shows them."""
+    assert clock(seconds) == said
