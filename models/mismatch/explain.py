@@ -94,7 +94,7 @@ FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 # One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
 MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
 MUCH_NEARER = 0.7  # of the error of S and J alone
-SAME_LEVELS = 0.2  # of the level, from which breakaways and fit speak of two elements
+SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two elements
 
 
 @dataclass(frozen=True)
