@@ -29,6 +29,7 @@ class Operation(StrEnum):
     BASELINE = "set a baseline"
     RUN = "begin a run"
     CANCEL = "cancel a run"
+    SETTINGS = "change settings"
     USERS = "manage users"
     TOKENS = "manage tokens"
     AUDIT = "read the audit log"
@@ -58,6 +59,7 @@ PERMISSIONS: Mapping[Operation, Permission] = MappingProxyType(
         Operation.BASELINE: Permission(UserRole.ENGINEER),
         Operation.RUN: Permission(UserRole.ENGINEER),
         Operation.CANCEL: Permission(UserRole.ENGINEER),
+        Operation.SETTINGS: Permission(UserRole.ADMIN, in_person=True),
         Operation.USERS: Permission(UserRole.ADMIN, in_person=True),
         Operation.TOKENS: Permission(UserRole.ADMIN, in_person=True),
         Operation.AUDIT: Permission(UserRole.ADMIN),

@@ -34,6 +34,7 @@ from stemwatch.service.store.database.engine import (
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.runs.browser_settings import BrowserSettings
 from stemwatch.service.store.runs.leases import Leases
 from stemwatch.service.store.runs.queue import RunQueue, end_lost
 from stemwatch.service.store.runs.schedules import Schedules
@@ -124,9 +125,10 @@ class Store:
     write at the same time.
 
     The methods here are about valves, runs and screenings. The running service uses ``alerts``,
-    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and ``sources``; users and
-    sign-in are in ``accounts``, ``access_links``, ``web_sessions``, ``api_tokens``, ``attempts``
-    and ``audit``. Times must have a zone and are returned in UTC. Methods raise ``StoreError``.
+    ``browser_settings``, ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and
+    ``sources``; users and sign-in are in ``accounts``, ``access_links``, ``web_sessions``,
+    ``api_tokens``, ``attempts`` and ``audit``. Times must have a zone and are
+    returned in UTC. Methods raise ``StoreError``.
     """
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
@@ -138,6 +140,7 @@ class Store:
         self.api_tokens = ApiTokens(transactions)
         self.attempts = LoginAttempts(transactions)
         self.audit = AuditLog(transactions)
+        self.browser_settings = BrowserSettings(transactions)
         self.deliveries = Deliveries(transactions)
         self.leases = Leases(transactions)
         self.queue = RunQueue(transactions)

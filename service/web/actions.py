@@ -10,6 +10,7 @@ from datetime import datetime
 from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.queue import RunToQueue
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store
 
@@ -116,6 +117,21 @@ class Actions:
             )
         said = f"chosen by {who or 'a reader'}" + (f": {reason}" if reason else "")
         self.store.set_baseline(valve, fitted.network, window=fitted.window, reason=said)
+
+    def set_schedule(self, schedule: ScreeningSchedule, who: str, now: datetime) -> None:
+        """Make or change a schedule; those of the plant file are changed there."""
+        if not self.store.schedules.set(schedule):
+            raise Refused(
+                f"the schedule {schedule.name} stands in the plant file, which is its source: "
+                "change it there, or choose another name"
+            )
+        self.store.browser_settings.note_schedule(schedule.name, who, now)
+
+    def remove_schedule(self, name: str) -> None:
+        """Remove a schedule that was made on the pages."""
+        if not self.store.schedules.remove(name):
+            raise Missing(f"there is no schedule {name} that was made on the pages")
+        self.store.browser_settings.forget_schedule(name)
 
     def _alert(self, number: int) -> None:
         if number > LARGEST_NUMBER:
