@@ -206,6 +206,7 @@ class ServiceSection(TomlTable):
     report_valves: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=100, description="a whole number of valves, 1 to 1000"
     )
+    networks: bool = Field(default=True, description="true or false")
     keep_samples_days: Positive = Field(default=90.0, description="days, above 0")
     window_s: Positive = Field(
         default=86400.0, description="seconds of recording that a run looks at, above 0"

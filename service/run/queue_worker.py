@@ -117,6 +117,7 @@ class QueueWorker:
             zone=self._plant.zone or "UTC",
             queued=True,
             shown=self._plant.service.report_valves,
+            networks=self._plant.service.networks,
         )
 
         def on_valve_done(valve: str, given_up: str) -> None:
