@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.recording import Floats, Role
 from stemwatch.models.studies.simulator.valve_life import HEALTHY, ValveLife, draw_lives
 from stemwatch.service.config import load_plant
@@ -25,6 +26,7 @@ from stemwatch.service.executors import Executor, map_in_order
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.scheduler.scheduler import Scheduler
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
+from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.studies.simulated_archive import ROLES, ArchivePlan, Piece, write_parquet
 
@@ -183,12 +185,27 @@ def play(
                 if day in life.worked:
                     at = BEGAN + timedelta(days=day)
                     store.record_maintenance(life.tag, at, "packing renewed", "trial")
-            scheduler.look(BEGAN + timedelta(days=day + 1, minutes=5))
+            (number,) = scheduler.look(BEGAN + timedelta(days=day + 1, minutes=5))
             worker.once(threading.Event())
+            _must_be_done(store, number, len(lives))
             book.note(store, day)
             shutil.rmtree(folder / "parquet" / f"date={_date(day)}", ignore_errors=True)
             tell(day + 1)
     return Played(plan=plan, lives=lives, alerts=tuple(book.alerts.values()))
+
+
+class TrialFailed(ConnectorError):
+    """A day's run did not screen every valve: what it did not see cannot be counted."""
+
+
+def _must_be_done(store: Store, number: int, valves: int) -> None:
+    run = store.run(number)
+    if run.state is not RunState.DONE or run.done != valves or run.set_aside:
+        raise TrialFailed(
+            f"run {number}: {run.done} of {valves} valves done, {run.set_aside} set aside, state "
+            f"{run.state.value} {run.reason}".rstrip()
+            + "; every valve of every day must be screened, so nothing is counted"
+        )
 
 
 @dataclass
