@@ -69,10 +69,13 @@ def test_inspect_lets_no_control_code_out(
     assert not set("\x1b\x07\u202e") & set(outcome.out + outcome.err)
 
 
-def test_a_narrow_terminal_without_colours(stemwatch_process, export: Path, tmp_path: Path) -> None:
+def test_a_narrow_terminal_without_colours(
+    stemwatch_process, short_plant: Path, tmp_path: Path
+) -> None:
     """At 60 columns and with NO_COLOR every valve is still listed, within the width, in plain."""
     outcome = stemwatch_process(
-        "screen", export, "--out", "r", "--workers", 1,
+        "screen", short_plant.parent / "export" / "historian.csv", "--out", "r",
+        "--executor", "in-process",
         cwd=tmp_path, env={"COLUMNS": "60", "NO_COLOR": "1", "TERM": "xterm"},
     )  # fmt: skip
     assert outcome.status == 0, outcome.err

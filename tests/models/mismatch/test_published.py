@@ -48,7 +48,9 @@ def test_no_term_is_published_that_predicts_unseen_data_worse(slug):
         np.testing.assert_array_equal(found.runs.extended, found.runs.naive)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))]
+)
 def test_a_position_that_has_nothing_to_do_with_op_is_never_nothing_left_out(seed):
     """A wandering position: either no verdict or unknown, S and J not restated."""
     recording = played(samples=900)
