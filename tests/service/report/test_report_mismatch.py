@@ -264,7 +264,12 @@ def test_the_report_says_what_windows_of_weeks_confirm(explained_plant, make_con
     context = make_context(explained_plant)
     facts = replace(context.facts("FV-0"), by_window=evidence_of_weeks(windows))
     context = replace(context, valves={**context.valves, "FV-0": facts})
-    page = write_report(explained_plant, context, tmp_path).html.read_text("utf-8")
+    files = write_report(explained_plant, context, tmp_path)
+    objects = json.loads(files.json.read_text("utf-8"))
+    jsonschema.validate(objects, SCHEMA)
+    (finding,) = next(one["over_weeks"] for one in objects if one["valve"] == "FV-0")
+    assert (finding["state"], finding["named"], finding["of"]) == ("standing", 3, 3)
+    page = files.html.read_text("utf-8")
     assert page.count("Over the windows of the last weeks") == 1
     assert "Flow force: first seen on 2026-03-01, confirmed in 3 of 3 windows." in page
     assert page.count('<svg class="by-window"') == 1
