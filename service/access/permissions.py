@@ -25,6 +25,7 @@ class Operation(StrEnum):
     ALERT = "settle an alert"
     NOTE = "add a note"
     MAINTENANCE = "record maintenance"
+    FEEDBACK = "say what was found"
     BASELINE = "set a baseline"
     RUN = "begin a run"
     CANCEL = "cancel a run"
@@ -54,6 +55,7 @@ PERMISSIONS: Mapping[Operation, Permission] = MappingProxyType(
         Operation.ALERT: Permission(UserRole.ENGINEER),
         Operation.NOTE: Permission(UserRole.ENGINEER),
         Operation.MAINTENANCE: Permission(UserRole.ENGINEER),
+        Operation.FEEDBACK: Permission(UserRole.ENGINEER),
         Operation.BASELINE: Permission(UserRole.ENGINEER),
         Operation.RUN: Permission(UserRole.ENGINEER),
         Operation.CANCEL: Permission(UserRole.ENGINEER),

@@ -18,6 +18,7 @@ from stemwatch.service.cli.db import db_app
 from stemwatch.service.cli.demo import demo
 from stemwatch.service.cli.drift import drift
 from stemwatch.service.cli.explain import explain
+from stemwatch.service.cli.feedback import feedback
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
 from stemwatch.service.cli.maintenance_report import maintenance_report
@@ -89,6 +90,7 @@ for command in (
     calibrate_archives,
     drift,
     maintenance,
+    feedback,
     maintenance_report,
     reproduce,
     serve,

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.work_decision import WorkCounts
@@ -44,6 +45,7 @@ from stemwatch.service.store.screenings import (
     daily_stiction,
     evidence,
     false_discoveries,
+    feedback,
     history,
     ranking,
     recent,
@@ -51,6 +53,7 @@ from stemwatch.service.store.screenings import (
     screenings,
 )
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+from stemwatch.service.store.screenings.feedback import Feedback, Judgement
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
 from stemwatch.service.store.screenings.previous import read_previous
 from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
@@ -413,6 +416,24 @@ class Store:
         """Those of ``valves`` whose last maintenance has no note by ``writer`` yet."""
         with self.transactions.reading() as session:
             return recent.read_work_without_note(session, valves, writer)
+
+    def add_feedback(
+        self, screening: int, at: datetime, judgement: Judgement, found: str, who: str = ""
+    ) -> str:
+        """Keep whether what a screening said was right, and what was found; its valve. Raises
+        ``StoreError`` where there is no such screening."""
+        with self.transactions.writing(f"keeping what was found of screening {screening}") as s:
+            return feedback.write_feedback(s, screening, at, judgement, found, who)
+
+    def feedback(self, valve: str | None = None, limit: int | None = None) -> list[Feedback]:
+        """What people found, of one valve or of all, the newest first."""
+        with self.transactions.reading() as session:
+            return feedback.read_feedback(session, valve, limit)
+
+    def count_feedback(self) -> Mapping[tuple[Verdict, Judgement], int]:
+        """How often each verdict was said to be right or wrong."""
+        with self.transactions.reading() as session:
+            return feedback.count_feedback(session)
 
     def add_note(self, valve: str, at: datetime, note: str, who: str = "") -> None:
         """Add a note about a valve."""

@@ -11,6 +11,7 @@ from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
+from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store
 
 LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL
@@ -92,6 +93,20 @@ class Actions:
     def maintenance(self, valve: str, at: datetime, text: str, who: str) -> None:
         """Record work on a valve."""
         self.store.record_maintenance(valve, at, text, who)
+
+    def feedback(self, screening: int, at: datetime, judgement: str, found: str, who: str) -> str:
+        """Keep whether what a screening said was right, and what was found; its valve."""
+        if judgement not in list(Judgement):
+            words = ", ".join(Judgement)
+            raise Refused(f"one of {words} is expected, received {judgement!r}")
+        if not 0 < screening <= LARGEST_NUMBER:
+            raise Missing(f"there is no screening {screening}")
+        try:
+            return self.store.add_feedback(screening, at, Judgement(judgement), found, who)
+        except StoreError as error:
+            if "there is no screening" in str(error):
+                raise Missing(f"there is no screening {screening}") from None
+            raise
 
     def baseline(self, valve: str, reason: str, who: str) -> None:
         """Make the network fitted last the valve's baseline."""

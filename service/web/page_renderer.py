@@ -37,6 +37,7 @@ DONE = {
     "snoozed": "The alert is put off until the time you gave.",
     "false": "The alert is marked as a false alarm.",
     "note": "The note is kept.",
+    "feedback": "What was found is kept, beside what had been said.",
     "maintenance": "The work is recorded. The first window after it becomes the new baseline.",
     "baseline": "The network fitted last is the valve's baseline now.",
     "run": "The run is asked for.",
