@@ -7,6 +7,8 @@ BENCH ?= bench
 LIVE ?= demo-live
 # An editable install sees every change of the sources; EDITABLE=no installs as a plant would.
 EDITABLE ?= yes
+# LOCKED=yes takes only files whose hashes stand in the lock files.
+LOCKED ?=
 # How long make explore draws, and SEED=... for one round with the draws of an earlier one.
 SECONDS ?= 600
 SEED ?=
@@ -16,8 +18,8 @@ ROUNDS ?= 4
 STRICT ?=
 # AGAIN=yes runs tests that failed once more, alone, and says so loudly; they fail where they fail twice.
 AGAIN ?=
-# More than two cores: tests that wait for a clock or a process leave theirs to others.
-WORKERS ?= 3
+# Twice as many as two cores: tests that wait for a clock or a process leave theirs to others.
+WORKERS ?= 4
 
 # Wheels only: a plant computer has no compiler. The environment may say otherwise.
 export PIP_ONLY_BINARY ?= :all:
@@ -56,7 +58,7 @@ define step
 	else echo 'failed:'; cat $(LOG); exit 1; fi
 endef
 
-.PHONY: demo test test-all explore faults check live bench clean help
+.PHONY: demo test test-all explore faults check live bench lock supply-chain clean help
 .DEFAULT_GOAL := help
 
 demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write its report into demo/
@@ -87,6 +89,16 @@ check: $(VENV)/can-test ## Style, import rules and types, without the tests
 bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; FULL=yes takes longer
 	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)
 
+LOCK := $(VENV)/tools/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	--only-binary :all: --constraint constraints.txt --all-extras --no-header --no-annotate
+
+lock: $(VENV)/tools/made ## Write the lock files anew: the versions of constraints.txt with the index's hashes
+	@$(if $(PIP_INDEX_URL),UV_DEFAULT_INDEX=$(PIP_INDEX_URL)) $(LOCK) -o requirements.lock pyproject.toml
+	@$(if $(PIP_INDEX_URL),UV_DEFAULT_INDEX=$(PIP_INDEX_URL)) $(LOCK) --group dev -o requirements-dev.lock pyproject.toml
+
+supply-chain: $(VENV)/can-test $(VENV)/tools/made ## Vulnerabilities, licences, and the bill of materials into dist/
+	@$(BIN)/python -m tests.supply_chain --tools $(VENV)/tools/bin --out dist
+
 clean: ## Remove the environment, caches and build folders
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -103,14 +115,23 @@ $(VENV)/made:
 	{ echo 'On Debian and Ubuntu: apt install python3-venv'; exit 1; })
 	@touch $@
 
+$(VENV)/tools/made: $(VENV)/made pyproject.toml constraints.txt
+	$(call step,Making an environment for the tools of the supply chain,$(BIN)/python -m venv $(VENV)/tools && \
+	$(VENV)/tools/bin/python -m pip install --quiet --no-compile --constraint constraints.txt pip && \
+	$(VENV)/tools/bin/python -m pip install --quiet --no-compile --constraint constraints.txt --group supply-chain)
+	@touch $@
+
 $(VENV)/can-run: $(VENV)/made $(INPUTS)
 	@rm -rf build
-	$(call step,Installing stemwatch (minutes the first time),$(INSTALL) $(SOURCE))
+	$(call step,Installing stemwatch (minutes the first time),$(if $(LOCKED),\
+	$(INSTALL) --require-hashes --no-deps --requirement requirements-dev.lock && $(INSTALL) --no-deps \
+	--no-build-isolation $(SOURCE),$(INSTALL) $(SOURCE)))
 	@touch $@
 
 $(VENV)/can-test: $(VENV)/made $(INPUTS)
 	@rm -rf build
 	$(call step,Bringing pip up to date,$(INSTALL) pip setuptools)
-	$(call step,Installing stemwatch and what checks it (minutes the first time),\
-	$(INSTALL) $(SOURCE) --group dev)
+	$(call step,Installing stemwatch and what checks it (minutes the first time),$(if $(LOCKED),\
+	$(INSTALL) --require-hashes --no-deps --requirement requirements-dev.lock && $(INSTALL) --no-deps \
+	--no-build-isolation $(SOURCE),$(INSTALL) $(SOURCE) --group dev))
 	@touch $@ $(VENV)/can-run

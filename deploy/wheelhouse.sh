@@ -19,4 +19,7 @@ if [ -n "${TORCH_INDEX:-}" ]; then
 fi
 "$python" -m pip "$@" setuptools
 "$python" -m pip "$@" "$here[$extras]"
+# What is in it, for whoever has to know: hashes of every file, and the bill of materials where it was made.
+cp "$here/requirements.lock" "$folder"
+if [ -f "$here/dist/stemwatch.cdx.json" ]; then cp "$here/dist/stemwatch.cdx.json" "$folder"; fi
 echo "$(find "$folder" -name '*.whl' | wc -l) wheels, $(du -sh "$folder" | cut -f1), in $folder"

@@ -45,6 +45,10 @@ LEAST_MEAN, LEAST_T = 0.02, 1.2
 FEWEST_OTHERS = 3  # windows that can confirm what one has named
 LEFT_OUT_BY_CHANCE = 0.05
 FEWEST_WITHOUT = 3  # windows on end without it, before a confirmed effect is gone
+# Of one window's error, the part that all windows share: no stem is exactly the element. With it
+# 94 % of the pooled intervals of 26 simulated valves with an effect held the truth (development
+# seeds 7171 and 8181), without it 85 %.
+SHARED = 0.7
 _NORMAL_95 = 1.959964
 
 
@@ -283,7 +287,8 @@ def pooled_stiction(
     """S and J over the last ``MEMORY`` windows that name just what holds; ``None`` where there are
     fewer than two of them.
 
-    Random-effects mean (DerSimonian and Laird 1986, doi:10.1016/0197-2456(86)90046-2).
+    Random-effects mean (DerSimonian and Laird 1986, doi:10.1016/0197-2456(86)90046-2); ``SHARED``
+    of the windows' median error is added in quadrature.
     """
     holding = [finding.slug for finding in findings if finding.holds]
     alike = [window for window in that_count(windows) if _names_just(window, holding)][-MEMORY:]
@@ -307,7 +312,7 @@ def _pooled(estimates: Sequence[Estimate | None]) -> Estimate | None:
     values = np.array([one.value for one in known], dtype=np.float64)
     errors = np.array([(one.high or 0.0) - (one.low or 0.0) for one in known]) / (2.0 * _NORMAL_95)
     mean, error = _random_effects(values, np.maximum(errors, 1e-6))
-    reach = _NORMAL_95 * error
+    reach = _NORMAL_95 * math.hypot(error, SHARED * float(np.median(errors)))
     return Estimate(value=mean, low=max(mean - reach, 0.0), high=mean + reach, unit=PERCENT)
 
 

@@ -37,6 +37,23 @@ if TYPE_CHECKING:
 Ranges = Mapping[str, tuple[float, float]]
 ManyValves = FilePath | Sequence[OneValve | FilePath] | Mapping[str, OneValve | FilePath]
 
+
+class ReadAs(FileOptions, total=False):
+    """The arguments of ``read`` beside the data, which ``screen`` and ``explain`` take as well."""
+
+    op: SignalInput | None
+    mv: SignalInput | None
+    pv: SignalInput | None
+    sp: SignalInput | None
+    mode: SignalInput | None
+    valve: str
+    interval_s: float | None
+    zone: str | None
+    ranges: Ranges | None
+    start: datetime | None
+    stop: datetime | None
+
+
 # Where the simulated loop is recorded: any Monday morning will do.
 _START = datetime(2026, 3, 2, 6, tzinfo=UTC)
 
@@ -116,21 +133,10 @@ def read(
 def screen(
     data: OneValve | None = None,
     *,
-    op: SignalInput | None = None,
-    mv: SignalInput | None = None,
-    pv: SignalInput | None = None,
-    sp: SignalInput | None = None,
-    mode: SignalInput | None = None,
-    valve: str = "",
-    interval_s: float | None = None,
-    zone: str | None = None,
-    ranges: Ranges | None = None,
-    start: datetime | None = None,
-    stop: datetime | None = None,
     narx: bool = True,
     mismatch: bool = True,
     limits: Mapping[str, float] | None = None,
-    **file_options: Unpack[FileOptions],
+    **how: Unpack[ReadAs],
 ) -> ScreenedValve: ...
 
 
@@ -138,21 +144,10 @@ def screen(
 def screen(
     data: ManyValves,
     *,
-    op: SignalInput | None = None,
-    mv: SignalInput | None = None,
-    pv: SignalInput | None = None,
-    sp: SignalInput | None = None,
-    mode: SignalInput | None = None,
-    valve: str = "",
-    interval_s: float | None = None,
-    zone: str | None = None,
-    ranges: Ranges | None = None,
-    start: datetime | None = None,
-    stop: datetime | None = None,
     narx: bool = True,
     mismatch: bool = True,
     limits: Mapping[str, float] | None = None,
-    **file_options: Unpack[FileOptions],
+    **how: Unpack[ReadAs],
 ) -> ScreenedValves: ...
 
 
@@ -239,19 +234,8 @@ def screen(
 def explain(
     data: OneValve | None = None,
     *,
-    op: SignalInput | None = None,
-    mv: SignalInput | None = None,
-    pv: SignalInput | None = None,
-    sp: SignalInput | None = None,
-    mode: SignalInput | None = None,
-    valve: str = "",
-    interval_s: float | None = None,
-    zone: str | None = None,
-    ranges: Ranges | None = None,
-    start: datetime | None = None,
-    stop: datetime | None = None,
     narx: bool = True,
-    **file_options: Unpack[FileOptions],
+    **how: Unpack[ReadAs],
 ) -> ExplainedValve: ...
 
 
@@ -259,19 +243,8 @@ def explain(
 def explain(
     data: ManyValves,
     *,
-    op: SignalInput | None = None,
-    mv: SignalInput | None = None,
-    pv: SignalInput | None = None,
-    sp: SignalInput | None = None,
-    mode: SignalInput | None = None,
-    valve: str = "",
-    interval_s: float | None = None,
-    zone: str | None = None,
-    ranges: Ranges | None = None,
-    start: datetime | None = None,
-    stop: datetime | None = None,
     narx: bool = True,
-    **file_options: Unpack[FileOptions],
+    **how: Unpack[ReadAs],
 ) -> ExplainedValves: ...
 
 

@@ -25,9 +25,11 @@ class Operation(StrEnum):
     ALERT = "settle an alert"
     NOTE = "add a note"
     MAINTENANCE = "record maintenance"
+    FEEDBACK = "say what was found"
     BASELINE = "set a baseline"
     RUN = "begin a run"
     CANCEL = "cancel a run"
+    SETTINGS = "change settings"
     USERS = "manage users"
     TOKENS = "manage tokens"
     AUDIT = "read the audit log"
@@ -53,9 +55,11 @@ PERMISSIONS: Mapping[Operation, Permission] = MappingProxyType(
         Operation.ALERT: Permission(UserRole.ENGINEER),
         Operation.NOTE: Permission(UserRole.ENGINEER),
         Operation.MAINTENANCE: Permission(UserRole.ENGINEER),
+        Operation.FEEDBACK: Permission(UserRole.ENGINEER),
         Operation.BASELINE: Permission(UserRole.ENGINEER),
         Operation.RUN: Permission(UserRole.ENGINEER),
         Operation.CANCEL: Permission(UserRole.ENGINEER),
+        Operation.SETTINGS: Permission(UserRole.ADMIN, in_person=True),
         Operation.USERS: Permission(UserRole.ADMIN, in_person=True),
         Operation.TOKENS: Permission(UserRole.ADMIN, in_person=True),
         Operation.AUDIT: Permission(UserRole.ADMIN),

@@ -82,7 +82,11 @@ def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert]
         if kind is AlertKind.MISMATCH:
             verdict = _of_physics(seen, told, verdict)
         if verdict is AlertDecision.RAISE:
-            raised.append(_raised(seen.valve, kind, text(judged[0]), judged[0]))
+            alert = _raised(seen.valve, kind, text(judged[0]), judged[0])
+            if kind is AlertKind.MISMATCH and seen.by_window is not None:
+                effects = [finding.slug for finding in seen.by_window.confirmed]
+                alert = replace(alert, evidence={**alert.evidence, "effects": effects})
+            raised.append(alert)
         elif verdict is AlertDecision.CLEAR:
             closed.append(cause(kind, seen.valve.id))
     return raised, closed
@@ -112,6 +116,16 @@ FOLLOWS = {
     AlertKind.GROWN: (AlertKind.STICKY,),
     AlertKind.BASELINE: (AlertKind.STICKY, AlertKind.MISMATCH, AlertKind.GROWN),
 }
+# How friction itself shows beside S and J: on a valve that sticks they have its cause.
+OF_FRICTION = frozenset(
+    {
+        "asymmetric_slip",
+        "dwell_dependent_breakaway",
+        "growing_stiction",
+        "low_speed_restick",
+        "position_dependent_friction",
+    }
+)
 
 
 def one_per_cause(
@@ -127,7 +141,7 @@ def one_per_cause(
     joined: list[str] = []
     for kind in by_kind:
         valve = by_kind[kind].valve or ""
-        leads = FOLLOWS.get(kind, ())
+        leads = _leads(by_kind[kind])
         lead = next(
             (one for one in leads if one in by_kind or cause(one, valve) in still_open), None
         )
@@ -137,6 +151,14 @@ def one_per_cause(
     gone = {alert.kind for alerts in spoken_for.values() for alert in alerts}
     left = [by_kind[kind] for kind in LEADS if kind in by_kind and kind not in gone]
     return [_with_evidence(alert, spoken_for.get(alert.kind, ())) for alert in left], joined
+
+
+def _leads(alert: RaisedAlert) -> tuple[AlertKind, ...]:
+    """The kinds of alert that speak for this one where they are open."""
+    effects = set(alert.evidence.get("effects", ()))
+    if alert.kind is AlertKind.MISMATCH and effects and effects <= OF_FRICTION:
+        return (AlertKind.STICKY,)
+    return FOLLOWS.get(alert.kind, ())
 
 
 def _with_evidence(alert: RaisedAlert, beside: Sequence[RaisedAlert]) -> RaisedAlert:

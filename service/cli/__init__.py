@@ -9,6 +9,7 @@ import sys
 import typer
 
 from stemwatch.service.cli.accounts import accounts_app
+from stemwatch.service.cli.alert_trial import alert_trial
 from stemwatch.service.cli.archive import simulate_archive
 from stemwatch.service.cli.calibrate import calibrate_mismatch
 from stemwatch.service.cli.calibrate_archives import calibrate_archives
@@ -17,6 +18,7 @@ from stemwatch.service.cli.db import db_app
 from stemwatch.service.cli.demo import demo
 from stemwatch.service.cli.drift import drift
 from stemwatch.service.cli.explain import explain
+from stemwatch.service.cli.feedback import feedback
 from stemwatch.service.cli.inspect import inspect
 from stemwatch.service.cli.maintenance import maintenance
 from stemwatch.service.cli.maintenance_report import maintenance_report
@@ -24,6 +26,7 @@ from stemwatch.service.cli.miswiring import miswiring
 from stemwatch.service.cli.modbus import modbus_app
 from stemwatch.service.cli.plan_test import plan_test
 from stemwatch.service.cli.prove import prove
+from stemwatch.service.cli.prove_weeks import prove_weeks
 from stemwatch.service.cli.reproduce import reproduce
 from stemwatch.service.cli.robustness import robustness
 from stemwatch.service.cli.screen import screen
@@ -78,13 +81,16 @@ for command in (
     simulate_archive,
     demo,
     trial,
+    alert_trial,
     prove,
+    prove_weeks,
     robustness,
     miswiring,
     calibrate_mismatch,
     calibrate_archives,
     drift,
     maintenance,
+    feedback,
     maintenance_report,
     reproduce,
     serve,

@@ -47,8 +47,6 @@ def simulate_archive(
     a wide file for every eight valves. A day of a valve at 1 s takes about three seconds of one
     core and 1.5 MB of Parquet.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.simulated_archive import ArchivePlan, write_archive
@@ -67,13 +65,7 @@ def simulate_archive(
             f"{plan.loops} loops are simulated for {plan.valves} valves: each is used again, "
             "shifted in time and with fresh noise. Good for timing, not for counting verdicts."
         )
-    with Progress(console=views.err) as progress:
-        bar = progress.add_task("simulating", total=valves)
-        plant = write_archive(
-            plan,
-            folder,
-            choose_executor(workers),
-            lambda done, _: progress.update(bar, completed=done),
-        )
+    with views.progress("simulating", valves) as tell:
+        plant = write_archive(plan, folder, choose_executor(workers), lambda done, _: tell(done))
     for path in (plant, folder / "truth.json"):
         views.out.print(views.escape(str(path)), highlight=False, soft_wrap=True)

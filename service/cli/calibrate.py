@@ -36,8 +36,6 @@ def calibrate_mismatch(
     printed let through at most --share of valves, whatever the term. Seeds 4000 to 4099 are kept
     for this, so that `stemwatch prove` is blind.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.proof.draw import CALIBRATED_WITH
@@ -45,11 +43,8 @@ def calibrate_mismatch(
 
     if seed not in CALIBRATED_WITH:
         views.say(f"Seed {seed} is not one that is kept for calibration; do not prove with it.")
-    with Progress(console=views.err, transient=True) as progress:
-        bar = progress.add_task("nulls", total=cases)
-        scores = calibrate(
-            cases, seed, choose_executor(workers), lambda done: progress.update(bar, completed=done)
-        )
+    with views.progress("nulls", cases, transient=True) as tell:
+        scores = calibrate(cases, seed, choose_executor(workers), tell)
     rows, together = term_nulls(scores, t, share), common_limit(scores, t, share)
     views.out.print(_table(rows))
     views.out.print(

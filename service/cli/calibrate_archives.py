@@ -26,18 +26,13 @@ def calibrate_archives(
     PV, whose OP turns at every sample, show friction. Stored 5 s late, every 5 or 10 s or
     as averages they show how many each limit finds.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.cli.prove_tables import plain_table
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.archive_limits import limits, run_archive_limits
 
-    with Progress(console=views.err, transient=True) as progress:
-        bar = progress.add_task("valves", total=2 * valves)
-        shown = run_archive_limits(
-            valves, seed, choose_executor(workers), lambda n: progress.update(bar, completed=n)
-        )
+    with views.progress("valves", 2 * valves, transient=True) as tell:
+        shown = run_archive_limits(valves, seed, choose_executor(workers), tell)
     found = list(limits(shown))
     columns = ("limit", "nearest null", "nulls", "late or slow beyond it")
     table = plain_table(f"{valves} sticking and healthy valves, seed {seed}", ("what",), columns)

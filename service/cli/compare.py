@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.reading import given_by, read_options, request_of, tags_of
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from stemwatch.connectors.historian import ReadOptions
     from stemwatch.models.recording import Recording
     from stemwatch.models.studies.literature.scores import FitScore
     from stemwatch.service.run.plan import Request
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 PAGE = "compare.html"
 
 
+@given_by(read_options, name="options")
 def compare(
     file: Annotated[Path, typer.Argument(help="A CSV or text export of a historian.")],
     op: o.OpTag = "",
@@ -37,14 +40,8 @@ def compare(
         Path | None, typer.Option(help="Folder for a page with the models' traces.")
     ] = None,
     json_file: o.JsonFile = None,
-    zone: o.Zone = "",
-    encoding: o.Encoding = "",
-    separator: o.Separator = "",
-    decimal: o.Decimal = "",
-    day_first: o.DayFirst = None,
-    time_column: o.TimeColumn = "",
-    time_format: o.TimeFormat = "",
-    interval_s: o.Interval = None,
+    *,
+    options: ReadOptions,
 ) -> None:
     """Fit every stiction model of the literature to one valve and mark them alike.
 
@@ -52,12 +49,7 @@ def compare(
     part of the record and judged by their free run over the rest. It says which model follows, not
     whether the valve is ill: that is `stemwatch screen`.
     """
-    from stemwatch.service.cli.reading import read_options, request_of, tags_of
-
     o.need_file(file, "FILE")
-    options = read_options(
-        zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
-    )
     request = request_of([str(file)], None, tags_of(op=op, mv=mv), valve, from_, to, options)
     recording = _the_recording(request, file)
     _report(_compared(recording, train_share, narx), out, json_file)

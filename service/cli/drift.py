@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,11 +12,10 @@ from stemwatch.service.cli import options as o
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rich.progress import Progress, TaskID
     from rich.table import Table
 
     from stemwatch.models.estimate import Estimate
-    from stemwatch.service.studies.drift import Followed, ValveFate
+    from stemwatch.service.studies.drift import Followed
 
 TARGET = 0.95  # area under the curve that the indicator is meant to reach
 FALSE_ALARMS = (0.05, 0.02)  # shares of healthy valves that calibrated limits let raise an alarm
@@ -40,30 +38,19 @@ def drift(
     to S = 1.5 to 8 %. The alarm limit is calibrated on healthy valves of the next seed. About a
     minute on two idle cores.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.drift import HEALTHY, ValveFate, run_drift
 
     executor = choose_executor(workers)
-    with Progress(console=views.err) as progress:
-
-        def followed_with(own: int, ways: Sequence[ValveFate], what: str) -> list[Followed]:
-            bar = progress.add_task(what, total=valves)
-            tell = partial(_tell, progress, bar)
-            return run_drift(valves, own, executor, tell, ways)
-
-        followed = followed_with(seed, tuple(ValveFate), "valves")
-        calibration = followed_with(seed + 1, HEALTHY, "calibration")
+    with views.progress("valves", valves) as tell:
+        followed = run_drift(valves, seed, executor, tell, tuple(ValveFate))
+    with views.progress("calibration", valves) as tell:
+        calibration = run_drift(valves, seed + 1, executor, tell, HEALTHY)
     show(followed, calibration)
     if json_file is not None:
         report = {"valves": valves, "seed": seed, **as_json(followed, calibration)}
         json_file.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _tell(progress: Progress, bar: TaskID, done: int) -> None:
-    progress.update(bar, completed=done)
 
 
 def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.reading import asked_for, given_by
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,17 +23,9 @@ MOST_REASONS = 5  # of a run in which nothing could be read
 TITLE = "Where simulation and recording differ"
 
 
+@given_by(asked_for, name="request")
 def explain(
-    recording: o.Sources = None,
-    plant: o.PlantFile = None,
-    op: o.OpTag = "",
-    mv: o.MvTag = "",
-    pv: o.PvTag = "",
-    sp: o.SpTag = "",
-    mode: o.ModeTag = "",
-    valve: o.ValveName = "",
-    from_: o.From = "",
-    to: o.To = "",
+    request: Request,
     narx: Annotated[
         bool, typer.Option("--narx/--no-narx", help="Train the network that gives the ceiling.")
     ] = True,
@@ -41,27 +34,12 @@ def explain(
     ] = None,
     json_file: o.JsonFile = None,
     workers: o.Workers = None,
-    zone: o.Zone = "",
-    encoding: o.Encoding = "",
-    separator: o.Separator = "",
-    decimal: o.Decimal = "",
-    day_first: o.DayFirst = None,
-    time_column: o.TimeColumn = "",
-    time_format: o.TimeFormat = "",
-    interval_s: o.Interval = None,
 ) -> None:
     """Say where S and J alone fail a recording, which physics they leave out, and by how much.
 
     The residual is located, the effect named from a catalogue or left as candidates, the extended
     model fitted, and S and J restated with it. What the recording could not have shown is said.
     """
-    from stemwatch.service.cli.reading import read_options, request_of, tags_of
-
-    options = read_options(
-        zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
-    )
-    tags = tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode)
-    request = request_of(recording, plant, tags, valve, from_, to, options)
     _report(_explained(request, narx, workers), request, out, json_file)
 
 
@@ -84,19 +62,16 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
 def _worked(
     wanted: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
 ) -> list[Explained]:
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
     from stemwatch.service.explain.explained import Job, explain_one
 
     jobs = [Job(asked=task, narx=narx, limits=limits) for task in wanted]
     done: dict[int, Explained] = {}
-    with Progress(console=views.err, transient=True) as progress:
-        bar = progress.add_task("explaining", total=len(jobs))
+    with views.progress("explaining", len(jobs), transient=True) as tell:
         for place, explained in map_items(choose_executor(workers), explain_one, jobs):
             done[place] = explained
-            progress.update(bar, advance=1)
+            tell(len(done))
     return [done[place] for place in sorted(done)]
 
 

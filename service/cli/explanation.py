@@ -15,7 +15,12 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.service.cli import views
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.finding import PresentedEffect, present_effects
-from stemwatch.service.presenter.physics_words import FINDING_SYMBOL, effect_name, effect_names
+from stemwatch.service.presenter.physics_words import (
+    FINDING_SYMBOL,
+    effect_name,
+    effect_names,
+    left_to_tell,
+)
 from stemwatch.service.presenter.wording import (
     beyond,
     figure,
@@ -79,6 +84,8 @@ def _sentences(mismatch: Mismatch) -> Iterator[str]:
             yield f"[dim]Where[/]  {views.escape(place.sentence)}"
     for effect in present_effects(mismatch):
         yield from _effect(effect, mismatch.sentence)
+    if told := left_to_tell(mismatch):
+        yield f"[dim]Test[/]  {views.escape(told)}"
     if mismatch.not_testable:
         names = views.escape(effect_names(untestable.slug for untestable in mismatch.not_testable))
         yield f"[dim]Not testable here: {names}[/]"

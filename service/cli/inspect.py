@@ -8,26 +8,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.reading import given_by, read_options
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian import HistorianFile
+    from stemwatch.connectors.historian import HistorianFile, ReadOptions
 
 
+@given_by(read_options, name="options")
 def inspect(
     file: Annotated[Path, typer.Argument(help="A CSV or text export of a historian.")],
-    zone: o.Zone = "",
-    encoding: o.Encoding = "",
-    separator: o.Separator = "",
-    decimal: o.Decimal = "",
-    day_first: o.DayFirst = None,
-    time_column: o.TimeColumn = "",
-    time_format: o.TimeFormat = "",
-    interval_s: o.Interval = None,
     json_file: o.JsonFile = None,
     write: Annotated[
         Path | None,
         typer.Option(help="Write the proposed plant file here, unless it is there already."),
     ] = None,
+    *,
+    options: ReadOptions,
 ) -> None:
     """Show what is understood of an export, and propose a mapping for plant.toml.
 
@@ -45,17 +41,13 @@ def inspect(
 
     from stemwatch.connectors.historian import HistorianFile
     from stemwatch.service.cli import views
-    from stemwatch.service.cli.reading import read_options
 
     o.need_file(file, "FILE")
     if write is not None and write.exists():
         raise typer.BadParameter(
             f"{write} exists and is not overwritten; name another file", param_hint="--write"
         )
-    chosen = read_options(
-        zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
-    )
-    source = HistorianFile(file, chosen)
+    source = HistorianFile(file, options)
     seen = source.inspect()
     for table in views.inspection_tables(seen):
         views.out.print(table)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,15 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from stemwatch.service.studies.miswiring import WiringRow
-
-DEVELOPED_WITH = (
-    5151,
-    6161,
-    7171,
-    8181,
-    8383,
-    9393,
-)  # seeds that were looked at in making the checks
 
 
 def miswiring(
@@ -43,33 +32,16 @@ def miswiring(
     OP, clocks minutes apart. Wrong is sticky or watch for a healthy valve, healthy for a sticking
     one; confidently wrong with a confidence of 0.8 or more.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.miswiring import KINDS, rows, run_miswiring
 
-    if seed in DEVELOPED_WITH:
-        views.say(f"Seed {seed} was looked at while the checks were made: this is not blind.")
-    kinds = [name for name in KINDS if not kind or any(part in name for part in kind)]
-    if not kinds:
-        raise typer.BadParameter(
-            f"no kind holds {', '.join(kind or ())}; there are: {'; '.join(KINDS)}",
-            param_hint="--kind",
-        )
-    with Progress(console=views.err) as progress:
-        bar = progress.add_task("recordings", total=loops * len(kinds))
-        answers = run_miswiring(
-            loops,
-            seed,
-            kinds,
-            choose_executor(workers),
-            lambda done: progress.update(bar, completed=done),
-        )
+    kinds = o.names_that_hold(kind, KINDS, "--kind", "kind")
+    views.say_if_not_blind(seed)
+    with views.progress("recordings", loops * len(kinds)) as tell:
+        answers = run_miswiring(loops, seed, kinds, choose_executor(workers), tell)
     _print(list(rows(answers)))
-    if json_file is not None:
-        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
-        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    views.write_answers(answers, json_file)
 
 
 def _print(rows: Sequence[WiringRow]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
@@ -97,6 +98,20 @@ def _zone(zone: str) -> ZoneInfo:
         raise typer.BadParameter(
             f"{zone!r} is not an IANA zone name such as Europe/Berlin", param_hint="--zone"
         ) from error
+
+
+def names_that_hold(
+    parts: list[str] | None, names: Iterable[str], option: str, noun: str
+) -> list[str]:
+    """The ``names`` that hold one of ``parts``, all of them where none is given. Raises
+    ``typer.BadParameter`` where no name does."""
+    held = [name for name in names if not parts or any(part in name for part in parts)]
+    if not held:
+        raise typer.BadParameter(
+            f"no {noun} holds {', '.join(parts or ())}; there are: {'; '.join(names)}",
+            param_hint=option,
+        )
+    return held
 
 
 def need_file(path: Path, option: str) -> Path:

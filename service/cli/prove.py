@@ -14,7 +14,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from stemwatch.models.studies.simulator.hidden import HiddenCase
     from stemwatch.service.executors import Executor
@@ -95,7 +95,7 @@ def _trial(
     from stemwatch.service.studies.proof.draw import write_cases
     from stemwatch.service.studies.proof.rates import score
 
-    with _progress("simulating", len(drawn)) as tell:
+    with views.progress("simulating", len(drawn)) as tell:
         sealed = write_cases(drawn, seed, folder, executor, tell)
     views.out.print(
         f"Truth of {len(drawn)} cases sealed, SHA-256 {sealed.digest}",
@@ -103,20 +103,9 @@ def _trial(
         soft_wrap=True,
     )
     files = sorted(path.name for path in folder.iterdir())
-    with _progress("judging", len(files)) as tell:
+    with views.progress("judging", len(files)) as tell:
         said = judge(folder, files, executor, tell, options)
     return sealed, score(sealed.open(), said)
-
-
-@contextmanager
-def _progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
-    from rich.progress import Progress
-
-    from stemwatch.service.cli import views
-
-    with Progress(console=views.err, transient=True) as progress:
-        bar = progress.add_task(what, total=total)
-        yield lambda done: progress.update(bar, completed=done)
 
 
 def _report(marks: Sequence[CaseMark], sealed: Seal, seed: int, json_file: Path | None) -> None:

@@ -1,34 +1,77 @@
-"""From command-line options to the ``Request`` of a run: reading options, plant, tags, window."""
+"""The options that several commands share, made into what they mean: how files are read, and the
+``Request`` of a run."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+# Typer needs the annotations themselves, so they are not put off here; what is slow to import is
+# named in quotes.
+import inspect
+from collections.abc import Callable, Sequence
+from functools import wraps
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 import typer
 
-from stemwatch.connectors.historian import ReadOptions
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
+    from stemwatch.connectors.connector import Window
+    from stemwatch.connectors.historian import ReadOptions
     from stemwatch.models.recording import Role
     from stemwatch.service.config import Plant
     from stemwatch.service.run.plan import Request
 
+Command = Callable[..., Any]
+
+
+def given_by(make: Callable[..., Any], *, name: str) -> Callable[[Command], Command]:
+    """A command whose argument ``name`` is what ``make`` makes of its own arguments: these are the
+    options that the command line shows in its place."""
+    shared = inspect.signature(make).parameters
+
+    def with_options(command: Command) -> Command:
+        own = inspect.signature(command).parameters
+        seen = {option: parameter.annotation for option, parameter in own.items() if option != name}
+        hints = get_type_hints(
+            SimpleNamespace(__annotations__=seen), command.__globals__, include_extras=True
+        )
+        options: list[inspect.Parameter] = []
+        for option, parameter in own.items():
+            options += shared.values() if option == name else [parameter]
+
+        @wraps(command)
+        def run(**given: Any) -> Any:
+            made = make(**{option: given.pop(option) for option in shared})
+            return command(**{name: made}, **given)
+
+        run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+            [
+                option.replace(
+                    kind=inspect.Parameter.KEYWORD_ONLY,
+                    annotation=hints.get(option.name, option.annotation),
+                )
+                for option in options
+            ]
+        )
+        run.__annotations__ = {}
+        return run
+
+    return with_options
+
 
 def read_options(
-    zone: str,
-    encoding: str,
-    separator: str,
-    decimal: str,
-    day_first: bool | None,
-    time_column: str,
-    time_format: str,
-    interval_s: float | None,
-) -> ReadOptions:
+    zone: o.Zone = "",
+    encoding: o.Encoding = "",
+    separator: o.Separator = "",
+    decimal: o.Decimal = "",
+    day_first: o.DayFirst = None,
+    time_column: o.TimeColumn = "",
+    time_format: o.TimeFormat = "",
+    interval_s: o.Interval = None,
+) -> "ReadOptions":
     """The reading options; an empty text means "decide from the file"."""
+    from stemwatch.connectors.historian import ReadOptions
+
     named: dict[str, Any] = {
         "zone": zone,
         "encoding": encoding,
@@ -44,15 +87,36 @@ def read_options(
         raise typer.BadParameter(str(error)) from error
 
 
+@given_by(read_options, name="options")
+def asked_for(
+    source: o.Sources = None,
+    plant: o.PlantFile = None,
+    op: o.OpTag = "",
+    mv: o.MvTag = "",
+    pv: o.PvTag = "",
+    sp: o.SpTag = "",
+    mode: o.ModeTag = "",
+    valve: o.ValveName = "",
+    from_: o.From = "",
+    to: o.To = "",
+    *,
+    options: "ReadOptions",
+) -> "Request":
+    """The request of a command that reads recordings."""
+    return request_of(
+        source, plant, tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode), valve, from_, to, options
+    )
+
+
 def request_of(
     sources: Sequence[str] | None,
     plant: Path | None,
-    tags: dict[Role, str],
+    tags: "dict[Role, str]",
     valve: str,
     from_: str,
     to: str,
-    options: ReadOptions,
-) -> Request:
+    options: "ReadOptions",
+) -> "Request":
     """The request of a command; window times without offset are in the zone of the options, else
     in that of the plant, else in UTC."""
     from stemwatch.service.run.plan import Request
@@ -69,7 +133,7 @@ def request_of(
     )
 
 
-def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> Plant | None:
+def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> "Plant | None":
     """The plant file, or ``None`` where only sources are given; neither is wrong usage."""
     from stemwatch.service.config import load_plant
 
@@ -80,7 +144,7 @@ def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> Plant | No
     return load_plant(o.need_file(plant, "--plant"))
 
 
-def tags_of(**named: str):  # type: ignore[no-untyped-def]  # Role is imported late, with numpy
+def tags_of(**named: str) -> "dict[Role, str]":
     """The given tags by role; without OP the usage is wrong."""
     from stemwatch.models.recording import Role
 
@@ -93,7 +157,7 @@ def tags_of(**named: str):  # type: ignore[no-untyped-def]  # Role is imported l
     return tags
 
 
-def window_of(from_: str, to: str, zone: str):  # type: ignore[no-untyped-def]
+def window_of(from_: str, to: str, zone: str) -> "Window":
     """The window between two times; one that ends before it begins is wrong usage."""
     from stemwatch.connectors.connector import Window
 

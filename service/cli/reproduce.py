@@ -39,8 +39,6 @@ def reproduce(
     seeds; then every network is run on inputs it was not trained on. The same number of seeds gives
     the same result twice. About two minutes on two cores.
     """
-    from rich.progress import Progress
-
     from stemwatch.models.studies.reproduction.cases import CASES
     from stemwatch.models.studies.reproduction.study import StudyTask
     from stemwatch.models.studies.reproduction.study import study as study_case
@@ -49,11 +47,10 @@ def reproduce(
 
     tasks = [StudyTask(case=case, seeds=seeds) for case in CASES]
     finished: dict[int, CaseResult] = {}
-    with Progress(console=views.err) as progress:
-        bar = progress.add_task("cases", total=len(tasks))
+    with views.progress("cases", len(tasks)) as tell:
         for place, result in map_items(choose_executor(workers), study_case, tasks):
             finished[place] = result
-            progress.update(bar, completed=len(finished))
+            tell(len(finished))
     results = [finished[place] for place in sorted(finished)]
     show(results, seeds)
     if json_file is not None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,15 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from stemwatch.service.studies.robustness import Row
-
-DEVELOPED_WITH = (
-    5151,
-    6161,
-    7171,
-    8181,
-    8383,
-    9393,
-)  # seeds that were looked at while the method was made
 
 
 def robustness(
@@ -43,33 +32,16 @@ def robustness(
     clocks, coarse steps, averages, slow and compressed archives. Nothing is hidden in them, so
     every effect that is named counts as an error.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.robustness import WAYS, rows, run_robustness
 
-    if seed in DEVELOPED_WITH:
-        views.say(f"Seed {seed} was looked at while the method was made: this is not blind.")
-    ways = [name for name in WAYS if not way or any(part in name for part in way)]
-    if not ways:
-        raise typer.BadParameter(
-            f"no way holds {', '.join(way or ())}; there are: {'; '.join(WAYS)}",
-            param_hint="--way",
-        )
-    with Progress(console=views.err) as progress:
-        bar = progress.add_task("recordings", total=2 * valves * len(ways))
-        answers = run_robustness(
-            valves,
-            seed,
-            ways,
-            choose_executor(workers),
-            lambda done: progress.update(bar, completed=done),
-        )
+    ways = o.names_that_hold(way, WAYS, "--way", "way")
+    views.say_if_not_blind(seed)
+    with views.progress("recordings", 2 * valves * len(ways)) as tell:
+        answers = run_robustness(valves, seed, ways, choose_executor(workers), tell)
     _print(list(rows(answers)))
-    if json_file is not None:
-        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
-        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    views.write_answers(answers, json_file)
 
 
 def _print(rows: Sequence[Row]) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.reading import asked_for, given_by
 
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
@@ -18,17 +19,9 @@ if TYPE_CHECKING:
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
 
 
+@given_by(asked_for, name="request")
 def screen(
-    source: o.Sources = None,
-    plant: o.PlantFile = None,
-    op: o.OpTag = "",
-    mv: o.MvTag = "",
-    pv: o.PvTag = "",
-    sp: o.SpTag = "",
-    mode: o.ModeTag = "",
-    valve: o.ValveName = "",
-    from_: o.From = "",
-    to: o.To = "",
+    request: Request,
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("stemwatch-report"),
     db: Annotated[
         str, typer.Option(help="Database URL; without it the plant's, else a file in --out.")
@@ -42,14 +35,6 @@ def screen(
     new_baseline: Annotated[
         bool, typer.Option("--new-baseline", help="Make this window each valve's baseline.")
     ] = False,
-    zone: o.Zone = "",
-    encoding: o.Encoding = "",
-    separator: o.Separator = "",
-    decimal: o.Decimal = "",
-    day_first: o.DayFirst = None,
-    time_column: o.TimeColumn = "",
-    time_format: o.TimeFormat = "",
-    interval_s: o.Interval = None,
 ) -> None:
     """Fit every valve of an export and leave a report: HTML, CSV, XLSX and JSON.
 
@@ -57,13 +42,6 @@ def screen(
     and --op the roles are taken from tags and descriptions where they leave no doubt. Screening
     the same window twice updates what is stored.
     """
-    from stemwatch.service.cli.reading import read_options, request_of, tags_of
-
-    options = read_options(
-        zone, encoding, separator, decimal, day_first, time_column, time_format, interval_s
-    )
-    tags = tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode)
-    request = request_of(source, plant, tags, valve, from_, to, options)
     screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
     if fail_on is not None and _is_found(fail_on, screenings):
         raise typer.Exit(1)

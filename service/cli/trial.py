@@ -37,23 +37,14 @@ def trial(
     balance. What is screened sees the recordings only. The intervals of S and J were calibrated
     with seed 11, which is not the default.
     """
-    from rich.progress import Progress
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.trial import run_trial
 
     if seed == CALIBRATED_WITH:
         views.say("Seed 11 is the one that intervals were calibrated with: these are not blind.")
-    with Progress(console=views.err) as progress:
-        bar = progress.add_task("valves", total=loops + loops // 2)
-        marked = run_trial(
-            loops,
-            seed,
-            choose_executor(workers),
-            lambda done: progress.update(bar, completed=done),
-            narx=narx,
-        )
+    with views.progress("valves", loops + loops // 2) as tell:
+        marked = run_trial(loops, seed, choose_executor(workers), tell, narx=narx)
     _print(marked)
     if json_file is not None:
         _write(marked, json_file)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
@@ -25,6 +27,7 @@ from stemwatch.models.verdict import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
@@ -33,6 +36,11 @@ if TYPE_CHECKING:
     from stemwatch.service.store.administration.backup_file import TableDigest
     from stemwatch.service.store.administration.check import DatabaseHealth
     from stemwatch.service.store.administration.prune import Pruned
+    from stemwatch.service.studies.miswiring import WiringAnswer
+    from stemwatch.service.studies.robustness import StudyAnswer
+
+# Seeds that were looked at while the method was made.
+DEVELOPED_WITH = (5151, 6161, 7171, 8181, 8383, 9393)
 
 out = Console()
 err = Console(stderr=True)
@@ -47,7 +55,7 @@ STYLE = {
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
 LONGEST_TAG = 24  # characters of a tag that stay on one line
 NAMED = 6  # valves that are named for one reason
-NARROW = 76  # below this only what matters most
+NARROW, MIDDLE = 76, 100  # below these only what matters most, and what has room beside it
 SHOWN = 40  # lines of the summary; the report has all
 
 # Control characters, and the format characters that reverse or hide letters.
@@ -76,6 +84,21 @@ def say(text: str) -> None:
     err.print(escape(text), highlight=False)
 
 
+def say_if_not_blind(seed: int) -> None:
+    """Say so where valves of this seed were looked at while the method was made."""
+    if seed in DEVELOPED_WITH:
+        say(f"Seed {seed} was looked at while the method was made: this is not blind.")
+
+
+def write_answers(
+    answers: Sequence[WiringAnswer] | Sequence[StudyAnswer], json_file: Path | None
+) -> None:
+    """The answers of a study, dataclasses with a ``verdict``, as JSON, where a file is named."""
+    if json_file is not None:
+        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
+        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+
+
 def say_result(text: str) -> None:
     """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)
@@ -102,6 +125,15 @@ def verdict_line(screening: Screening) -> str:
 
 
 @contextmanager
+def progress(what: str, total: int, *, transient: bool = False) -> Iterator[Callable[[int], None]]:
+    """A progress bar; gives what is told how many of ``total`` are done. A transient one leaves no
+    line."""
+    with Progress(console=err, transient=transient) as shown:
+        bar = shown.add_task(what, total=total)
+        yield lambda done: shown.update(bar, completed=done)
+
+
+@contextmanager
 def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], None]]:
     """A progress bar with rate and time left, and a line for each sticky or watched valve."""
     columns = (
@@ -115,14 +147,14 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err) as progress:
-        bar = progress.add_task("screening", total=total, rate="")
+    with Progress(*columns, console=err) as shown:
+        bar = shown.add_task("screening", total=total, rate="")
 
         def tell(screening: Screening, done: int, of: int) -> None:
-            elapsed = progress.tasks[0].elapsed or 1e-9
-            progress.update(bar, completed=done, total=of, rate=f"{done / elapsed:.1f}/s")
+            elapsed = shown.tasks[0].elapsed or 1e-9
+            shown.update(bar, completed=done, total=of, rate=f"{done / elapsed:.1f}/s")
             if is_final(screening) and screening.verdict in (Verdict.STICKY, Verdict.WATCH):
-                progress.console.print(verdict_line(screening), highlight=False)
+                shown.console.print(verdict_line(screening), highlight=False)
 
         yield tell
 
@@ -148,16 +180,19 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table.add_column("", justify="right")
     table.add_column("valve", overflow="fold")  # names must not be cut
     table.add_column("verdict", no_wrap=True, min_width=len(Verdict.UNDETERMINED))
-    for name in ("S, %", "J, %"):
-        table.add_column(name, justify="right")
-    for name in () if narrow else ("maintenance", "shape", "data"):
+    numbers = [_number(one) for v in ranking[:SHOWN] for one in (v.screening.S, v.screening.J)]
+    longest = max((len(part) for text in numbers for part in text.split(" ")), default=0)
+    for name in ("S, %", "J, %"):  # an interval that is cut is none
+        table.add_column(name, justify="right", min_width=longest)
+    aside = () if narrow else ("maintenance", "shape", "data")[: 1 if out.width < MIDDLE else 3]
+    for name in aside:
         table.add_column(name, no_wrap=True)
     if wide:  # in a narrow terminal the sentence would stand in a column of single words
         table.add_column("why")
     for valve in ranking[:SHOWN]:
         screening = valve.screening
         shape = screening.shape.value if screening.shape else ""
-        beside = () if narrow else (valve.decision.state.value, shape, screening.quality.grade)
+        beside = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
         table.add_row(
             str(valve.rank),
             escape(screening.valve),

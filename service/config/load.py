@@ -170,6 +170,7 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
         sources=reading.sources,
         valves=reading.valves,
         limits=limits,
+        named_limits=frozenset(top.limits),
         storage=storage_address(top.storage.url, file, variables),
         problems=tuple(reading.problems),
         devices=reading.devices,

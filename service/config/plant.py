@@ -46,6 +46,7 @@ class Plant:
     schedules: tuple[ScreeningSchedule, ...] = ()
     notifiers: Mapping[str, NotifierTable] = field(default_factory=dict)
     alerts: AlertRules = field(default_factory=AlertRules)
+    named_limits: frozenset[str] = frozenset()  # that stand in the file, whatever their value
     service: ServiceSection = field(default_factory=ServiceSection)
 
     def is_live(self, valve: str | Valve) -> bool:

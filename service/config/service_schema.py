@@ -16,6 +16,11 @@ from stemwatch.service.store.runs.schedule import ScreeningSchedule
 NOTIFIERS = "stemwatch.notifiers"
 Severity = Literal["high", "medium", "low"]
 SHORTEST_S = 10.0
+# Headers that say something else, or that clients and browsers fill by themselves.
+_NEVER_A_USER = frozenset(
+    ("authorization", "cookie", "host", "origin", "referer", "user-agent", "x-forwarded-for")
+)
+MOST_PROXIES = 256  # addresses from which a request may name its user
 _HOST_AND_PORT = re.compile(r"[^/\s]+:\d+")
 
 
@@ -179,6 +184,16 @@ class ServiceSection(TomlTable):
         default=[],
         description='a list of addresses or networks of proxies, such as ["127.0.0.1"]',
     )
+    user_header: Annotated[str, Field(pattern=r"^(|[A-Za-z][A-Za-z0-9-]*)$")] = Field(
+        default="",
+        description="the header in which trusted_proxies name who is signed in, such as "
+        '"X-Remote-User"',
+    )
+    user_header_role: Literal["", "viewer", "engineer"] = Field(
+        default="",
+        description='the role of those who are no users yet: "viewer", "engineer", or "" to '
+        "refuse them",
+    )
     spool: Name = Field(
         default="stemwatch-spool", description="a folder, relative to the plant file"
     )
@@ -191,6 +206,7 @@ class ServiceSection(TomlTable):
     report_valves: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=100, description="a whole number of valves, 1 to 1000"
     )
+    networks: bool = Field(default=True, description="true or false")
     keep_samples_days: Positive = Field(default=90.0, description="days, above 0")
     window_s: Positive = Field(
         default=86400.0, description="seconds of recording that a run looks at, above 0"
@@ -202,6 +218,25 @@ class ServiceSection(TomlTable):
     valve_timeout_s: Annotated[float, Field(ge=1)] = Field(
         default=120.0, description="seconds, 1 or more"
     )
+
+    @model_validator(mode="after")
+    def _explicit_proxies(self) -> Self:
+        """Whoever may name the user of a request must be named, machine by machine."""
+        if not self.user_header:
+            if self.user_header_role:
+                raise contradiction(("user_header_role",), "no user_header", "user_header as well")
+            return self
+        if self.user_header.lower() in _NEVER_A_USER:
+            expected = "a header of its own, such as X-Remote-User"
+            raise contradiction(("user_header",), repr(self.user_header), expected)
+        if not self.trusted_proxies:
+            expected = "trusted_proxies as well: who else could say who is signed in"
+            raise contradiction(("user_header",), "no trusted_proxies", expected)
+        for text in self.trusted_proxies:
+            if ip_network(text).num_addresses > MOST_PROXIES:
+                expected = f"the proxy's own address, or a network of at most {MOST_PROXIES}"
+                raise contradiction(("trusted_proxies",), repr(text), expected)
+        return self
 
     @model_validator(mode="after")
     def _known_executor(self) -> Self:

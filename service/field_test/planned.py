@@ -10,7 +10,6 @@ from stemwatch.models.field_test.plan import FieldTestPlan, PlanKind, plan_test
 from stemwatch.models.field_test.programme import TestLimits
 from stemwatch.models.mismatch import identifiability
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.work_decision import NO_POSITION, kinds_of
@@ -47,12 +46,6 @@ def plan_of_screening(
     return _without_position(plan) if NO_POSITION in kinds else plan
 
 
-def could_be_planned(screening: Screening) -> bool:
-    """Whether a test may be of use: something is left open, or there is no verdict."""
-    question = None if screening.mismatch is None else screening.mismatch.open_question
-    return bool(rivals_of(question)) or screening.verdict is Verdict.UNDETERMINED
-
-
 class KeptPlans:
     """Plans from a store. Each takes seconds, so those that were asked for last are kept; a new
     screening of a valve is planned anew."""
@@ -80,8 +73,3 @@ class KeptPlans:
             while len(self._kept) > self._most:
                 self._kept.popitem(last=False)
             return plan
-
-
-def rivals_of(question: OpenQuestion | None) -> tuple[str, ...]:
-    """What a question leaves open; empty where nothing is."""
-    return question.rivals if question is not None and len(question.models) > 1 else ()

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from stemwatch.models.field_advice import IsolationLevel
-from stemwatch.models.field_test.design import DesignedTest
+from stemwatch.models.field_test.design import REPLICATES, DesignedTest
 from stemwatch.models.field_test.plan import FREE, STICKS, STICKY, FieldTestPlan, PlanKind
 from stemwatch.models.field_test.programme import Programme
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.service.presenter.physics_words import effect_name
+from stemwatch.service.presenter.physics_words import joined, rival_names
 from stemwatch.service.presenter.wording import finite
 
 VERSION = 1
@@ -21,9 +21,7 @@ LAST_WORD = "stemwatch never writes to a plant: a person sets OP."
 LOOKS = 4  # instants at which the rivals' readings are given
 LOOK_S = 4.0  # either way, for which the readings stay apart
 LEAST_APART_S = 20.0  # between two of them
-ALONE = "S and J alone"
 NAMES = {
-    "": ALONE,
     FREE: "a stem that moves freely",
     STICKS: f"a stem that sticks, with S of {STICKY[0]:g} %",
 }
@@ -124,14 +122,7 @@ class TestSheet:
 
 def rival_name(slug: str) -> str:
     """A rival as people say it."""
-    return NAMES.get(slug) or effect_name(slug)
-
-
-def joined(names: tuple[str, ...], word: str = "and") -> str:
-    """``a, b and c``."""
-    if len(names) < 2:
-        return "".join(names)
-    return f"{', '.join(names[:-1])} {word} {names[-1]}"
+    return NAMES.get(slug) or rival_names([slug])[0]
 
 
 def clock(seconds: float) -> str:
@@ -182,7 +173,7 @@ def sheet_of(plan: FieldTestPlan, valve: str) -> TestSheet:
 
 def _headline(plan: FieldTestPlan, test: DesignedTest, names: tuple[str, ...]) -> str:
     minutes = test.programme.duration_s / 60.0
-    share = f"{100.0 * test.probability:.0f} %"
+    share = sureness(test)
     low, high = float(test.change.min()), float(test.change.max())
     where = (
         f"in {minutes:.0f} minutes with OP between {plan.op + low:.1f} and {plan.op + high:.1f} %"
@@ -197,6 +188,15 @@ def _headline(plan: FieldTestPlan, test: DesignedTest, names: tuple[str, ...]) -
         f"The right one of {joined(names)} is found with a probability of {share}, {where}; each "
         "is taken to be as likely as the others."
     )
+
+
+def sureness(test: DesignedTest) -> str:
+    """The probability in words; where every answer that was drawn went to the right one, what the
+    number of draws allows to say (rule of three, 95 %)."""
+    drawn = REPLICATES * len(test.models)
+    if test.probability > 1.0 - 0.5 / drawn:
+        return f"more than {100.0 * (1.0 - 3.0 / drawn):.0f} %"
+    return f"{100.0 * test.probability:.0f} %"
 
 
 def _remarks(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
@@ -240,7 +240,7 @@ def _wider(plan: FieldTestPlan) -> Iterator[str]:
         return
     yield (
         f"A test of ±{wider.amplitude:g} % in {wider.duration_s / 60.0:g} minutes would, with a "
-        f"probability of {100.0 * (plan.wider_probability or 0.0):.0f} % "
+        f"probability of about {100.0 * min(plan.wider_probability or 0.0, 0.95):.0f} % "
         f"(--amplitude {wider.amplitude:g} --minutes {wider.duration_s / 60.0:g})."
     )
 

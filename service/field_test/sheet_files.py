@@ -58,7 +58,6 @@ def said(outcome: RivalOutcome) -> str:
 def html_of(sheet: TestSheet, context: ReportContext) -> bytes:
     """The page as UTF-8. There is no script in it, and its policy allows none."""
     env = environment(context, resource)
-    env.filters["capitalize_first"] = first_letter_large
     page = env.get_template("test_plan.html")
     text = page.render(
         context=context, signed=SIGNED, styles=Markup(resource("test_plan.css")), **shown(sheet)

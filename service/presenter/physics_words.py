@@ -90,6 +90,33 @@ def parameter_name(name: str, slug: str = "") -> str:
     return PARAMETERS.get(f"{slug}.{name}") or PARAMETERS.get(name) or effect_name(name)
 
 
+ALONE = "S and J alone"
+
+
+def rival_names(slugs: Iterable[str]) -> tuple[str, ...]:
+    """Rival models as people say them; the empty slug is S and J alone."""
+    return tuple(effect_name(slug) or ALONE for slug in slugs)
+
+
+def joined(names: tuple[str, ...], word: str = "and") -> str:
+    """``a, b and c``."""
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} {word} {names[-1]}"
+
+
+def left_to_tell(mismatch: Mismatch) -> str:
+    """That a test could tell what the recording left open, and which command plans it; empty where
+    nothing is left."""
+    question = mismatch.open_question
+    if question is None or len(question.models) < 2:
+        return ""
+    return (
+        f"A test of some minutes may tell {joined(rival_names(question.rivals))} apart: "
+        "`stemwatch plan-test` plans it."
+    )
+
+
 def effect_names(slugs: Iterable[str]) -> str:
     """Several slugs in one line."""
     return ", ".join(effect_name(slug) for slug in slugs)

@@ -193,6 +193,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "effect_name": mismatch_words.effect_name,
         "parameter_name": mismatch_words.parameter_name,
         "effect_names": mismatch_words.effect_names,
+        "left_to_tell": mismatch_words.left_to_tell,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],

@@ -99,6 +99,7 @@ class Run:
     new_baseline: bool = False  # make this window each valve's baseline, whatever there was
     queued: bool = False
     shown: int | None = None
+    networks: bool = True  # train the valves' networks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +159,8 @@ def _screened(
     run: Run, tasks: Sequence[Task], stop: threading.Event
 ) -> Iterator[list[Outcome[Task, tuple[Screening, ValvePlots]]]]:
     batches = make_batches(tasks, run.executor.workers)
-    return outcomes(run.executor, partial(screen_packed, run.limits, os.getcwd()), batches, stop)
+    work = partial(screen_packed, run.limits, os.getcwd(), networks=run.networks)
+    return outcomes(run.executor, work, batches, stop)
 
 
 def make_batches(tasks: Sequence[Task], workers: int) -> list[tuple[Task, ...]]:

@@ -10,12 +10,13 @@ import os
 import shutil
 import threading
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 
 from stemwatch.connectors.connector import Window
 from stemwatch.service.config import Plant
+from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.executors import Executor, ExecutorUnavailable, choose_executor
 from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.run.engine import continue_queued
@@ -102,18 +103,21 @@ class QueueWorker:
         return True
 
     def _work_on(self, stored: StoredRun, halt: threading.Event, heart: _Heartbeat) -> None:
+        limits = limits_in_force(self._plant, self._store.browser_settings.limits())
+        plant = replace(self._plant, limits=limits)
         run = Run(
             store=self._store,
             number=stored.id,
             started=stored.started,
             executor=self._executor(),
             out=self._plant.beside(self._plant.service.reports) / f"{_PREFIX}{stored.id:06d}",
-            plant=self._plant,
-            limits=self._plant.limits,
+            plant=plant,
+            limits=plant.limits,
             command=f"run {stored.id}" + (f" of {stored.schedule}" if stored.schedule else ""),
             zone=self._plant.zone or "UTC",
             queued=True,
             shown=self._plant.service.report_valves,
+            networks=self._plant.service.networks,
         )
 
         def on_valve_done(valve: str, given_up: str) -> None:
@@ -125,7 +129,7 @@ class QueueWorker:
                 log.warning(text, stored.id, valve, given_up, extra=about)
             self._store.queue.mark(stored.id, valve, state, given_up)
 
-        executed, not_read = continue_queued(run, self._pending(stored), halt, on_valve_done)
+        executed, not_read = continue_queued(run, self._pending(stored, plant), halt, on_valve_done)
         if halt.is_set():
             self._stopped(stored, heart)
             return
@@ -145,13 +149,13 @@ class QueueWorker:
         timeout_s = service.valve_timeout_s
         return choose_executor(workers, service.executor, item_timeout_s=timeout_s, isolated=True)
 
-    def _pending(self, stored: StoredRun) -> Request:
+    def _pending(self, stored: StoredRun, plant: Plant) -> Request:
         """The pending valves of the run as a request; the same in every process.
 
         A run without a window reads whole files, and samples in the store as far back as
         ``[service] window_s`` says.
         """
-        plant, store = self._plant, self._store
+        store = self._store
         store.save_valves(plant.valves.values())
         pending = store.queue.plan(stored.id, self._valves(stored), plant.settings_digest)
         for valve in pending:

@@ -144,7 +144,7 @@ def _connector(task: Task) -> Connector:
 
 
 def screen_packed(
-    limits: Limits, folder: str, tasks: Sequence[Task]
+    limits: Limits, folder: str, tasks: Sequence[Task], *, networks: bool = True
 ) -> list[tuple[Screening, ValvePlots]]:
     """``screen_tasks`` with plots instead of samples in the results, which makes them small enough
     to send to another process.
@@ -154,7 +154,7 @@ def screen_packed(
     from stemwatch.service.report.charts.valve_plots import plots_instead_of_samples
 
     _change_to(folder)
-    screenings = screen_tasks(tasks, limits)
+    screenings = screen_tasks(tasks, limits, networks=networks)
     screened = []
     while screenings:  # releases the samples of one valve before plotting the next
         screened.append(plots_instead_of_samples(screenings.pop(0)))
@@ -185,10 +185,12 @@ def _change_to(folder: str) -> None:
         os.chdir(folder)
 
 
-def screen_tasks(tasks: Sequence[Task], limits: Limits) -> list[Screening]:
+def screen_tasks(
+    tasks: Sequence[Task], limits: Limits, *, networks: bool = True
+) -> list[Screening]:
     """A screening for each task, in order; for one that cannot be read, with the reason.
 
-    The networks of tasks that are done together are trained together.
+    The ``networks`` of tasks that are done together are trained together.
     """
     from stemwatch.models.screening import Case, Options, screen
 
@@ -199,7 +201,7 @@ def screen_tasks(tasks: Sequence[Task], limits: Limits) -> list[Screening]:
         results.append(case if isinstance(case, Screening) else None)
         if not isinstance(case, Screening):
             cases.append(case)
-    screened = iter(screen(cases, Options(limits=limits)))
+    screened = iter(screen(cases, Options(limits=limits, narx=networks)))
     return [result if result is not None else next(screened) for result in results]
 
 

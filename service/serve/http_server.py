@@ -15,9 +15,11 @@ from typing import Any
 
 import h11
 import uvicorn
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from stemwatch.service.logs import OnceAMinute
+from stemwatch.service.web.auth.peer import keeping_peer
 
 log = logging.getLogger(__name__)
 
@@ -57,15 +59,16 @@ def http_server(app: Any, *, lifespan: bool = True, proxies: Sequence[str] = ())
     limit = connection_limit()
     for name in ("uvicorn.error", "asyncio", __name__):
         logging.getLogger(name).addFilter(_ONCE_A_MINUTE)
+    if proxies:
+        app = ProxyHeadersMiddleware(app, trusted_hosts=list(proxies))
     config = uvicorn.Config(
-        app,
+        keeping_peer(app),
         http=_protocol_with(limit),
         ws="none",
         log_config=None,
         access_log=False,
         server_header=False,
-        proxy_headers=bool(proxies),
-        forwarded_allow_ips=list(proxies),
+        proxy_headers=False,  # done above, after the connection's own address is kept
         lifespan="auto" if lifespan else "off",
         backlog=limit // 2,  # so many are accepted in one go
         timeout_graceful_shutdown=END_S,

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.work_decision import WorkCounts
@@ -33,6 +34,7 @@ from stemwatch.service.store.database.engine import (
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.runs.browser_settings import BrowserSettings
 from stemwatch.service.store.runs.leases import Leases
 from stemwatch.service.store.runs.queue import RunQueue, end_lost
 from stemwatch.service.store.runs.schedules import Schedules
@@ -43,6 +45,7 @@ from stemwatch.service.store.screenings import (
     daily_stiction,
     evidence,
     false_discoveries,
+    feedback,
     history,
     ranking,
     recent,
@@ -50,6 +53,7 @@ from stemwatch.service.store.screenings import (
     screenings,
 )
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+from stemwatch.service.store.screenings.feedback import Feedback, Judgement
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
 from stemwatch.service.store.screenings.previous import read_previous
 from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
@@ -121,9 +125,10 @@ class Store:
     write at the same time.
 
     The methods here are about valves, runs and screenings. The running service uses ``alerts``,
-    ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and ``sources``; users and
-    sign-in are in ``accounts``, ``access_links``, ``web_sessions``, ``api_tokens``, ``attempts``
-    and ``audit``. Times must have a zone and are returned in UTC. Methods raise ``StoreError``.
+    ``browser_settings``, ``deliveries``, ``leases``, ``queue``, ``samples``, ``schedules`` and
+    ``sources``; users and sign-in are in ``accounts``, ``access_links``, ``web_sessions``,
+    ``api_tokens``, ``attempts`` and ``audit``. Times must have a zone and are
+    returned in UTC. Methods raise ``StoreError``.
     """
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
@@ -135,6 +140,7 @@ class Store:
         self.api_tokens = ApiTokens(transactions)
         self.attempts = LoginAttempts(transactions)
         self.audit = AuditLog(transactions)
+        self.browser_settings = BrowserSettings(transactions)
         self.deliveries = Deliveries(transactions)
         self.leases = Leases(transactions)
         self.queue = RunQueue(transactions)
@@ -410,6 +416,24 @@ class Store:
         """Those of ``valves`` whose last maintenance has no note by ``writer`` yet."""
         with self.transactions.reading() as session:
             return recent.read_work_without_note(session, valves, writer)
+
+    def add_feedback(
+        self, screening: int, at: datetime, judgement: Judgement, found: str, who: str = ""
+    ) -> str:
+        """Keep whether what a screening said was right, and what was found; its valve. Raises
+        ``StoreError`` where there is no such screening."""
+        with self.transactions.writing(f"keeping what was found of screening {screening}") as s:
+            return feedback.write_feedback(s, screening, at, judgement, found, who)
+
+    def feedback(self, valve: str | None = None, limit: int | None = None) -> list[Feedback]:
+        """What people found, of one valve or of all, the newest first."""
+        with self.transactions.reading() as session:
+            return feedback.read_feedback(session, valve, limit)
+
+    def count_feedback(self) -> Mapping[tuple[Verdict, Judgement], int]:
+        """How often each verdict was said to be right or wrong."""
+        with self.transactions.reading() as session:
+            return feedback.count_feedback(session)
 
     def add_note(self, valve: str, at: datetime, note: str, who: str = "") -> None:
         """Add a note about a valve."""

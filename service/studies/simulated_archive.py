@@ -168,7 +168,7 @@ def write_piece(piece: Piece) -> list[dict[str, object]]:
         loop = _stored_loop(piece.loops, number) or _simulated(piece.plan, number)
         written.append((tag, _columns(piece.plan, loop, place)))
         truths.append(loop.truth | {"tag": tag, "distinct": place == number})
-    (_write_parquet if piece.plan.format == "parquet" else _write_csv)(piece, written)
+    (write_parquet if piece.plan.format == "parquet" else _write_csv)(piece, written)
     return truths
 
 
@@ -220,7 +220,8 @@ def _clock(plan: ArchivePlan, samples: int) -> np.ndarray[Any, np.dtype[np.datet
     return first + np.round(np.arange(samples) * plan.interval_s * 1e6).astype("timedelta64[us]")
 
 
-def _write_parquet(piece: Piece, valves: Iterable[tuple[str, dict[Role, Floats]]]) -> None:
+def write_parquet(piece: Piece, valves: Iterable[tuple[str, dict[Role, Floats]]]) -> None:
+    """One file of Parquet for each date, with the signals of ``valves``: name and values (n,)."""
     import pyarrow as pa
     from pyarrow import parquet
 

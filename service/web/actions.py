@@ -10,6 +10,8 @@ from datetime import datetime
 from stemwatch.service import __version__
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.runs.queue import RunToQueue
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
+from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store
 
 LARGEST_NUMBER = 2**31 - 1  # of a row, in PostgreSQL
@@ -92,6 +94,20 @@ class Actions:
         """Record work on a valve."""
         self.store.record_maintenance(valve, at, text, who)
 
+    def feedback(self, screening: int, at: datetime, judgement: str, found: str, who: str) -> str:
+        """Keep whether what a screening said was right, and what was found; its valve."""
+        if judgement not in list(Judgement):
+            words = ", ".join(Judgement)
+            raise Refused(f"one of {words} is expected, received {judgement!r}")
+        if not 0 < screening <= LARGEST_NUMBER:
+            raise Missing(f"there is no screening {screening}")
+        try:
+            return self.store.add_feedback(screening, at, Judgement(judgement), found, who)
+        except StoreError as error:
+            if "there is no screening" in str(error):
+                raise Missing(f"there is no screening {screening}") from None
+            raise
+
     def baseline(self, valve: str, reason: str, who: str) -> None:
         """Make the network fitted last the valve's baseline."""
         fitted = self.store.fitted(valve)
@@ -101,6 +117,21 @@ class Actions:
             )
         said = f"chosen by {who or 'a reader'}" + (f": {reason}" if reason else "")
         self.store.set_baseline(valve, fitted.network, window=fitted.window, reason=said)
+
+    def set_schedule(self, schedule: ScreeningSchedule, who: str, now: datetime) -> None:
+        """Make or change a schedule; those of the plant file are changed there."""
+        if not self.store.schedules.set(schedule):
+            raise Refused(
+                f"the schedule {schedule.name} stands in the plant file, which is its source: "
+                "change it there, or choose another name"
+            )
+        self.store.browser_settings.note_schedule(schedule.name, who, now)
+
+    def remove_schedule(self, name: str) -> None:
+        """Remove a schedule that was made on the pages."""
+        if not self.store.schedules.remove(name):
+            raise Missing(f"there is no schedule {name} that was made on the pages")
+        self.store.browser_settings.forget_schedule(name)
 
     def _alert(self, number: int) -> None:
         if number > LARGEST_NUMBER:

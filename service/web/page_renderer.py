@@ -17,6 +17,7 @@ from stemwatch.service.report.report_context import ReportContext, software_name
 from stemwatch.service.web import assets
 from stemwatch.service.web.auth import forms
 from stemwatch.service.web.auth.current_user import current_user_of, may
+from stemwatch.service.web.auth.proxy_user import HOW
 from stemwatch.service.web.site import Site
 
 PAGES = (
@@ -36,10 +37,14 @@ DONE = {
     "snoozed": "The alert is put off until the time you gave.",
     "false": "The alert is marked as a false alarm.",
     "note": "The note is kept.",
+    "feedback": "What was found is kept, beside what had been said.",
     "maintenance": "The work is recorded. The first window after it becomes the new baseline.",
     "baseline": "The network fitted last is the valve's baseline now.",
     "run": "The run is asked for.",
     "cancel": "The run is asked to end early; what is done stays.",
+    "limits": "The limits are set; the next run goes by them.",
+    "schedule": "The schedule is set; it holds from now on.",
+    "unscheduled": "The schedule is removed.",
     "password": "Your password is changed. Every other browser is signed out.",
     "sessions": "Every other browser is signed out.",
     "revoked": "The token lets nobody in any more.",
@@ -71,12 +76,16 @@ class PageRenderer:
         self, request: Request, template: str, *, status: int = 200, **values: Any
     ) -> HTMLResponse:
         """``template`` with ``values``, who reads it, the token of its forms, and the place of the
-        site. A page that is open to everybody gets its token from a cookie of its own."""
+        site. Without a session the token belongs to a cookie of its own."""
         current_user = current_user_of(request)
-        cookie = forms.cookie_of(request) if current_user is None else ""
+        # Whom a proxy names has no session: the forms have a cookie of their own.
+        own = current_user is None or current_user.how == HOW
+        cookie = forms.cookie_of(request) if own else ""
         text = self._env.get_template(template).render(
             base=request.scope.get("root_path", "").rstrip("/"),
-            form_token=form_token_of(cookie) if current_user is None else current_user.form_token,
+            form_token=form_token_of(cookie)
+            if own or current_user is None
+            else current_user.form_token,
             current_user=current_user,
             may=lambda name: may(current_user, name),
             now=self._site.clock(),
@@ -100,8 +109,8 @@ def valve_link(valve: str) -> str:
 
 @cache
 def _template(name: str) -> str:
-    """A template of this package, or the report's of the same name."""
-    for place in ("web/templates", "report/templates"):
+    """A template of this package, of the report or of the planned test."""
+    for place in ("web/templates", "report/templates", "field_test"):
         resource = files("stemwatch.service").joinpath(place, name)
         if resource.is_file():
             return resource.read_text("utf-8")

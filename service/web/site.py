@@ -14,6 +14,7 @@ from stemwatch.connectors.connector import Window
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
 from stemwatch.service.config import Plant
+from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.actions import Actions
 
@@ -74,5 +75,5 @@ class Site:
 
     @property
     def limits(self) -> Limits:
-        """The limits that verdicts are measured against."""
-        return self.plant.limits if self.plant else Limits()
+        """The limits that verdicts are measured against: the plant file's, and those set here."""
+        return limits_in_force(self.plant, self.store.browser_settings.limits())

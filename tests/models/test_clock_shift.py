@@ -38,7 +38,14 @@ def later(recording, role: Role, samples: int):
     return replace(recording, signals=signals)
 
 
-@pytest.mark.parametrize("place", range(8))
+# Two sticking and two healthy valves in every run.
+PLACES = [
+    place if place in (0, 1, 4, 5) else pytest.param(place, marks=pytest.mark.long)
+    for place in range(8)
+]
+
+
+@pytest.mark.parametrize("place", PLACES)
 def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
     """Sticking and healthy valves alike; a controller's own scan and the air are the rest."""
     _, recording = recorded(place)
@@ -46,7 +53,7 @@ def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
     assert found == pytest.approx(LATE, abs=0.75)
 
 
-@pytest.mark.parametrize("place", range(8))
+@pytest.mark.parametrize("place", PLACES)
 def test_clocks_that_agree_stay_as_they_are(place):
     """Nor is a position that is stored late, which looks like a dead time, made worse."""
     _, recording = recorded(place)

@@ -208,9 +208,12 @@ def test_a_bend_is_said_with_its_size():
     assert "as if" not in said
 
 
-def test_no_curve_is_looked_for_where_op_is_percent_of_travel():
+@pytest.mark.parametrize(
+    ("healthy", "sticking"), [(6, 4), pytest.param(18, 12, marks=pytest.mark.long)]
+)
+def test_no_curve_is_looked_for_where_op_is_percent_of_travel(healthy, sticking):
     """Healthy and sticking valves of all kinds, stored as they are, keep the plain reading."""
-    loops = [*draw_healthy(18, 90), *draw_sticky(12, 90)]
+    loops = [*draw_healthy(healthy, 90), *draw_sticky(sticking, 90)]
     suspects = [
         loop.tag
         for place, loop in enumerate(loops)

@@ -12,6 +12,8 @@ COMMANDS = {
     "simulate": "truth beside it",
     "demo": "leave a report",
     "trial": "Count right and wrong verdicts",
+    "alert-trial": "Play months of a simulated plant",
+    "prove-weeks": "Count what windows of weeks confirm",
     "robustness": "Count right and wrong answers",
     "miswiring": "Count confident wrong answers",
     "maintenance": "new baseline",

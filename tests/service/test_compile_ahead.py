@@ -16,6 +16,7 @@ from stemwatch.service.executors.executor import Answer, Failure
 
 COMPILED = """
 import gc
+from dataclasses import replace
 from numba.core.registry import CPUDispatcher
 from stemwatch.models.screening import Case, screen
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
@@ -27,7 +28,7 @@ def compiled():
     return {(module, name, str(sig)) for module, name, sigs in names for sig in sigs
             if module.startswith("stemwatch.models") and ".studies." not in module}
 
-recording = simulate_loop(draw_sticky(1, 7)[0], 1).recording
+recording = simulate_loop(replace(draw_sticky(1, 7)[0], duration_s=900.0), 1).recording
 compile_kernels(list(Kernels))
 ahead = compiled()
 screen([Case(recording=recording)])

@@ -17,7 +17,14 @@ import pytest
 from stemwatch.service.logs import OnceAMinute
 
 TOKEN, HOOK, FILED = "the-readers-token-1", "the-hooks-secret-2", "the-filed-secret-3"
-SERVE = "import typer; from stemwatch.service.cli.serve import serve; typer.run(serve)"
+# The service looks for queued runs ten times as often as at a plant.
+SERVE = """
+import typer
+from stemwatch.service.cli.serve import serve
+from stemwatch.service.run import queue_worker
+queue_worker._LOOK_S = 0.5
+typer.run(serve)
+"""
 SERVICE = """
 [limits]
 min_duration_s = 5
@@ -29,6 +36,7 @@ of_runs = 1
 [[schedules]]
 name = "often"
 every_s = 10
+valves = ["FIC-104"]
 [[devices]]
 name = "plc-1"
 host = "127.0.0.1"

@@ -1,4 +1,4 @@
-"""``Schedules``: the schedules of the plant file, and up to which instant each was run."""
+"""``Schedules``: those of the plant file and of the pages, and up to which instant each was run."""
 
 from __future__ import annotations
 
@@ -7,20 +7,23 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from sqlalchemy import delete, select, update
+from sqlalchemy.orm import Session
 
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.runs.tables import ScheduleRow
 
-FROM_FILE = "plant.toml"  # the only origin of schedules
+FROM_FILE, FROM_BROWSER = "plant.toml", "browser"  # where a schedule comes from
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredSchedule:
-    """A schedule; ``last_due`` is the last instant that was queued or noted as missed."""
+    """A schedule; ``last_due`` is the last instant that was queued or noted as missed, ``origin``
+    where it comes from."""
 
     schedule: ScreeningSchedule
+    origin: str
     created: datetime
     last_due: datetime | None
     next_due: datetime | None
@@ -33,8 +36,9 @@ class Schedules:
         self._transactions = transactions
 
     def take_from_file(self, schedules: Sequence[ScreeningSchedule]) -> None:
-        """Replace the stored schedules by those of the plant file. One whose timing is unchanged
-        keeps its ``last_due``."""
+        """Replace the schedules of the plant file by those that it has now; one of its names that
+        was made on the pages becomes the file's. One whose timing is unchanged keeps its
+        ``last_due``."""
         with self._transactions.writing("taking over the plant file's schedules") as session:
             names = [schedule.name for schedule in schedules]
             session.execute(
@@ -42,19 +46,26 @@ class Schedules:
                     ScheduleRow.origin == FROM_FILE, ScheduleRow.name.not_in(names)
                 )
             )
-            now = datetime.now(UTC)
             for schedule in schedules:
-                kept = session.get(ScheduleRow, schedule.name)
-                if kept is None or _timing(kept) != (schedule.cron, schedule.every_s):
-                    # A changed timing starts now: instants missed by the old one are not made up.
-                    values = _columns(schedule) | {
-                        "created": now,
-                        "last_due": None,
-                        "next_due": None,
-                    }
-                else:
-                    values = _columns(schedule) | {"created": kept.created}
-                session.execute(upsert(session, ScheduleRow, [values], ("name",)))
+                _keep(session, schedule, FROM_FILE)
+
+    def set(self, schedule: ScreeningSchedule) -> bool:
+        """Make or change a schedule of the pages; false where the plant file has one of its
+        name."""
+        with self._transactions.writing(f"setting the schedule {schedule.name}") as session:
+            kept = session.get(ScheduleRow, schedule.name)
+            if kept is not None and kept.origin == FROM_FILE:
+                return False
+            _keep(session, schedule, FROM_BROWSER)
+            return True
+
+    def remove(self, name: str) -> bool:
+        """Remove a schedule of the pages; false where there is none of this name."""
+        with self._transactions.writing(f"removing the schedule {name}") as session:
+            own = (ScheduleRow.name == name, ScheduleRow.origin == FROM_BROWSER)
+            found = session.scalar(select(ScheduleRow.name).where(*own)) is not None
+            session.execute(delete(ScheduleRow).where(*own))
+            return found
 
     def all(self) -> list[StoredSchedule]:
         """Every schedule, by name."""
@@ -75,10 +86,22 @@ def _timing(row: ScheduleRow) -> tuple[str | None, float | None]:
     return row.cron, row.every_s
 
 
-def _columns(schedule: ScreeningSchedule) -> dict[str, object]:
+def _keep(session: Session, schedule: ScreeningSchedule, origin: str) -> None:
+    """Insert or change one schedule."""
+    kept = session.get(ScheduleRow, schedule.name)
+    if kept is None or _timing(kept) != (schedule.cron, schedule.every_s):
+        # A changed timing starts now: instants missed by the old one are not made up.
+        since: dict[str, object] = {"created": datetime.now(UTC), "last_due": None}
+        values = _columns(schedule, origin) | since | {"next_due": None}
+    else:
+        values = _columns(schedule, origin) | {"created": kept.created}
+    session.execute(upsert(session, ScheduleRow, [values], ("name",)))
+
+
+def _columns(schedule: ScreeningSchedule, origin: str) -> dict[str, object]:
     return {
         "name": schedule.name,
-        "origin": FROM_FILE,
+        "origin": origin,
         "cron": schedule.cron,
         "every_s": schedule.every_s,
         "jitter_s": schedule.jitter_s,
@@ -101,5 +124,9 @@ def _stored(row: ScheduleRow) -> StoredSchedule:
         enabled=row.enabled,
     )
     return StoredSchedule(
-        schedule=schedule, created=row.created, last_due=row.last_due, next_due=row.next_due
+        schedule=schedule,
+        origin=row.origin,
+        created=row.created,
+        last_due=row.last_due,
+        next_due=row.next_due,
     )

@@ -32,7 +32,7 @@ class RunValveRow(TableBase):
 
 
 class ScheduleRow(TableBase):
-    """A schedule of the plant file.
+    """A schedule, of the plant file or made on the pages.
 
     ``cron`` or ``every_s``; empty ``areas`` and ``valves`` mean all. ``last_due`` is the last
     instant that was queued or noted as missed.
@@ -41,7 +41,7 @@ class ScheduleRow(TableBase):
     __tablename__ = "schedules"
 
     name: Mapped[str] = mapped_column(primary_key=True)
-    origin: Mapped[str]  # "plant.toml"
+    origin: Mapped[str]  # "plant.toml" or "browser"
     cron: Mapped[str | None]
     every_s: Mapped[float | None]
     jitter_s: Mapped[float]
@@ -65,7 +65,7 @@ class LeaseRow(TableBase):
 
 
 class SettingRow(TableBase):
-    """A named value. The service writes none at present; the table is part of the schema."""
+    """A named value that somebody has set on the pages; see ``browser_settings``."""
 
     __tablename__ = "settings"
 

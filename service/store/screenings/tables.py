@@ -186,3 +186,27 @@ class NoteRow(RemarkRow):
 
     __tablename__ = "notes"
     __table_args__ = (Index("ix_notes_valve_at", "valve", "at"),)
+
+
+class FeedbackRow(TableBase):
+    """Whether what was said of a valve was right, with what had been said: a label that stays true
+    when the screening is pruned or made again."""
+
+    __tablename__ = "feedback"
+    __table_args__ = (Index("ix_feedback_valve_at", "valve", "at"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    valve: Mapped[str] = of_valve()
+    at: Mapped[datetime]
+    judgement: Mapped[str]  # a ``Judgement``
+    found: Mapped[str]
+    who: Mapped[str]
+    screened: Mapped[datetime]  # what the screening stands for: the end of its window
+    window_start: Mapped[datetime | None]
+    window_end: Mapped[datetime | None]
+    source: Mapped[str]
+    verdict: Mapped[str]
+    effects: Mapped[list[str]]
+    s_percent: Mapped[float | None]
+    j_percent: Mapped[float | None]
+    software_version: Mapped[str]

@@ -275,6 +275,14 @@ class AskRemark(Signed):
     at: AwareDatetime | None = None
 
 
+class AskFeedback(AskRemark):
+    """Whether what a screening said was right (``judgement``: right, wrong, partly right), and what
+    was found, in ``text``; ``screening`` is the number of the screening, else the valve's last."""
+
+    judgement: str = Field(max_length=40)
+    screening: int | None = Field(default=None, ge=1)
+
+
 class Done(BaseModel):
     """What was done; ``id`` numbers what came of it, where it has one."""
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 
-from stemwatch.service.web.actions import Refused
+from stemwatch.service.web.actions import Missing, Refused
 from stemwatch.service.web.api import schemas as shapes
 from stemwatch.service.web.api.read_routes import Id, Number
 from stemwatch.service.web.auth.current_user import SignedIn
@@ -86,6 +86,28 @@ def maintenance(
         deps.need_valve(valve), at, _text(asked), current_user.signature(asked.who)
     )
     return shapes.Done(done="recorded")
+
+
+@router.post("/valve/feedback")
+def feedback(
+    deps: Deps, current_user: SignedIn, valve: Id, asked: shapes.AskFeedback
+) -> shapes.Done:
+    """Keep whether what was said of a valve was right, and what was found."""
+    name = deps.need_valve(valve)
+    number = asked.screening
+    if number is None:
+        latest = deps.store.screenings(name, 1)
+        if not latest:
+            raise Missing(f"{name} was not screened yet")
+        number = latest[0].id
+    deps.actions.feedback(
+        number,
+        asked.at or deps.now,
+        asked.judgement,
+        asked.text.strip(),
+        current_user.signature(asked.who),
+    )
+    return shapes.Done(done="kept", id=number)
 
 
 @router.post("/valve/baseline")

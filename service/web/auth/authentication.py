@@ -22,6 +22,7 @@ from stemwatch.service.access.tokens import user_of_environment, user_of_token
 from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.web.auth.current_user import address_of, state_of
+from stemwatch.service.web.auth.proxy_user import HOW, NotAUser, ProxySignIn
 from stemwatch.service.web.auth.route_permissions import RoutePermissions
 from stemwatch.service.web.auth.session_cookie import cookie_name
 from stemwatch.service.web.site import Site
@@ -45,6 +46,7 @@ class Authentication:
 
     def __init__(self, site: Site, permissions: RoutePermissions, answer: Answer) -> None:
         self._site, self._permits, self._answer = site, permissions, answer
+        self._proxy = _proxy_of(site)
         self._said: dict[str, datetime] = {}  # when a stranger at an address was last noted
         self._lock = threading.Lock()
 
@@ -61,6 +63,9 @@ class Authentication:
         except StoreError as error:
             log.warning("%s %s: %s", scope["method"], scope["path"], error)
             return self._answer(request, 503, AWAY)
+        except NotAUser as error:
+            await run_in_threadpool(self._note_stranger, scope, str(error))
+            return self._answer(request, 403, str(error))
         if current_user is None:
             await run_in_threadpool(self._note_not_signed_in, scope, headers)
             return self._not_signed_in(request, headers)
@@ -113,6 +118,10 @@ class Authentication:
             return user_of_environment(secret, self._site.token) or user_of_token(
                 self._site.store, secret, now
             )
+        if self._proxy is not None:
+            named = self._proxy.user(self._site.store, scope, now)
+            if named is not None:
+                return named
         cookie = cookie_parser(headers.get("cookie", "")).get(cookie_name(scope), "")
         if not cookie:
             return None
@@ -139,6 +148,15 @@ class Authentication:
         strangers cannot fill the log."""
         if "authorization" not in headers and scope["method"] in SAFE:
             return
+        how = "a bad token" if "authorization" in headers else ""
+        self._once_a_minute(scope, how, "answered 401; noted once a minute")
+
+    def _note_stranger(self, scope: Scope, why: str) -> None:
+        """Whom a proxy named and who may not come in, once a minute."""
+        self._once_a_minute(scope, HOW, f"{why} Noted once a minute.")
+
+    def _once_a_minute(self, scope: Scope, how: str, detail: str) -> None:
+        """Note a refusal, once a minute from an address."""
         now, address = self._site.clock(), address_of(scope)
         with self._lock:
             if now - self._said.get(address, now - 2 * _ONCE_IN) < _ONCE_IN:
@@ -150,11 +168,11 @@ class Authentication:
             AuditEntry(
                 at=now,
                 who="",
-                how="a bad token" if "authorization" in headers else "",
+                how=how,
                 address=address,
                 action=state_of(scope)["operation"].value,
                 outcome=AuditOutcome.REFUSED,
-                detail="answered 401; noted once a minute",
+                detail=detail,
             )
         )
 
@@ -163,6 +181,14 @@ class Authentication:
             self._site.store.audit.add(entry)
         except StoreError as error:  # the log of the service has it then
             log.error("not in the audit log: %s (%s)", entry, error)
+
+
+def _proxy_of(site: Site) -> ProxySignIn | None:
+    """Sign-in by a proxy's header; ``None`` unless the plant file switches it on."""
+    if site.plant is None or not site.plant.service.user_header:
+        return None
+    service = site.plant.service
+    return ProxySignIn(service.user_header, service.trusted_proxies, service.user_header_role)
 
 
 def _bearer(authorization: str) -> str:

@@ -1,23 +1,43 @@
-"""Settings: schedules, limits and the plant file as it was read, without its secrets."""
+"""Settings: schedules, limits and the plant file as it was read, without its secrets. What the file
+leaves open can be set here, by admins; what it names is changed there."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, fields
 from enum import Enum
 from typing import Any
 from urllib.parse import urlsplit
 
-from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse, PlainTextResponse
 
 from stemwatch.connectors.modbus import Device
 from stemwatch.connectors.modbus.device_tables import keys_of
 from stemwatch.connectors.secret import masked
+from stemwatch.models.limits import Limits
 from stemwatch.service.config import Plant
-from stemwatch.service.web.dependencies import Deps
+from stemwatch.service.config.in_force import (
+    BadSetting,
+    as_plant_toml,
+    checked_limits,
+    checked_schedule,
+)
+from stemwatch.service.store.runs.browser_settings import SetLimit
+from stemwatch.service.store.runs.schedules import FROM_BROWSER
+from stemwatch.service.web.auth.current_user import SignedIn, note_about
+from stemwatch.service.web.auth.forms import SentForm
+from stemwatch.service.web.dependencies import Dependencies, Deps
+from stemwatch.service.web.pages.account_page import back
 
+# Keys of a schedule that are typed in another unit than seconds: the key, the field, its seconds.
+TIMES = (
+    ("every_s", "every_hours", 3600.0),
+    ("window_s", "window_hours", 3600.0),
+    ("jitter_s", "spread_minutes", 60.0),
+)
 SECRET_WORDS = ("password", "secret", "token", "key", "url")
 MOST_SHOWN = 4  # entries of a list; a register map is counted instead
 
@@ -26,24 +46,136 @@ Given = list[tuple[str, str]]
 router = APIRouter(include_in_schema=False)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ShownLimit:
+    """One limit with where its value comes from. ``given`` is what was set here, in force or not;
+    ``named`` whether the plant file has it."""
+
+    name: str
+    value: float
+    default: float
+    named: bool
+    given: SetLimit | None
+
+
 @router.get("/settings")
 def settings(request: Request, deps: Deps) -> HTMLResponse:
-    """What the service goes by. It is changed in the plant file, where it has a history."""
+    """What the service goes by: the plant file, and for what it leaves open, what was set here."""
+    return _page(request, deps)
+
+
+@router.get("/settings/plant.toml")
+def export(deps: Deps) -> PlainTextResponse:
+    """What was set here as text for the plant file."""
+    named = frozenset() if deps.site.plant is None else deps.site.plant.named_limits
+    given = deps.store.browser_settings.limits()
+    own = [one.schedule for one in deps.store.schedules.all() if one.origin == FROM_BROWSER]
+    text = as_plant_toml({name: one for name, one in given.items() if name not in named}, own)
+    return PlainTextResponse(text or "# Nothing was set on the pages.\n")
+
+
+@router.post("/settings/limits")
+def set_limits(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> Response:
+    """Set limits that the plant file leaves open; an empty field takes one back."""
+    given, now = deps.store.browser_settings.limits(), deps.site.limits
+    typed = {one.name: form.text(one.name, most=40) for one in fields(Limits) if form.all(one.name)}
+    changes = {
+        name: text
+        for name, text in typed.items()
+        if text != (f"{given[name].value:g}" if name in given else "")
+    }
+    try:
+        read = checked_limits(deps.site.plant, given, changes)
+    except BadSetting as error:
+        return _page(request, deps, said=f"{error}. Nothing is changed.", status=422)
+    deps.store.browser_settings.set_limits(read, current_user.signature(), deps.now)
+    for name, value in read.items():
+        to = "as in the plant file" if value is None else f"{value:g}"
+        note_about(request, f"{name} {getattr(now, name):g} -> {to}")
+    return back(request, "/settings", "limits")
+
+
+@router.post("/settings/schedule")
+def set_schedule(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> Response:
+    """Make a schedule, or change one that was made here."""
+    table: dict[str, Any] = {
+        "name": form.text("name", most=100),
+        "cron": form.text("cron", most=100) or None,
+        "areas": [area for area in form.all("area") if area],
+        "valves": form.text("valves").replace(",", " ").split(),
+        "enabled": form.text("off") == "",
+    }
+    try:
+        for key, field, unit_s in TIMES:
+            table |= _seconds(form.text(field, most=20), key, field, unit_s)
+        known = [valve.id for valve in deps.store.valves()]
+        schedule = checked_schedule(table, deps.store.areas(), known)
+    except BadSetting as error:
+        return _page(request, deps, said=f"{error}. Nothing is changed.", status=422)
+    deps.actions.set_schedule(schedule, current_user.signature(), deps.now)
+    return back(request, "/settings", "schedule")
+
+
+@router.post("/settings/schedule/remove")
+def remove_schedule(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> Response:
+    """Remove a schedule that was made here."""
+    deps.actions.remove_schedule(form.text("name", needed="the name of a schedule"))
+    return back(request, "/settings", "unscheduled")
+
+
+def _seconds(text: str, key: str, field: str, unit_s: float) -> dict[str, float]:
+    """A time that was typed in the field's unit, in seconds; nothing where nothing was typed."""
+    if not text:
+        return {}
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        named = field.replace("_", " ")
+        raise BadSetting(f"{named}: found {text!r}; expected a number")
+    return {key: value * unit_s}
+
+
+def _page(
+    request: Request, deps: Dependencies, *, said: str = "", status: int = 200
+) -> HTMLResponse:
     plant = deps.site.plant
     return deps.renderer.page(
         request,
         "settings_page.html",
+        status=status,
         here="settings",
         open_alerts=deps.open_alerts(),
+        said=said,
         plant=plant,
-        limits=shown(asdict(deps.site.limits)),
+        limits=_limits(deps),
         rules=shown(plant.alerts.model_dump()) if plant else [],
         schedules=deps.store.schedules.all(),
+        authors=deps.store.browser_settings.schedules(),
+        areas=deps.store.areas(),
         storage=str(deps.store.address),
         sources=_sources(plant),
         notifiers=_notifiers(plant),
         problems=[masked(str(problem)) for problem in plant.problems] if plant else [],
     )
+
+
+def _limits(deps: Dependencies) -> list[ShownLimit]:
+    named = frozenset() if deps.site.plant is None else deps.site.plant.named_limits
+    given, now = deps.store.browser_settings.limits(), deps.site.limits
+    return [
+        ShownLimit(
+            name=limit.name,
+            value=getattr(now, limit.name),
+            default=getattr(Limits(), limit.name),
+            named=limit.name in named,
+            given=given.get(limit.name),
+        )
+        for limit in fields(Limits)
+    ]
 
 
 def _sources(plant: Plant | None) -> list[dict[str, Any]]:

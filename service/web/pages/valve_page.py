@@ -14,14 +14,17 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.physics_words import left_to_tell
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.store.alerts.alerts import state_of
 from stemwatch.service.store.samples.tag_quality import BadSamples
+from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.screenings.records import StoredScreening, StoredValve, TrendPoint
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import Store
@@ -76,7 +79,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         by_window=store.evidence([name]).get(name),
         gauge_top=bar_top(max(numbers)),
         models=MODEL_NAMES,
-        compact=False,
+        compact=True,
         points=points[::-1][:MOST_IN_TABLE],
         count=len(points),
         marks=marks[::-1],
@@ -88,6 +91,9 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         roles=_roles(deps, name),
         quality=quality,
         sheet=None if shown is None else _sheet(deps, shown),
+        labels=store.feedback(name),
+        judgements=list(Judgement),
+        plan_link=_plan_link(request, shown),
     )
 
 
@@ -111,6 +117,19 @@ def maintenance(
     text = form.text("text", needed="what was done")
     deps.actions.maintenance(name, at, text, current_user.signature())
     return _back(request, name, "maintenance", "log")
+
+
+@router.post("/valve/feedback")
+def feedback(
+    request: Request, deps: Deps, current_user: SignedIn, form: SentForm
+) -> RedirectResponse:
+    """Keep whether what was said of a valve was right, and what was found."""
+    name = deps.need_valve(form.text("valve", needed="a valve"))
+    number = form.number("screening", "the number of a screening")
+    judgement = form.text("judgement", needed="right, wrong or partly right")
+    at = form.instant("at", deps.site.tz, deps.now)
+    deps.actions.feedback(number, at, judgement, form.text("text"), current_user.signature())
+    return _back(request, name, "feedback", "log")
 
 
 @router.post("/valve/baseline")
@@ -184,6 +203,18 @@ def indicator_of(name: str, point: TrendPoint) -> Indicator:
         low=point.low,
         high=point.high,
     )
+
+
+def _plan_link(request: Request, shown: ShownScreening | None) -> str:
+    """Where the test that would tell is planned; empty where none would be of use."""
+    if shown is None:
+        return ""
+    mismatch = shown.screening.mismatch
+    left = bool(mismatch is not None and left_to_tell(mismatch))
+    if not left and shown.screening.verdict is not Verdict.UNDETERMINED:
+        return ""
+    base = request.scope.get("root_path", "").rstrip("/")
+    return f"{base}/valve/test-plan?{urlencode({'id': shown.screening.valve})}"
 
 
 def _sheet(deps: Dependencies, shown: ShownScreening) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,15 +10,18 @@ import pytest
 
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import scored
-from stemwatch.models.mismatch.dwell import LEAST_Z, begun, dwelling
+from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, begun, dwelling
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.term_selection import neutral
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.studies.simulator import simulate_loop
+from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
 from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
 
 DWELL = "dwell_dependent_breakaway"
+PLACE = 12  # of a valve whose packing is made of bristles
 
 
 def base_of(recording, S=4.0, J=1.2):
@@ -54,6 +58,19 @@ def test_without_dwell_there_is_none():
     assert seen is None or not seen.convincing
 
 
+def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
+    """A slow force means a long rest, so that their breakaways rise with the rest as well."""
+    case = draw_nulls(PLACE + 1, 5151, "routine")[PLACE]
+    bristles = PackingDefects(presliding_percent=0.002)
+    loop = replace(case.loop, valve=replace(case.loop.valve, packing=bristles))
+    recording = simulate_loop(loop, case.seed).recording
+    seen = dwelling(*base_of(recording, S=4.4, J=2.3))
+    assert seen is not None
+    assert seen.z >= LEAST_Z
+    assert seen.z_beside_speed < LEAST_Z_BESIDE_SPEED
+    assert not seen.convincing
+
+
 def test_too_few_breakaways_tell_nothing():
     """Fewer than ten events are no regression."""
     assert dwelling(*base_of(played(samples=120))) is None
@@ -71,7 +88,7 @@ def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     assert np.all(fitted.candidates[:, 0] < 4.8)
 
 
-@pytest.mark.parametrize("place", [2, 3])
+@pytest.mark.parametrize("place", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_hidden_dwell_is_named_with_its_events(place):
     """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer."""
     recording, S, J, rise = simulated(place)
@@ -95,7 +112,7 @@ def test_dwell_that_predicts_unseen_samples_worse_is_said_and_not_named():
     assert found.restated == found.naive
 
 
-@pytest.mark.parametrize("place", [1, 7])
+@pytest.mark.parametrize("place", [1, pytest.param(7, marks=pytest.mark.long)])
 def test_scatter_is_not_dwell(place):
     """With 12 % scatter a late breakaway has rested longer, and is still no dwell."""
     _, run = simulate_hidden(draw_nulls(place + 1, 4022)[place])

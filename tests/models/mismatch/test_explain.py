@@ -26,7 +26,7 @@ from tests.models.mismatch.chain import command, played, recorded, rescaled
 # Slug, seed of the draw, parameter, its true size as the draw tells it, and how near it must be.
 CASES = [
     ("dead_time", 4000, "theta", "delay_s", 0.5),
-    ("dead_time", 4001, "theta", "delay_s", 0.5),
+    pytest.param("dead_time", 4001, "theta", "delay_s", 0.5, marks=pytest.mark.long),
     ("asymmetric_rate_limit", 4008, "rate_rising", "fill_percent_per_s", 0.05),
     ("travel_stop", 4002, "stop_low", "low_percent", 0.3),
     ("zero_shift", 4001, "zero", "zero_percent", 0.15),
@@ -171,7 +171,7 @@ def test_before_and_after_share_their_cells(slug, seed, name, size, within):
     ]
 
 
-@pytest.mark.parametrize("seed", [4000, 4001, 4003])
+@pytest.mark.parametrize("seed", [4000, 4001, pytest.param(4003, marks=pytest.mark.long)])
 def test_where_nothing_is_hidden_nothing_is_named(seed):
     """A stick-slip valve with scatter and noise: S and J explain it."""
     found, (recording, valve, _) = explained("null", seed), simulated("null", seed)
@@ -181,7 +181,7 @@ def test_where_nothing_is_hidden_nothing_is_named(seed):
     assert off(found.restated, valve) < 0.1 * (valve.S + valve.J)
 
 
-@pytest.mark.parametrize("seed", [4001, 4007])
+@pytest.mark.parametrize("seed", [4001, pytest.param(4007, marks=pytest.mark.long)])
 def test_what_no_term_explains_is_unknown_with_its_place(seed):
     """A vibration is systematic and not in the catalogue: no name, and a map of what is left."""
     found, (recording, _, _) = explained("vibration", seed), simulated("vibration", seed)
@@ -227,7 +227,9 @@ def test_without_a_position_the_stem_is_not_named():
     assert found.restated.S.reason == NO_POSITION
 
 
-@pytest.mark.parametrize("freezes", [(700,), (2300,), (700, 2300)])
+@pytest.mark.parametrize(
+    "freezes", [(700,), pytest.param((2300,), marks=pytest.mark.long), (700, 2300)]
+)
 def test_a_frozen_reading_is_no_stiction(freezes):
     """Stretches of seven minutes that repeat one value are a record effect, and no more."""
     recording, valve, _ = simulated("null", 4001)

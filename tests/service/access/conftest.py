@@ -10,7 +10,9 @@ from stemwatch.service.access.passwords import hash_password
 from stemwatch.service.store.accounts.records import User, UserRole
 from stemwatch.service.store.store import Store
 from tests.service.store.conftest import postgres_server as postgres_server
+from tests.service.store.conftest import postgres_template as postgres_template
 from tests.service.store.conftest import pytest_generate_tests as pytest_generate_tests
+from tests.service.store.conftest import sqlite_template as sqlite_template
 from tests.service.store.conftest import store as store
 from tests.service.store.conftest import store_url as store_url
 

@@ -27,6 +27,7 @@ from stemwatch.service.alerts.rules import (
     alert_decision,
     apply_rules,
     has_grown,
+    one_per_cause,
 )
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
@@ -210,6 +211,20 @@ def test_an_effect_that_one_window_named_raises_and_closes_nothing() -> None:
     raised, closed = apply_rules(seen, RULES)
     assert AlertKind.MISMATCH not in {one.kind for one in raised}
     assert "mismatch:FIC-1" not in closed
+
+
+@pytest.mark.parametrize(("slug", "alone"), [("low_speed_restick", False), ("lost_motion", True)])
+def test_friction_that_shows_twice_is_one_alert(slug: str, alone: bool) -> None:
+    """On a valve that sticks, re-sticking at low speed has the same cause; play has another."""
+    windows = [WindowEvidence(at=NOW + timedelta(days=day), named=((slug,),)) for day in range(3)]
+    many = [screening(n, STICKY) for n in (3, 2, 1)]
+    of_weeks = evidence_of_weeks(windows)
+    seen = ValveRecord(valve=VALVE, screenings=many, by_window=of_weeks, stands=True)
+    raised, joined = one_per_cause(apply_rules(seen, RULES)[0], ())
+    assert (AlertKind.MISMATCH in {one.kind for one in raised}) is alone
+    assert ("mismatch:FIC-1" in joined) is not alone
+    sticky = next(one for one in raised if one.kind is AlertKind.STICKY)
+    assert ("Also seen" in sticky.text) is not alone
 
 
 def test_an_effect_that_is_gone_closes_its_alert() -> None:

@@ -121,7 +121,9 @@ def pages(stored: tuple[Store, int]) -> Iterator[httpx.Client]:
     site = Site(store=stored[0], clock=lambda: made_plant.NOW)
     with made_plant.serving(site) as base:
         cookies = cookie_of(site)
-        with httpx.Client(base_url=base, trust_env=False, timeout=30.0, cookies=cookies) as client:
+        with httpx.Client(
+            base_url=base, trust_env=False, verify=False, timeout=30.0, cookies=cookies
+        ) as client:
             yield client
 
 

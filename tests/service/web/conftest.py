@@ -5,19 +5,18 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
 import pytest
-from sqlalchemy import create_engine, make_url, text
 
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
+from tests.service.store.conftest import database_like
 from tests.service.store.conftest import postgres_server as postgres_server
+from tests.service.store.conftest import sqlite_template as sqlite_template
 from tests.service.web import made_plant
 from tests.service.web.signed_in import cookie_of
 
@@ -27,9 +26,10 @@ PATIENCE_S = 30.0  # with a machine that has other tests to run
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
+def store(sqlite_template: Path, tmp_path: Path) -> Iterator[Store]:
     """An empty store."""
-    with open_store(f"sqlite:///{tmp_path / 'store.db'}") as opened:
+    path = shutil.copy(sqlite_template, tmp_path / "store.db")
+    with open_store(f"sqlite:///{path}") as opened:
         yield opened
 
 
@@ -73,7 +73,9 @@ def client_of() -> Iterator[Callable[[Site], httpx.Client]]:
         if role is not None:
             options = {"cookies": cookie_of(site, role), **options}
         base = around.__enter__()
-        client = httpx.Client(base_url=base, trust_env=False, timeout=PATIENCE_S, **options)
+        client = httpx.Client(  # no https here: certificates would take 20 ms a client to read
+            base_url=base, trust_env=False, verify=False, timeout=PATIENCE_S, **options
+        )
         open_ones.append((around, client))
         return client
 
@@ -119,24 +121,12 @@ def browser():
 @pytest.fixture
 def postgres_url(postgres_server: str) -> Iterator[str]:
     """The URL of an empty database on PostgreSQL."""
-    with _database(postgres_server) as url:
+    with database_like("template1", postgres_server) as url:
         yield url
 
 
 @pytest.fixture(scope="module")
 def module_postgres_url(postgres_server: str) -> Iterator[str]:
     """The URL of a database on PostgreSQL that a module's tests share."""
-    with _database(postgres_server) as url:
+    with database_like("template1", postgres_server) as url:
         yield url
-
-
-@contextmanager
-def _database(url: str) -> Iterator[str]:
-    name = f"stemwatch_web_{uuid.uuid4().hex[:12]}"
-    server = create_engine(url, isolation_level="AUTOCOMMIT")
-    with server.connect() as connection:
-        connection.execute(text(f'CREATE DATABASE "{name}"'))
-    yield make_url(url).set(database=name).render_as_string(hide_password=False)
-    with server.connect() as connection:
-        connection.execute(text(f'DROP DATABASE "{name}" WITH (FORCE)'))
-    server.dispose()

@@ -33,7 +33,7 @@ CHUNK = b"10000\r\n" + b"a" * 0x10000 + b"\r\n"
 @pytest.fixture
 def address(live: Site) -> Iterator[tuple[str, int]]:
     """Where the pages of the small plant are served."""
-    with serving(live) as base:
+    with serving(live, fresh=True) as base:
         yield place_of(base)
 
 
@@ -174,7 +174,7 @@ def test_an_answer_waits_only_so_long_for_its_reader(monkeypatch) -> None:
     """Who takes nothing of it is cut off."""
     monkeypatch.setattr(http_server, "ANSWER_S", 0.3)
     with (
-        serving_app(_long_answer) as base,
+        serving_app(_long_answer, fresh=True) as base,
         talking(place_of(base), "GET / HTTP/1.1\r\nHost: x\r\n\r\n") as link,
     ):
         time.sleep(2.0)
@@ -191,7 +191,7 @@ def test_a_slow_reader_gets_all_of_an_answer(monkeypatch) -> None:
     """Whoever goes on reading is waited for, however long all of it takes."""
     monkeypatch.setattr(http_server, "ANSWER_S", 1.5)
     with (
-        serving_app(_long_answer) as base,
+        serving_app(_long_answer, fresh=True) as base,
         httpx.stream("GET", base, trust_env=False, timeout=PATIENCE_S) as answer,
     ):
         began, got = time.monotonic(), 0
@@ -206,7 +206,7 @@ def test_pages_are_answered_however_many_wait_with_half_a_header(live, monkeypat
     """Whoever asks something takes the place of whoever has waited longest with nothing; the log
     gets one line of it."""
     monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 16)
-    with caplog.at_level(logging.INFO), serving(live) as base, ExitStack() as stack:
+    with caplog.at_level(logging.INFO), serving(live, fresh=True) as base, ExitStack() as stack:
         address = place_of(base)
         idle = []
         for _ in range(100):
@@ -234,7 +234,7 @@ def test_where_all_connections_are_worked_on_one_more_is_refused(monkeypatch) ->
         await send({"type": "http.response.body", "body": b""})
 
     asks = "GET {} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"
-    with serving_app(slow) as base, ExitStack() as stack:
+    with serving_app(slow, fresh=True) as base, ExitStack() as stack:
         address = place_of(base)
         links = [stack.enter_context(talking(address, asks.format("/"))) for _ in range(7)]
         time.sleep(0.5)

@@ -166,7 +166,10 @@ def test_a_form_that_was_opened_before_a_restart_is_taken_after_it(live: Site, c
     before = Browser(client_of(live))
     mark, cookies = mark_in(before.client.get("/runs").text), dict(before.client.cookies)
     again = serving(live)
-    with again as base, httpx.Client(base_url=base, trust_env=False, timeout=30) as after:
+    with (
+        again as base,
+        httpx.Client(base_url=base, trust_env=False, verify=False, timeout=30) as after,
+    ):
         after.cookies.update(cookies)
         answer = after.post("/runs/begin", data={"mark": mark, "area": ""})
     assert answer.status_code == 303

@@ -1,0 +1,42 @@
+"""``stemwatch feedback``: what people found at the valves, counted, and as labels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+
+def feedback(
+    plant: Annotated[Path | None, typer.Option(help="plant.toml, for its database.")] = None,
+    db: Annotated[str, typer.Option(help="Database URL, instead of --plant.")] = "",
+    out: Annotated[Path | None, typer.Option(help="Write every label to this CSV file.")] = None,
+) -> None:
+    """Count what people said of the findings: right, wrong, partly right; export it as labels.
+
+    It is given on the page of each valve, by those who may record maintenance.
+    """
+    from stemwatch.service.cli import views
+    from stemwatch.service.config import load_plant
+    from stemwatch.service.maintenance.labels import labels_csv
+    from stemwatch.service.store.screenings.feedback import Judgement
+    from stemwatch.service.store.store import open_existing_store
+
+    if not db and plant is None:
+        raise typer.BadParameter("give --plant plant.toml or --db URL")
+    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
+    with open_existing_store(db or (loaded.storage if loaded else db)) as store:
+        labels = store.feedback()
+    counts = {said: sum(one.judgement is said for one in labels) for said in Judgement}
+    said = ", ".join(f"{many} {word.value}" for word, many in counts.items())
+    views.say_result(f"{len(labels)} findings were judged: {said}.")
+    if out is not None:
+        out.write_text(labels_csv(labels), encoding="utf-8")
+        views.say_result(f"Labels: {out.resolve()}")
+    elif labels:
+        views.say_result("Next: the labels themselves, with --out labels.csv.")
+    else:
+        views.say_result("Next: say on a valve's page, under Notes and work, what was found.")

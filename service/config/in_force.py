@@ -1,0 +1,132 @@
+"""What holds for a plant: what its file names, and for what it leaves open, what people have set on
+the pages."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+from pydantic import ValidationError
+
+from stemwatch.models.limits import Limits
+from stemwatch.service.config.load import LimitsTable
+from stemwatch.service.config.plant import Plant
+from stemwatch.service.config.problems import Place, problems_of
+from stemwatch.service.config.service_schema import ScheduleTable
+from stemwatch.service.store.runs.browser_settings import SetLimit
+from stemwatch.service.store.runs.schedule import ScreeningSchedule
+
+log = logging.getLogger(__name__)
+
+
+class BadSetting(ValueError):
+    """What was given on a page cannot hold; the text says what was found and what is expected."""
+
+
+def limits_in_force(plant: Plant | None, given: Mapping[str, SetLimit]) -> Limits:
+    """The plant file's limits, with those ``given`` on the pages where the file names none.
+
+    Where both contradict one another, those of the file alone.
+    """
+    limits = plant.limits if plant is not None else Limits()
+    named = plant.named_limits if plant is not None else frozenset()
+    known = {limit.name for limit in fields(Limits)}
+    more = {name: one.value for name, one in given.items() if name in known - named}
+    try:
+        return replace(limits, **more)
+    except ValueError as error:
+        log.error("the limits that were set on the pages are not in force: %s", error)
+        return limits
+
+
+def checked_limits(
+    plant: Plant | None, given: Mapping[str, SetLimit], changes: Mapping[str, str]
+) -> dict[str, float | None]:
+    """``changes`` of limits as they were typed, as numbers; ``None`` takes one back.
+
+    Raises ``BadSetting`` for what is no limit or no number, is named by the plant file, or
+    contradicts the others.
+    """
+    named = plant.named_limits if plant is not None else frozenset()
+    known = {limit.name for limit in fields(Limits)}
+    read: dict[str, float | None] = {}
+    for name, text in changes.items():
+        if name not in known:
+            raise BadSetting(f"there is no limit {name}")
+        if name in named:
+            raise BadSetting(
+                f"{name} stands in the plant file, which is its source: change it there"
+            )
+        read[name] = _number(name, text) if text else None
+    kept = {name: one.value for name, one in given.items() if name in known - named}
+    together = {**kept, **{name: value for name, value in read.items() if value is not None}}
+    for name, value in read.items():
+        if value is None:
+            together.pop(name, None)
+    base = plant.limits if plant is not None else Limits()
+    try:
+        replace(base, **together)
+    except ValueError as error:
+        raise BadSetting(str(error)) from None
+    return read
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        table = LimitsTable.model_validate({name: float(text)})
+    except (ValidationError, ValueError):
+        raise BadSetting(f"{name}: found {text[:40]!r}; expected a number") from None
+    value = float(getattr(table, name))
+    if not 0.0 <= value < float("inf"):
+        raise BadSetting(f"{name}: found {text[:40]!r}; expected a number of 0 or more")
+    return value
+
+
+def checked_schedule(
+    table: Mapping[str, Any], areas: Iterable[str], valves: Iterable[str]
+) -> ScreeningSchedule:
+    """The schedule of a form, by the rules of ``[[schedules]]``.
+
+    Raises ``BadSetting`` with every mistake; also for areas and valves that nobody knows.
+    """
+    try:
+        schedule = ScheduleTable.model_validate(table).schedule()
+    except ValidationError as error:
+        place = Place("", "schedule", lambda path: None)
+        problems = problems_of(error, ScheduleTable, place)
+        said = (f"{one.key}: found {one.found}; expected {one.expected}" for one in problems)
+        raise BadSetting("; ".join(said)) from None
+    for what, asked, known in (
+        ("area", schedule.areas, set(areas)),
+        ("valve", schedule.valves, set(valves)),
+    ):
+        for name in asked:
+            if name not in known:
+                raise BadSetting(f"there is no {what} {name!r}")
+    return schedule
+
+
+def as_plant_toml(limits: Mapping[str, SetLimit], schedules: Iterable[ScreeningSchedule]) -> str:
+    """What was set on the pages as text for the plant file, where it then has its source."""
+    parts = []
+    if limits:
+        lines = [f"{name} = {one.value!r}" for name, one in sorted(limits.items())]
+        parts.append("\n".join(["[limits]", *lines]))
+    for schedule in schedules:
+        plain = ScreeningSchedule(name="")
+        lines = [
+            f"{one.name} = {_toml(getattr(schedule, one.name))}"
+            for one in fields(schedule)
+            if getattr(schedule, one.name) != getattr(plain, one.name)
+        ]
+        parts.append("\n".join(["[[schedules]]", *lines]))
+    return "\n\n".join(parts) + ("\n" if parts else "")
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML, whose texts and lists are written as in JSON but for U+007F."""
+    plain = list(value) if isinstance(value, tuple) else value
+    return json.dumps(plain, ensure_ascii=False).replace("\x7f", "\\u007f")

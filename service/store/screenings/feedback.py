@@ -1,0 +1,129 @@
+"""What people found at a valve, kept beside what had been said of it, and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.work_decision import overall_verdict
+from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.false_discoveries import remark_of
+from stemwatch.service.store.screenings.tables import FeedbackRow, ScreeningRow
+
+MOST_SHOWN = 500
+
+
+class Judgement(StrEnum):
+    """What a person says of a finding."""
+
+    RIGHT = "right"
+    WRONG = "wrong"
+    PARTLY = "partly right"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feedback:
+    """One label: what was said of a valve and its window, and what a person found there.
+
+    ``verdict`` is that on the valve as a whole, ``effects`` the slugs that stood; S and J in
+    percent of OP span, ``None`` where they were not known.
+    """
+
+    id: int
+    valve: str
+    at: datetime
+    judgement: Judgement
+    found: str
+    who: str
+    screened: datetime
+    window: tuple[datetime | None, datetime | None]
+    source: str
+    verdict: Verdict
+    effects: tuple[str, ...]
+    S: float | None
+    J: float | None
+    software_version: str
+
+
+def write_feedback(
+    session: Session, screening: int, at: datetime, judgement: Judgement, found: str, who: str
+) -> str:
+    """Keep what a person found of ``screening``; its valve. Raises ``StoreError`` where there is no
+    such screening."""
+    row = session.get(ScreeningRow, screening)
+    if row is None:
+        raise StoreError(f"there is no screening {screening}")
+    effects = [] if remark_of(row.mismatch) else list(row.mismatch_slugs or ())
+    session.add(
+        FeedbackRow(
+            valve=row.valve,
+            at=at,
+            judgement=judgement.value,
+            found=found,
+            who=who,
+            screened=row.at,
+            window_start=row.window_start,
+            window_end=row.window_end,
+            source=row.source,
+            verdict=overall_verdict(Verdict(row.verdict), named=bool(effects)).value,
+            effects=effects,
+            s_percent=row.s_percent,
+            j_percent=row.j_percent,
+            software_version=row.software_version,
+        )
+    )
+    return row.valve
+
+
+def read_feedback(
+    session: Session, valve: str | None = None, limit: int | None = None
+) -> list[Feedback]:
+    """Labels of one valve or of all, the newest first."""
+    statement = select(FeedbackRow).order_by(FeedbackRow.at.desc(), FeedbackRow.id.desc())
+    if valve is not None:
+        statement = statement.where(FeedbackRow.valve == valve)
+    if limit is not None:
+        statement = statement.limit(limit)
+    return [_feedback(row) for row in session.scalars(statement)]
+
+
+def count_feedback(session: Session) -> Mapping[tuple[Verdict, Judgement], int]:
+    """How often each verdict was said to be right or wrong."""
+    columns = (FeedbackRow.verdict, FeedbackRow.judgement)
+    rows = session.execute(select(*columns, func.count()).group_by(*columns))
+    return {(Verdict(verdict), Judgement(said)): many for verdict, said, many in rows}
+
+
+def count_effects(labels: Sequence[Feedback]) -> Mapping[str, Mapping[Judgement, int]]:
+    """How often each effect that stood was said to be right or wrong."""
+    found: dict[str, dict[Judgement, int]] = {}
+    for label in labels:
+        for slug in label.effects:
+            counted = found.setdefault(slug, dict.fromkeys(Judgement, 0))
+            counted[label.judgement] += 1
+    return dict(sorted(found.items()))
+
+
+def _feedback(row: FeedbackRow) -> Feedback:
+    return Feedback(
+        id=row.id,
+        valve=row.valve,
+        at=row.at,
+        judgement=Judgement(row.judgement),
+        found=row.found,
+        who=row.who,
+        screened=row.screened,
+        window=(row.window_start, row.window_end),
+        source=row.source,
+        verdict=Verdict(row.verdict),
+        effects=tuple(row.effects),
+        S=row.s_percent,
+        J=row.j_percent,
+        software_version=row.software_version,
+    )

@@ -1,0 +1,189 @@
+"""How often windows of weeks confirm what is there, and what is not: counted on simulated valves.
+
+Valves with nothing hidden over daily windows of a month, and valves with each effect of the
+catalogue over some windows, through ``explain`` and ``models.evidence_over_windows``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.evidence_over_windows import (
+    WindowEvidence,
+    lasting_findings,
+    pooled_stiction,
+)
+from stemwatch.models.studies.simulator.hidden import (
+    PHYSICS,
+    HiddenCase,
+    draw_effect,
+    draw_nulls,
+)
+from stemwatch.service.executors import Executor, map_in_order
+
+_BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
+
+
+@dataclass(frozen=True)
+class WatchedValve:
+    """One valve to follow over ``windows`` windows, for a worker."""
+
+    case: HiddenCase
+    windows: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowedValve:
+    """One valve and what its windows say. ``hidden`` is empty for one with nothing hidden;
+    ``testable`` in how many windows it could have shown; ``S`` and ``J`` as a person reads them,
+    percent of span."""
+
+    hidden: tuple[str, ...]
+    concealment: str
+    S: float
+    J: float
+    testable: int
+    windows: tuple[WindowEvidence, ...]
+
+    def right_name(self, slug: str) -> bool:
+        """Whether ``slug`` is what is hidden, by class: that, or what some window could not tell
+        from it."""
+        classes = [set(members) for window in self.windows for members in window.named]
+        hidden = set(self.hidden)
+        return slug in hidden or any(slug in members and members & hidden for members in classes)
+
+
+def follow(
+    nulls: int,
+    days: int,
+    valves: int,
+    windows: int,
+    seed: int,
+    executor: Executor,
+    tell: Callable[[int], None] = lambda _: None,
+    effects: Sequence[str] = PHYSICS,
+) -> list[FollowedValve]:
+    """``nulls`` valves with nothing hidden over ``days`` windows, and ``valves`` with each of
+    ``effects`` over ``windows``. ``tell`` hears how many valves are done."""
+    jobs = [WatchedValve(case, days) for case in draw_nulls(nulls, seed)]
+    jobs += [
+        WatchedValve(case, windows)
+        for slug in effects
+        for case in (draw_effect(slug, valves, seed) if valves else ())
+    ]
+    return map_in_order(executor, _follow, [(job,) for job in jobs], tell)
+
+
+def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
+    return [_followed(job) for job in jobs]
+
+
+def _followed(job: WatchedValve) -> FollowedValve:
+    from stemwatch.models.mismatch.explain import explain
+    from stemwatch.models.studies.simulator.hidden import simulate_hidden
+    from stemwatch.models.studies.simulator.hidden.later_windows import windows_of
+
+    said, testable = [], 0
+    for place, case in enumerate(windows_of(job.case, job.windows)):
+        shown, run = simulate_hidden(case)
+        mismatch = explain(run.recording)
+        at = _BEGIN + timedelta(days=place)
+        window = WindowEvidence.of(mismatch, at, start=at - timedelta(hours=1))
+        testable += shown.excited and all(window.looked_for(slug) for slug in case.hidden)
+        said.append(window)
+    valve = job.case.loop.valve
+    return FollowedValve(
+        hidden=job.case.hidden,
+        concealment=job.case.concealment,
+        S=valve.S_read,
+        J=valve.J_read,
+        testable=testable,
+        windows=tuple(said),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CountedOver:
+    """Counts after so many ``windows``: nulls on which something was ever confirmed, valves with an
+    effect that is confirmed by class, confirmed effects and how many of them are right."""
+
+    windows: int
+    false: int
+    nulls: int
+    found: int
+    valves: int
+    right: int
+    named: int
+
+
+def count_over(followed: Sequence[FollowedValve], windows: int) -> CountedOver:
+    """What stands after the first ``windows`` windows. A valve counts where its effect could have
+    shown in two of its windows at least."""
+    nulls = [valve for valve in followed if not valve.hidden and len(valve.windows) >= windows]
+    others = [valve for valve in followed if valve.hidden and valve.testable >= 2]
+    false = sum(
+        any(one.confirmed is not None for one in lasting_findings(valve.windows[:windows]))
+        for valve in nulls
+    )
+    held = [
+        [one.slug for one in lasting_findings(valve.windows[:windows]) if one.holds]
+        for valve in others
+    ]
+    right = [
+        sum(valve.right_name(slug) for slug in slugs)
+        for valve, slugs in zip(others, held, strict=True)
+    ]
+    return CountedOver(
+        windows=windows,
+        false=false,
+        nulls=len(nulls),
+        found=sum(count > 0 for count in right),
+        valves=len(others),
+        right=sum(right),
+        named=sum(len(slugs) for slugs in held),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizeErrors:
+    """Median error of S and J, percent of span, and in how many of ``of`` the interval holds the
+    truth."""
+
+    name: str
+    median: float
+    holds: int
+    of: int
+
+
+def size_errors(followed: Sequence[FollowedValve]) -> list[SizeErrors]:
+    """Of single windows, and pooled over those of one valve, where an effect is confirmed."""
+    single: list[tuple[Estimate | None, float]] = []
+    pooled: list[tuple[Estimate | None, float]] = []
+    for valve in followed:
+        over = pooled_stiction(valve.windows, lasting_findings(valve.windows))
+        if not valve.hidden or over is None:
+            continue
+        pooled += [(over.S, valve.S), (over.J, valve.J)]
+        single += [(window.S, valve.S) for window in valve.windows if window.named]
+        single += [(window.J, valve.J) for window in valve.windows if window.named]
+    return [_errors("one window", single), _errors("windows together", pooled)]
+
+
+def _errors(name: str, pairs: Sequence[tuple[Estimate | None, float]]) -> SizeErrors:
+    known = [
+        (estimate.value, estimate.low or 0.0, estimate.high or np.inf, truth)
+        for estimate, truth in pairs
+        if estimate is not None and estimate.value is not None
+    ]
+    errors = [abs(value - truth) for value, _, _, truth in known]
+    return SizeErrors(
+        name=name,
+        median=float(np.median(errors)) if errors else float("nan"),
+        holds=sum(low <= truth <= high for _, low, high, truth in known),
+        of=len(known),
+    )

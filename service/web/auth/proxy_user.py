@@ -1,0 +1,134 @@
+"""Sign-in by a header of a trusted proxy (single sign-on): off unless the plant file names the
+header and the proxies whose word is taken.
+
+The proxy is known by the address of the connection itself, never by what a request says of where it
+came from. A request that names somebody twice names nobody.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+from starlette.requests import cookie_parser
+from starlette.types import Scope
+
+from stemwatch.service.access.links import BadName, check_name
+from stemwatch.service.access.permissions import CurrentUser
+from stemwatch.service.access.sessions import form_token_of
+from stemwatch.service.store.accounts.records import AuditEntry, User, UserRole
+from stemwatch.service.store.accounts.users import NameTaken
+from stemwatch.service.store.store import Store
+from stemwatch.service.web.auth import forms
+from stemwatch.service.web.auth.peer import peer_of
+
+log = logging.getLogger(__name__)
+
+HOW = "proxy"
+NO_PASSWORD = "none: signed in by a proxy"  # no hash, so that no password fits it
+NOTED_EVERY = timedelta(hours=1)  # resolution of the last sign-in, to avoid a write per request
+
+
+class NotAUser(Exception):
+    """The proxy names somebody who may not come in; the text says who and what to do."""
+
+
+class ProxySignIn:
+    """Takes the word of ``proxies`` (addresses or networks) on who is signed in, from ``header``.
+
+    ``new_role`` is the role of those who are no users yet; empty: they are refused.
+    """
+
+    def __init__(self, header: str, proxies: Sequence[str], new_role: str = "") -> None:
+        self._header = header.lower().encode("ascii")
+        self._proxies = tuple(ipaddress.ip_network(text) for text in proxies)
+        self._new_role = UserRole(new_role) if new_role else None
+
+    def user(self, store: Store, scope: Scope, now: datetime) -> CurrentUser | None:
+        """Whom the proxy names; ``None`` where it names nobody or is no proxy of ours.
+
+        Raises ``NotAUser`` and ``StoreError``.
+        """
+        named = [value for key, value in scope["headers"] if key.lower() == self._header]
+        if not self._header or not named:
+            return None
+        if not self._trusts(peer_of(scope)):
+            log.warning(
+                "%s sends the header %s and is not believed: it is not in trusted_proxies of "
+                "[service]",
+                peer_of(scope) or "an unknown address",
+                self._header.decode(),
+            )
+            return None
+        if len(named) > 1:
+            raise NotAUser(
+                "The proxy names two users in one request: it must replace the header "
+                f"{self._header.decode()} that comes from outside, not add to it."
+            )
+        user = self._known(store, _text(named[0]), peer_of(scope), now)
+        if user.last_login is None or now - user.last_login >= NOTED_EVERY:
+            store.accounts.note_login(user.id, now)
+        cookies = b"; ".join(value for key, value in scope["headers"] if key.lower() == b"cookie")
+        cookie = cookie_parser(cookies.decode("latin-1")).get(forms.COOKIE, "")
+        return CurrentUser(
+            name=user.name,
+            role=user.role,
+            how=HOW,
+            user=user.id,
+            form_token=form_token_of(cookie) if cookie else "",
+        )
+
+    def _trusts(self, peer: str) -> bool:
+        try:
+            address = ipaddress.ip_address(peer.partition("%")[0])
+        except ValueError:
+            return False
+        if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
+            address = address.ipv4_mapped
+        return any(address in network for network in self._proxies)
+
+    def _known(self, store: Store, name: str, peer: str, now: datetime) -> User:
+        try:
+            name = check_name(name)
+        except BadName as error:
+            raise NotAUser(f"The proxy names nobody who could be a user: {error}.") from None
+        user = store.accounts.find(name)
+        if user is None and self._new_role is not None:
+            user = self._added(store, name, self._new_role, peer, now)
+        if user is None:
+            raise NotAUser(
+                f"You are signed in as {name}, who is no user here yet. An admin invites users on "
+                "the page Users."
+            )
+        if user.disabled is not None:
+            raise NotAUser(f"You are signed in as {name}, who is disabled here. Ask an admin.")
+        return user
+
+    def _added(
+        self, store: Store, name: str, role: UserRole, peer: str, now: datetime
+    ) -> User | None:
+        try:
+            user = store.accounts.add(name, role, NO_PASSWORD, by=HOW, now=now)
+        except NameTaken:  # by a request beside this one
+            return store.accounts.find(name)
+        store.audit.add(
+            AuditEntry(
+                at=now,
+                who=name,
+                how=HOW,
+                address=peer,
+                action="become a user",
+                about=f"user {name}; role {role}; named by the proxy",
+            )
+        )
+        return user
+
+
+def _text(value: bytes) -> str:
+    """A header as text; what is no UTF-8 is no name."""
+    try:
+        return value.decode("utf-8").strip()
+    except UnicodeDecodeError:
+        return ""

@@ -1,0 +1,114 @@
+"""What windows of weeks confirm: counted, and through the real search in a tiny form."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.evidence_over_windows import WindowEvidence
+from stemwatch.models.mismatch.findings import EffectScore
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden.later_windows import windows_of
+from stemwatch.service.executors import InProcess
+from stemwatch.service.studies.weeks import FollowedValve, count_over, follow, size_errors
+
+BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
+
+
+def valve(hidden, *named, S=4.0):
+    """A valve whose windows name an effect each, or nothing."""
+    windows = []
+    for day, slug in enumerate(named):
+        at = BEGIN + timedelta(days=day)
+        size = Estimate(value=4.1, low=3.9, high=4.3, unit="%")
+        windows.append(
+            WindowEvidence(
+                at=at,
+                start=at - timedelta(hours=1),
+                named=((slug,),) if slug else (),
+                scores=tuple(
+                    EffectScore(slug=one, mean=0.0, t=0.0, strength=0.0)
+                    for one in ("dead_time", "flow_force", "zero_shift")
+                ),
+                S=size,
+                J=size,
+            )
+        )
+    return FollowedValve(
+        hidden=hidden,
+        concealment="routine",
+        S=S,
+        J=S,
+        testable=len(named),
+        windows=tuple(windows),
+    )
+
+
+def test_false_alarms_are_valves_on_which_anything_was_ever_confirmed():
+    """One that is gone again was false all the same; one window alone is none."""
+    gone = valve((), "dead_time", "dead_time", *[""] * 8)
+    once = valve((), "dead_time", *[""] * 9)
+    counted = count_over([gone, once], 10)
+    assert (counted.false, counted.nulls) == (1, 2)
+    assert count_over([gone, once], 1).false == 0
+
+
+def test_effects_are_counted_by_class_and_wrong_names_apart():
+    """Found where one of the confirmed is right; every confirmed one is right or not."""
+    right = valve(("flow_force",), "flow_force", "flow_force", "", "")
+    wrong = valve(("flow_force",), "dead_time", "dead_time", "", "")
+    missed = valve(("flow_force",), "", "", "", "flow_force")
+    counted = count_over([right, wrong, missed], 4)
+    assert (counted.found, counted.valves) == (1, 3)
+    assert (counted.right, counted.named) == (1, 2)
+
+
+def test_s_and_j_of_one_window_and_of_all_together():
+    """Where an effect is confirmed; the truth 4.0 lies in both intervals."""
+    one, together = size_errors([valve(("flow_force",), "flow_force", "flow_force", "flow_force")])
+    assert (one.holds, one.of) == (6, 6)
+    assert (together.holds, together.of) == (2, 2)
+    assert together.median == pytest.approx(0.1)
+
+
+def test_later_windows_are_of_the_same_valve_moved_otherwise():
+    """Nameplate, controller and hidden effects are those of the first; movements are its own."""
+    (case,) = draw_effect("flow_force", 1, 5151)
+    first, second, third = windows_of(case, 3)
+    assert first is case
+    assert second.loop.valve == case.loop.valve == third.loop.valve
+    assert second.loop.controller == case.loop.controller
+    assert len({window.loop.setpoints for window in (first, second, third)}) == 3
+    assert windows_of(case, 2)[1] == second
+
+
+def test_nothing_hidden_stays_nothing_in_later_windows():
+    """By hand or by set points."""
+    for case in draw_nulls(3, 5151):
+        later = windows_of(case, 2)[1]
+        assert later.loop == later.plain
+        assert later.loop.valve == case.loop.valve
+
+
+@pytest.mark.long
+def test_a_late_command_is_confirmed_and_nothing_else(stemwatch):
+    """Two valves over three windows each, one with nothing hidden."""
+    followed = follow(1, 3, 1, 3, 7171, InProcess(), effects=("dead_time",))
+    counted = count_over(followed, 3)
+    assert (counted.false, counted.nulls) == (0, 1)
+    assert (counted.found, counted.valves) == (1, 1)
+    assert simulate_hidden(windows_of(draw_nulls(1, 5151)[0], 2)[1])[1].recording.mv is not None
+    outcome = stemwatch(
+        "prove-weeks", "--nulls", 1, "--days", 2, "--valves", 0, "--seed", 5151, "--workers", 1
+    )
+    assert outcome.status == 0, outcome.said
+    assert "0 of 1 false" in outcome.said
+
+
+def test_an_unknown_effect_is_wrong_usage(stemwatch):
+    """With those there are."""
+    outcome = stemwatch("prove-weeks", "--effect", "rust")
+    assert outcome.status == 2
+    assert "flow_force" in outcome.said
