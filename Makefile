@@ -18,8 +18,8 @@ ROUNDS ?= 4
 STRICT ?=
 # AGAIN=yes runs tests that failed once more, alone, and says so loudly; they fail where they fail twice.
 AGAIN ?=
-# More than two cores: tests that wait for a clock or a process leave theirs to others.
-WORKERS ?= 3
+# Twice as many as two cores: tests that wait for a clock or a process leave theirs to others.
+WORKERS ?= 4
 
 # Wheels only: a plant computer has no compiler. The environment may say otherwise.
 export PIP_ONLY_BINARY ?= :all:

@@ -55,7 +55,7 @@ STYLE = {
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
 LONGEST_TAG = 24  # characters of a tag that stay on one line
 NAMED = 6  # valves that are named for one reason
-NARROW = 76  # below this only what matters most
+NARROW, MIDDLE = 76, 100  # below these only what matters most, and what has room beside it
 SHOWN = 40  # lines of the summary; the report has all
 
 # Control characters, and the format characters that reverse or hide letters.
@@ -185,16 +185,19 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table.add_column("", justify="right")
     table.add_column("valve", overflow="fold")  # names must not be cut
     table.add_column("verdict", no_wrap=True, min_width=len(Verdict.UNDETERMINED))
-    for name in ("S, %", "J, %"):
-        table.add_column(name, justify="right")
-    for name in () if narrow else ("maintenance", "shape", "data"):
+    numbers = [_number(one) for v in ranking[:SHOWN] for one in (v.screening.S, v.screening.J)]
+    longest = max((len(part) for text in numbers for part in text.split(" ")), default=0)
+    for name in ("S, %", "J, %"):  # an interval that is cut is none
+        table.add_column(name, justify="right", min_width=longest)
+    aside = () if narrow else ("maintenance", "shape", "data")[: 1 if out.width < MIDDLE else 3]
+    for name in aside:
         table.add_column(name, no_wrap=True)
     if wide:  # in a narrow terminal the sentence would stand in a column of single words
         table.add_column("why")
     for valve in ranking[:SHOWN]:
         screening = valve.screening
         shape = screening.shape.value if screening.shape else ""
-        beside = () if narrow else (valve.decision.state.value, shape, screening.quality.grade)
+        beside = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
         table.add_row(
             str(valve.rank),
             escape(screening.valve),

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.service.cli import views
+from tests.service.maintenance.made_book import mixed
 
 HOSTILE = {
     "markup": "[bold red]FIC[/]",
@@ -126,3 +133,17 @@ def test_a_folder_named_like_markup_is_shown_as_it_is(
     outcome = stemwatch("screen", one_valve, "--out", out, "--workers", 1)
     assert outcome.status == 0
     assert str(out / "report.html") in outcome.out
+
+
+@pytest.mark.parametrize("width", [76, 80, 99, 120])
+def test_the_ranking_shows_whole_intervals(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interval of which a part is cut off says something else."""
+    wide = Estimate(value=12.34, low=10.87, high=13.56, unit="%")
+    found = [replace(one, S=wide, J=wide) if one.S.value else one for one in mixed()]
+    terminal = Console(width=width, file=io.StringIO(), record=True)
+    monkeypatch.setattr(views, "out", terminal)
+    terminal.print(views.summary(found))
+    text = terminal.export_text()
+    assert text.count("(10.9-13.6)") == 2 * sum(one.S.value is not None for one in found)
+    assert "\N{HORIZONTAL ELLIPSIS}" not in text.partition("verdict")[2]
+    assert max(map(len, text.splitlines())) <= width

@@ -79,7 +79,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         by_window=store.evidence([name]).get(name),
         gauge_top=bar_top(max(numbers)),
         models=MODEL_NAMES,
-        compact=False,
+        compact=True,
         points=points[::-1][:MOST_IN_TABLE],
         count=len(points),
         marks=marks[::-1],
