@@ -15,7 +15,7 @@ import socket
 import sys
 import threading
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from multiprocessing.context import ForkServerContext, SpawnContext
 
 _ORPHANED = 3
+_ENDING = (signal.SIGINT, signal.SIGTERM)
+_ASKED = b"1"
+_ASK_AGAIN_S = 0.05
 _terminated = threading.Event()
 INTERRUPTED = 128 + 2  # the status of a command that Ctrl-C ended
 TERMINATED = 128 + 15  # the status of a command that SIGTERM ended
@@ -114,6 +117,42 @@ def _until_gone(sentinel: int) -> None:
     os._exit(_ORPHANED)  # without clean-up: the parent is gone
 
 
+@contextmanager
+def asked_to_stop(stop: Callable[[], object], *, last: bool = False) -> Iterator[None]:
+    """SIGTERM and Ctrl-C call ``stop``, once, from a thread of its own.
+
+    A handler runs in the midst of whatever the main thread is doing: an event that it set could be
+    the one whose lock the main thread holds at that moment, and both would wait for ever. Where
+    this is the ``last`` thing that the process does, asking again does not disturb its end.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread receives signals
+        return
+    reader, writer = os.pipe()
+
+    def wait_and_stop() -> None:
+        if os.read(reader, 1) == _ASKED:
+            stop()
+
+    def asked(*_: object) -> None:
+        if not written:
+            written.append(os.write(writer, _ASKED))
+
+    written: list[int] = []
+    heard = threading.Thread(target=wait_and_stop, name="stop", daemon=True)
+    heard.start()
+    before = {number: signal.signal(number, asked) for number in _ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_IGN if last else handler)
+        os.write(writer, b"0")
+        heard.join()
+        os.close(reader)
+        os.close(writer)
+
+
 class Terminated(KeyboardInterrupt):
     """SIGTERM, handled in the same way as Ctrl-C."""
 
@@ -130,10 +169,22 @@ def ending_on_sigterm() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread receives signals
         return
-    before = signal.signal(signal.SIGTERM, end)
+    before, told = signal.signal(signal.SIGTERM, end), sys.unraisablehook
+
+    def again(lost: sys.UnraisableHookArgs) -> None:
+        """Python drops what is raised in a finaliser or a callback of C: ask once more."""
+        if not isinstance(lost.exc_value, Terminated):
+            told(lost)
+            return
+        asking = threading.Timer(_ASK_AGAIN_S, os.kill, (os.getpid(), signal.SIGTERM))
+        asking.daemon = True
+        asking.start()
+
+    sys.unraisablehook = again
     try:
         yield
     finally:
+        sys.unraisablehook = told
         signal.signal(signal.SIGTERM, before)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import signal
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -105,8 +104,9 @@ def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> Non
 
 async def _until_asked(made: LiveDemo) -> None:
     """Run the demo until SIGTERM or Ctrl-C."""
+    from stemwatch.service.process_lifecycle import asked_to_stop
+
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # Not add_signal_handler, which Windows does not have.
-        signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop.set))
-    await made.run(stop)
+    # Not add_signal_handler, which Windows does not have.
+    with asked_to_stop(lambda: loop.call_soon_threadsafe(stop.set), last=True):
+        await made.run(stop)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 import time
 from pathlib import Path
@@ -41,6 +40,7 @@ def serve(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.logs import set_up_logs
+    from stemwatch.service.process_lifecycle import asked_to_stop
     from stemwatch.service.serve import ListenAddress, Service
     from stemwatch.service.serve.plant_secrets import hide_secrets
 
@@ -48,8 +48,6 @@ def serve(
     set_up_logs(as_json=json_logs)
     hide_secrets(loaded)
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     where = ListenAddress(host=host, port=port, hosts=tuple(allow_host or ()))
 
     def ready(address: str) -> None:
@@ -61,7 +59,8 @@ def serve(
         views.out.print(said, highlight=False)
         views.out.print(views.escape(link), highlight=False, soft_wrap=True)
 
-    Service(loaded, where, logs_as_json=json_logs).run(stop, ready, invite)
+    with asked_to_stop(stop.set, last=True):
+        Service(loaded, where, logs_as_json=json_logs).run(stop, ready, invite)
 
 
 def run_now(

@@ -14,6 +14,7 @@ from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.plant_file import plant_toml
 from stemwatch.service.modbus_plant.register_layout import STRIDE, words
 from stemwatch.service.modbus_plant.wear import Wear
+from stemwatch.service.process_lifecycle import asked_to_stop
 
 if TYPE_CHECKING:
     from pymodbus.constants import ExcCodes
@@ -133,13 +134,30 @@ def serve_plant(
 
     async def run() -> None:
         plant = LivePlant(loops, wear=wear, seed=seed)
-        async with PlantServer(plant, host, port, speed=speed) as server:
-            folder.mkdir(parents=True, exist_ok=True)
-            text = plant_toml(loops, host=host, port=server.port, every_s=every_s)
-            file = folder / PLANT_FILE
-            file.write_text(text, encoding="utf-8", newline="\n")
-            ready(server, file)
-            await (asyncio.Event().wait() if beside is None else beside(server))
+        stop, loop = asyncio.Event(), asyncio.get_running_loop()
+        with asked_to_stop(lambda: loop.call_soon_threadsafe(stop.set)):
+            async with PlantServer(plant, host, port, speed=speed) as server:
+                begin(server)
+                await _until(stop, None if beside is None else beside(server))
+
+    def begin(server: PlantServer) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        text = plant_toml(loops, host=host, port=server.port, every_s=every_s)
+        file = folder / PLANT_FILE
+        file.write_text(text, encoding="utf-8", newline="\n")
+        ready(server, file)
 
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(run())
+
+
+async def _until(stop: asyncio.Event, beside: Awaitable[object] | None) -> None:
+    """Wait for ``stop`` or for the end of ``beside``, which may be that it fails."""
+    stopping = asyncio.ensure_future(stop.wait())
+    working = stopping if beside is None else asyncio.ensure_future(beside)
+    await asyncio.wait({stopping, working}, return_when=asyncio.FIRST_COMPLETED)
+    if working.done():
+        working.result()
+    for one in (stopping, working):
+        one.cancel()
+    await asyncio.gather(stopping, working, return_exceptions=True)

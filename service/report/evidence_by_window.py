@@ -69,7 +69,7 @@ def _cell(window: WindowEvidence, slug: str, x: int, y: int) -> Markup:
 
 
 def _days(windows: tuple[WindowEvidence, ...], y: int, zone: tzinfo) -> list[Markup]:
-    """Dates below some of the columns, the first and the last among them."""
+    """Dates below some of the columns, the first among them."""
     if not windows:
         return []
     step = max(-(-len(windows) // MOST_DAYS), 1)

@@ -12,6 +12,7 @@ from datetime import datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.evidence_over_windows import LastingFinding
 from stemwatch.models.mismatch.findings import (
     Effect,
     Gain,
@@ -24,6 +25,7 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
 from stemwatch.service.presenter.wording import finite, printable
@@ -194,10 +196,16 @@ def to_contracts(screenings: Sequence[Screening]) -> list[dict[str, Any]]:
     ]
 
 
-def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str, Any]:
+def to_contract(
+    screening: Screening,
+    *,
+    stands: bool | None = None,
+    by_window: EvidenceOfWeeks | None = None,
+) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
-    ``stands`` says whether its effects stand among all valves of the run.
+    ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
+    windows of the last weeks say together.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
@@ -225,10 +233,24 @@ def to_contract(screening: Screening, *, stands: bool | None = None) -> dict[str
             for name, indicator in screening.indicators.items()
         },
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
+        "over_weeks": [] if by_window is None else [_lasting(one) for one in by_window.findings],
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
         "seconds": finite(screening.seconds),
+    }
+
+
+def _lasting(finding: LastingFinding) -> dict[str, Any]:
+    return {
+        "slug": printable(finding.slug),
+        "state": finding.state.value,
+        "sentence": printable(finding_sentence(finding)),
+        "first_seen": _instant(finding.first_seen),
+        "confirmed": _instant(finding.confirmed),
+        "last_seen": _instant(finding.last_seen),
+        "named": finding.named,
+        "of": finding.of,
     }
 
 

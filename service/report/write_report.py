@@ -93,7 +93,9 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
     """The contract objects, worst valve first, as UTF-8 JSON without NaN; one at a time."""
     between = "[\n "
     for valve in ranked:
-        contract = to_contract(valve.screening, stands=valve.stands)
+        contract = to_contract(
+            valve.screening, stands=valve.stands, by_window=valve.facts.by_window
+        )
         text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
         file.write((between + text.replace("\n", "\n ")).encode())
         between = ",\n "

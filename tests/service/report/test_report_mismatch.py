@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from importlib.resources import files
 from xml.etree import ElementTree
 
@@ -14,9 +15,11 @@ import numpy as np
 import openpyxl
 import pytest
 
+from stemwatch.models.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import FreeRuns, HotPlace, ResidualMap
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.explain.write_explanation import write_pages
+from stemwatch.service.presenter.evidence_of_weeks import evidence_of_weeks
 from stemwatch.service.report import write_report
 from stemwatch.service.report.charts.valve_charts import overlay_of
 from stemwatch.service.report.heatmap import heat_map, largest
@@ -250,3 +253,23 @@ def test_without_scripts_the_findings_and_maps_are_there(browser, explained_page
     assert page.locator("noscript p").is_visible()
     assert not page.locator(".overlay").first.is_visible()
     context.close()
+
+
+def test_the_report_says_what_windows_of_weeks_confirm(explained_plant, make_context, tmp_path):
+    """In the valve's section, with the picture; a valve without has none."""
+    first = datetime(2026, 3, 1, 6, tzinfo=UTC)
+    windows = [
+        WindowEvidence(at=first + timedelta(days=day), named=(("flow_force",),)) for day in range(3)
+    ]
+    context = make_context(explained_plant)
+    facts = replace(context.facts("FV-0"), by_window=evidence_of_weeks(windows))
+    context = replace(context, valves={**context.valves, "FV-0": facts})
+    files = write_report(explained_plant, context, tmp_path)
+    objects = json.loads(files.json.read_text("utf-8"))
+    jsonschema.validate(objects, SCHEMA)
+    (finding,) = next(one["over_weeks"] for one in objects if one["valve"] == "FV-0")
+    assert (finding["state"], finding["named"], finding["of"]) == ("standing", 3, 3)
+    page = files.html.read_text("utf-8")
+    assert page.count("Over the windows of the last weeks") == 1
+    assert "Flow force: first seen on 2026-03-01, confirmed in 3 of 3 windows." in page
+    assert page.count('<svg class="by-window"') == 1

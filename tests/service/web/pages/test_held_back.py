@@ -37,3 +37,18 @@ def test_a_finding_that_does_not_stand_says_so(
     assert (ranking[STICKY]["left_out"] != [], ranking[STICKY]["held_back"]) == (True, held_back)
     assert ranking[HEALTHY]["held_back"] is False
     assert ("(held back)" in client.get("/").text) is held_back
+
+
+def test_the_page_says_what_windows_of_weeks_confirm(filled: Store, client: httpx.Client) -> None:
+    """Once two days name it: since when and in how many windows, with the picture."""
+    for day in range(1, 4):
+        run = filled.begin_run(software_version="1")
+        found = replace(named(), p_value=0.001, runs=None)
+        if day == 2:
+            found = replace(found, finding=Finding.NONE, effects=(), p_value=None)
+        filled.save(screening(STICKY, at=NOW + timedelta(days=day), mismatch=found), run)
+    page = client.get("/valve", params={"id": STICKY}).text
+    assert "Over the windows of the last weeks" in page
+    assert "Asymmetric rate limit: first seen on" in page
+    assert 'class="by-window"' in page
+    assert "Over the windows of" not in client.get("/valve", params={"id": HEALTHY}).text

@@ -1,0 +1,124 @@
+"""Commands that run until they are stopped end in order, whenever and however often asked."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from stemwatch.service.process_lifecycle import Terminated, asked_to_stop, ending_on_sigterm
+from tests.service.live_demo.started import DEMO, Started
+
+SIMULATE = ("simulate", "--modbus", "--what", "healthy", "--count", "1", "--port", "0")
+ENDING = [signal.SIGTERM, signal.SIGINT]
+
+
+@pytest.fixture(autouse=True)
+def handlers_as_before() -> Iterator[None]:
+    """The handlers of this process are those of the test runner again."""
+    before = {number: signal.getsignal(number) for number in ENDING}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", ENDING, ids=["SIGTERM", "SIGINT"])
+def test_a_signal_while_the_event_is_locked_stops_all_the_same(number: signal.Signals) -> None:
+    """The main thread may be just about to wait for the event that says stop."""
+    stop = threading.Event()
+    with asked_to_stop(stop.set):
+        with getattr(stop, "_cond"):  # noqa: B009
+            signal.raise_signal(number)
+        assert stop.wait(60)
+
+
+def test_being_asked_again_and_again_stops_once() -> None:
+    """Also when all is being cleared away, and afterwards."""
+    asked: list[int] = []
+    over = threading.Event()
+
+    def stop() -> None:
+        asked.append(1)
+        over.set()
+
+    with asked_to_stop(stop, last=True):
+        for _ in range(5):
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGINT)
+        assert over.wait(60)
+    signal.raise_signal(signal.SIGINT)
+    assert asked == [1]
+
+
+def test_without_being_asked_nothing_is_stopped() -> None:
+    """What ends by itself ends."""
+    asked: list[int] = []
+    with asked_to_stop(lambda: asked.append(1)):
+        pass
+    assert asked == []
+
+
+class Late:
+    """Something whose clearing away is where the signal arrives."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+
+def test_an_end_that_a_finaliser_loses_is_asked_for_again() -> None:
+    """Python drops exceptions there, and a command that lost its SIGTERM would never end."""
+    with ending_on_sigterm(), pytest.raises(Terminated):
+        _lose_it_and_wait()
+
+
+def _lose_it_and_wait() -> None:
+    late = Late()
+    del late
+    time.sleep(60)
+
+
+@contextmanager
+def busy(loops: int) -> Iterator[None]:
+    """So many processes that only use up time."""
+    command = [sys.executable, "-c", "while True: pass"]
+    started = [subprocess.Popen(command) for _ in range(loops)]
+    try:
+        yield
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+COMMANDS = {
+    "simulate --modbus": (SIMULATE, "Modbus on"),
+    "demo --live": (DEMO, "http://"),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", ENDING, ids=["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_thirty_times_under_load_it_ends_with_its_status(
+    tmp_path: Path, name: str, number: signal.Signals
+) -> None:
+    """Asked twice, as impatient people do, a little later each time."""
+    command, ready = COMMANDS[name]
+    with busy(3):
+        for turn in range(30):
+            running = Started(tmp_path / str(turn), command)
+            running.said(ready)
+            time.sleep(turn * 0.02)
+            os.kill(running.process.pid, number)
+            os.kill(running.process.pid, number)
+            status = running.process.wait(timeout=300)
+            assert status == 0, running.everything()
+            assert "Traceback" not in running.everything()
