@@ -262,6 +262,7 @@ class Beginning:
     plain: bool = False
     S_less: float = 0.0  # times the term's first coordinate: what of S was the term's
     J_less: float = 0.0
+    restick: float | None = None  # speed of sticking again, %/s; else that of the simple hypothesis
 
 
 def widened(
@@ -283,6 +284,8 @@ def widened(
             start.S,
             start.J / max(start.S, 1e-6),
         )
+        if start.restick is not None:
+            base[base_coordinate.RESTICK] = start.restick
         if start.plain:
             base[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
         for slug, place in simple.layout.places.items():

@@ -7,7 +7,7 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -60,6 +60,7 @@ from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
+from stemwatch.models.mismatch.nothing_left_out import doubt
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.rivals import left_open, on_site
@@ -71,7 +72,7 @@ from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
-from stemwatch.models.stickslip.breakaways import breakaways
+from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.interval import REPLICATES
@@ -92,10 +93,8 @@ DOOR_NOISE = 0.17  # of the archive's deviation
 FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 # One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
 MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
-# A worse fit on unseen data is no explanation of the recording, percent.
-LEAST_FIT = 50.0
-# Two fits of one S that differ by less do not contradict each other.
-ALIKE_PERCENT = 0.5
+MUCH_NEARER = 0.7  # of the error of S and J alone
+SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two elements
 
 
 @dataclass(frozen=True)
@@ -312,6 +311,7 @@ class _Hypothesis:
 
     evaluator: Evaluator
     layout: CoordinateLayout
+    fitted: Fitted
     best: Floats
     drawn: Callable[[], Floats]
     effects: tuple[Effect, ...]
@@ -341,12 +341,16 @@ def _told(case: _Case) -> Mismatch:
     archive = _archive(case, evaluator, reached.best)
     # With nothing left out, and every sample kept, the breakaways tell S and J best.
     told = not effects and not reached.open_end and not reached.worse and archive is None
-    alone = _stiction(plain, lambda: draws(plain, simple, naive), naive, by_breakaways=told)
-    refitted = _stiction(evaluator, reached.drawn, reached.best, by_breakaways=told)
+    elements = (naive, reached.best) if told else ()
+    alone = _stiction(plain, lambda: draws(plain, simple, naive), naive, elements)
+    refitted = _stiction(evaluator, reached.drawn, reached.best, elements)
     if case.balance is not None and DRIVE in reached.layout.places:
         refitted = _of_balance(case.balance, refitted)
-    doubt = _doubt(reached, alone, refitted)
-    finding = _finding(effects, reached.open_end or bool(doubt))
+    why = reached.worse
+    if not effects and not why:
+        why = doubt(evaluator, reached.fitted, reached.best, shown, (alone, refitted), naive)
+    unsure = "" if effects else why
+    finding = _finding(effects, reached.open_end or bool(unsure))
     if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
         shown, refitted = shown.of_naive_alone(), alone
     # The same samples make the same cell of both maps: where the better of the models says that the
@@ -358,7 +362,7 @@ def _told(case: _Case) -> Mismatch:
     tried, together = what_was_tried(reached.named, effects)
     mismatch = Mismatch(
         finding=finding,
-        sentence=sentence_of(finding, effects, case.refused, before, doubt),
+        sentence=sentence_of(finding, effects, case.refused, before, unsure),
         naive=alone,
         restated=refitted,
         effects=effects,
@@ -452,7 +456,8 @@ def _whole_record(
     shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    return _Hypothesis(evaluator, layout, best, drawn, effects, open_end, shown, named), proposed
+    reached = _Hypothesis(evaluator, layout, fitted, best, drawn, effects, open_end, shown, named)
+    return reached, proposed
 
 
 def _worse(reached: _Hypothesis) -> str:
@@ -466,35 +471,6 @@ def _worse(reached: _Hypothesis) -> str:
         f"{words.capitalize()} would explain parts of this recording, but its last part, which was "
         f"not fitted, is predicted worse with it{fit}"
     )
-
-
-def _doubt(reached: _Hypothesis, alone: Stiction, refitted: Stiction) -> str:
-    """Why it cannot be said that nothing was left out, though nothing is named; else empty."""
-    if reached.effects:
-        return ""
-    if reached.worse:
-        return reached.worse
-    if not _agree(alone.S, refitted.S) or not _agree(alone.J, refitted.J):
-        return (
-            f"S and J alone are {alone.S.value:.2g} and {alone.J.value:.2g} %, fitted together "
-            f"with the reading's zero and gain {refitted.S.value:.2g} and {refitted.J.value:.2g} %"
-        )
-    heldout = reached.shown.heldout
-    fits = [fit for fit in (heldout.fit_naive, heldout.fit_extended) if fit is not None]
-    if fits and max(fits) < LEAST_FIT:
-        return (
-            "With S and J the model does not follow the part of the recording that was not fitted "
-            f"(fit {max(fits):.0f} %)"
-        )
-    return ""
-
-
-def _agree(one: Estimate, other: Estimate) -> bool:
-    """True where two estimates of one number do not contradict each other."""
-    if one.value is None or other.value is None:
-        return True
-    apart = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
-    return apart <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT
 
 
 def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
@@ -524,7 +500,12 @@ def _standing(
     noise_known = case.own_reading and not _compressed(case.settled)
     open_end = noise_known and not_little_left(evaluator, fitted)
     if noise_known and much_left(evaluator, fitted):
-        effects = tuple(effect for effect in effects if effect.evidence.mean >= _least_mean(effect))
+        nearer = _much_nearer(heldout)
+        effects = tuple(
+            effect
+            for effect in effects
+            if effect.evidence.mean >= _least_mean(effect) or (nearer and _of_air(effect))
+        )
     lines = [effect for effect in effects if effect.slug in STRAIGHT_LINE]
     if lines and (
         _refuted(heldout) or convincing(curvature(evaluator, fitted), evaluator.told, BEND)
@@ -532,6 +513,18 @@ def _standing(
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
         open_end = open_end or not effects
     return effects, open_end
+
+
+def _much_nearer(heldout: HeldOutFit) -> bool:
+    """True where the free run on unseen samples loses a good part of its error, beyond chance."""
+    if heldout.rmse_naive is None or heldout.rmse_extended is None or heldout.gain_low is None:
+        return False
+    return heldout.rmse_extended <= MUCH_NEARER * heldout.rmse_naive and heldout.gain_low > 0.0
+
+
+def _of_air(effect: Effect) -> bool:
+    """True for what shapes the command: friction or a force that wanders is not like it."""
+    return catalogue()[effect.slug].way is Way.COMMAND
 
 
 def _least_mean(effect: Effect) -> float:
@@ -547,13 +540,15 @@ def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floa
 
 
 def _stiction(
-    evaluator: Evaluator, drawn: Callable[[], Floats], best: Floats, *, by_breakaways: bool
+    evaluator: Evaluator, drawn: Callable[[], Floats], best: Floats, elements: Sequence[Floats]
 ) -> Stiction:
+    """S and J of the fit ``best``; by the breakaways instead, where they are those of one of the
+    ``elements`` that were fitted."""
     S = float(best[base_coordinate.S_PERCENT])
     J = S * float(best[base_coordinate.RATIO])
     gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
-    seen = breakaways(evaluator.problem, gain, zero, S, J) if by_breakaways else None
-    if seen is not None:
+    seen = breakaways(evaluator.problem, gain, zero, S, J) if elements else None
+    if seen is not None and any(_same_element(seen, element) for element in elements):
         S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
         return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
     error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
@@ -565,6 +560,15 @@ def _stiction(
             estimate(S_drawn * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
         ),
     )
+
+
+def _same_element(seen: Breakaways, element: Floats) -> bool:
+    """Whether both levels of the breakaways are near those of an ``element`` that was fitted: what
+    an operator's steps and ramps move the command by in the sample of a slip can mislead them."""
+    S, ratio = float(element[base_coordinate.S_PERCENT]), float(element[base_coordinate.RATIO])
+    level, kinetic = 0.5 * S * (1.0 + ratio), 0.5 * S * (1.0 - ratio)
+    apart = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
+    return apart <= SAME_LEVELS * level
 
 
 def _of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:

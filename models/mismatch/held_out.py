@@ -31,15 +31,17 @@ FEWEST = 30  # samples that make an error
 
 @dataclass(frozen=True)
 class HeldOutComparison:
-    """Free runs with the parameters of the first part, and their errors on the rest."""
+    """Free runs with the parameters of the first part, and their errors on the rest; ``followed``
+    is the fit there of the extended model with the breakaways where they were seen, percent."""
 
     heldout: HeldOutFit
     runs: FreeRuns
+    followed: float | None = None
 
     def of_naive_alone(self) -> HeldOutComparison:
         """The same where nothing but S and J alone is published."""
         runs = replace(self.runs, extended=self.runs.naive)
-        return HeldOutComparison(self.heldout.of_naive_alone(), runs)
+        return replace(self, heldout=self.heldout.of_naive_alone(), runs=runs)
 
 
 def show(
@@ -72,7 +74,17 @@ def show(
     first = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
     late = evaluator.measured & (np.arange(problem.op.size) >= first)
     runs = FreeRuns(naive=naive, extended=extended, heldout_from=first)
-    return HeldOutComparison(_heldout(evaluator, runs, late, ceiling), runs)
+    heldout = _heldout(evaluator, runs, late, ceiling)
+    assimilated, _ = evaluator.assimilated(layout, trained)
+    return HeldOutComparison(heldout, runs, _fit(problem.mv[late], assimilated[late]))
+
+
+def _fit(mv: Floats, run: Floats) -> float | None:
+    """``100 (1 - rmse / std)`` of some samples, or ``None`` where they tell nothing."""
+    spread = float(np.std(mv)) if mv.size else 0.0
+    if mv.size < FEWEST or spread == 0.0:
+        return None
+    return 100.0 * (1.0 - _rms(mv - run) / spread)
 
 
 def _trained(

@@ -12,6 +12,7 @@ from stemwatch.models.mismatch.term import Term, Way
 # S that valves have, percent, for terms that make the base's own S meaningless.
 FRESH = (2.0, 4.0, 7.0)
 FRESH_RATIO = 0.4
+COMES_TO_REST = 0.02  # %/s
 _LED_ASTRAY = ("travel_stop", "rate_limit", "asymmetric_rate_limit")
 
 
@@ -21,9 +22,11 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
     if term.slug in _LED_ASTRAY:
         return [own, *(Beginning(s, FRESH_RATIO * s, plain=True) for s in FRESH)]
     if term.way is Way.COMMAND or term.slug == "viscous_drag":
-        # It smears the slips, which has driven J to nothing.
+        # It smears the slips, which has driven J to nothing; and a command that only comes near its
+        # end never turns, so that a stem which sticks at a turn alone would creep on with it.
         return [
             own,
+            Beginning(S, J, restick=COMES_TO_REST),
             Beginning(0.75 * S, 0.25 * S, plain=True),
             Beginning(S, 0.6 * S, plain=True),
             Beginning(0.5 * S, 0.1 * S, plain=True),

@@ -15,7 +15,7 @@ import numpy as np
 
 from stemwatch.models.mismatch import dwell
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.acceptance_limits import convincing, not_little_left
 from stemwatch.models.mismatch.base_fit import BaseFit
 from stemwatch.models.mismatch.batched_search import Search, conclude, together
 from stemwatch.models.mismatch.crossfit import (
@@ -41,9 +41,10 @@ from stemwatch.models.stickslip.fit import Advantage
 MOST_TERMS = 3
 PLAY = "lost_motion"
 LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3
-REFINED = 6  # candidates of a stage that are searched with care
+REFINED = 3  # candidates of a stage that are searched with care
 PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
 AS_GOOD = 1.5  # paired t below which two explanations cannot be told apart
+CONTRADICTED = 1.0  # t of the trajectories against what the breakaways together tell
 ATTEMPTS = 2
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
 NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
@@ -265,7 +266,17 @@ def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[
             best = simpler
             break
     rivals = [score for score in passing if score is not best and _as_good(evaluator, score, best)]
+    # A second lag on top of a lag is what another delay looks like.
+    other = next((score for score in rivals if not _related(score)), None)
+    if other is not None and _related(best):
+        return [other, *(score for score in (best, *rivals) if score is not other)]
     return [best, *rivals]
+
+
+def _related(score: TermScore) -> bool:
+    """True where the term contains one that stands before it, or is contained in one."""
+    terms = [term for term in score.fitted.layout.hypothesis.terms if term.slug != score.slug]
+    return any(term.slug in score.term.contains or score.slug in term.contains for term in terms)
 
 
 def _nearly(evaluator: Evaluator, simple: TermScore, rich: TermScore) -> bool:
@@ -289,6 +300,10 @@ def name(base: BaseFit, terms: Sequence[Term]) -> Named:
         if stage == 0:
             first = simple
         taken = accepted(evaluator, scores, stage)
+        if not taken and stage == 0 and not_little_left(evaluator, simple):
+            # Two that explain it together may be nothing one by one; whether both are needed is
+            # asked at the end.
+            taken = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
         stages.append(SelectionStage(simple, tuple(scores), tuple(taken)))
         if not taken:
             break
@@ -313,6 +328,8 @@ def told_by_events(
     plain = conclude(evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term)))
     fitted = dwell.begun(evaluator, plain, seen)
     score = TermScore(term, fitted, gain(evaluator, simple, fitted))
+    if score.advantage.t < -CONTRADICTED:
+        return simple, []  # what makes breakaways late is something else
     return fitted, [
         Needed(SelectionStage(simple, (score,), (score,)), simple, score.advantage, seen)
     ]

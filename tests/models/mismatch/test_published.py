@@ -12,6 +12,7 @@ from stemwatch.models.mismatch.term import Look
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
+from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls, simulate_hidden
 from tests.models.mismatch.chain import played, rescaled
 
 LOOK = Look(
@@ -74,3 +75,32 @@ def test_a_ring_between_a_few_samples_is_no_ringing_positioner():
     found = explain(stemwatch.simulate(S=5.0, J=2.0, minutes=30, seed=3))
     assert "underdamped_positioner" not in [effect.slug for effect in found.effects]
     assert found.restated.S.value == pytest.approx(5.0, abs=0.3)
+
+
+@pytest.mark.parametrize("place", [1, 9])
+def test_steps_and_ramps_by_hand_do_not_mislead_s(place):
+    """Nothing is hidden; breakaways under an operator's steps tell another S than every fit, by a
+    third, and are not taken."""
+    case, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
+    assert case.concealment == "rich"
+    found = explain(run.recording)
+    assert found.finding is Finding.NONE
+    assert found.restated.S.value == pytest.approx(run.truth.S, rel=0.1)
+
+
+@pytest.mark.parametrize("place", [13, 22])
+def test_a_free_run_that_misses_slips_leaves_nothing_unknown(place):
+    """Quiet or short, with nothing hidden: what one missed slip costs a free run is no effect."""
+    _, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
+    found = explain(run.recording)
+    assert found.finding is Finding.NONE
+    assert found.heldout.fit_extended < 50.0
+
+
+def test_a_lag_under_a_stem_that_hardly_jumps_is_found_and_is_no_dwell():
+    """A stem that sticks at a turn alone creeps on with a command that only comes near its end."""
+    _, run = simulate_hidden(draw_hidden(2, 8383)[1])
+    found = explain(run.recording)
+    assert [effect.slug for effect in found.effects] == ["actuator_lag"]
+    assert found.effects[0].parameters["tau"].value == pytest.approx(2.7, abs=0.3)
+    assert found.restated.S.value == pytest.approx(run.truth.S, rel=0.03)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch import term_selection
 from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, again, gain, scored
+from stemwatch.models.mismatch.evaluator import TermSet
 from stemwatch.models.mismatch.explain import look_of, problem_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.term import Way
@@ -222,3 +225,21 @@ def test_what_predicts_as_well_is_a_member_of_the_class():
     same = replace(lag, fitted=replace(lag.fitted, losses=late.fitted.losses))
     assert [late, same] == accepted(evaluator, [late, same], 0)
     assert [] == accepted(evaluator, [], 0)
+
+
+def test_another_term_goes_before_a_second_one_of_the_same_kind(monkeypatch):
+    """A lag that differs by direction, on top of a lag, is what a delay looks like: where both do
+    as well, the delay is taken and the other stands as its rival."""
+    catalogue_of = catalogue()
+
+    def score(slug):
+        terms = TermSet((catalogue_of["actuator_lag"], catalogue_of[slug]))
+        fitted = SimpleNamespace(layout=SimpleNamespace(hypothesis=terms))
+        return SimpleNamespace(slug=slug, term=catalogue_of[slug], fitted=fitted)
+
+    scores = [score("asymmetric_lag"), score("dead_time")]
+    monkeypatch.setattr(term_selection, "passes", lambda *_: True)
+    monkeypatch.setattr(term_selection, "_as_good", lambda *_: True)
+    monkeypatch.setattr(term_selection, "_nearly", lambda *_: True)
+    taken = term_selection.accepted(None, scores, 1)
+    assert [one.slug for one in taken] == ["dead_time", "asymmetric_lag"]

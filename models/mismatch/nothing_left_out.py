@@ -1,0 +1,82 @@
+"""Whether it can be said that S and J explain a recording, where nothing is named.
+
+S and J alone and those that were fitted with the reading's zero and gain must agree, or the latter
+do as well by what the former were fitted to; and a model must follow the part of the recording that
+was not fitted.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance_limits import left
+from stemwatch.models.mismatch.base_fit import naive_evaluator, naive_layout
+from stemwatch.models.mismatch.crossfit import Fitted
+from stemwatch.models.mismatch.evaluator import Evaluator
+from stemwatch.models.mismatch.findings import Stiction
+from stemwatch.models.mismatch.held_out import HeldOutComparison
+from stemwatch.models.mismatch.term_selection import AS_GOOD
+from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.fit import advantage
+
+# A worse fit on unseen data is no explanation of the recording, percent.
+LEAST_FIT = 50.0
+# Two fits of one S that differ by less do not contradict each other.
+ALIKE_PERCENT = 0.5
+# What the worst tenth of the blocks leaves, in noise variances, that is hardly more than noise.
+HARDLY_LEFT = 6.5
+
+
+def doubt(
+    evaluator: Evaluator,
+    fitted: Fitted,
+    best: Floats,
+    shown: HeldOutComparison,
+    both: tuple[Stiction, Stiction],
+    naive: Floats,
+) -> str:
+    """Why it cannot be said that nothing was left out, a clause; empty where it can.
+
+    ``fitted`` and ``best`` (size,) are the hypothesis without a finding, on both folds and on the
+    whole record; ``both`` S and J alone and with it, ``naive`` (6,) the fit of the former.
+    """
+    alone, refitted = both
+    open_percent = float(evaluator.slack.max())  # what an archive by exception leaves open
+    agree = _agree(alone.S, refitted.S, open_percent) and _agree(alone.J, refitted.J, open_percent)
+    if not agree and not _as_good_by_free_runs(evaluator, fitted, best, naive):
+        return (
+            f"S and J alone are {alone.S.value:.2g} and {alone.J.value:.2g} %, fitted together "
+            f"with the reading's zero and gain {refitted.S.value:.2g} and {refitted.J.value:.2g} %"
+        )
+    told = (shown.heldout.fit_naive, shown.heldout.fit_extended, shown.followed)
+    fits = [fit for fit in told if fit is not None]
+    if fits and max(fits) < LEAST_FIT:
+        return (
+            "With S and J the model does not follow the part of the recording that was not fitted "
+            f"(fit {max(fits):.0f} %)"
+        )
+    return ""
+
+
+def _agree(one: Estimate, other: Estimate, open_percent: float) -> bool:
+    """True where two estimates of one number do not contradict each other."""
+    if one.value is None or other.value is None:
+        return True
+    apart = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
+    return apart <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT + open_percent
+
+
+def _as_good_by_free_runs(
+    evaluator: Evaluator, fitted: Fitted, best: Floats, naive: Floats
+) -> bool:
+    """Whether the refit leaves hardly more than noise and does as well by free runs, which S and J
+    alone were fitted to: they differ then because a run that misses a slip tells them less well."""
+    if left(evaluator, fitted) > HARDLY_LEFT:
+        return False
+    free = naive_evaluator(evaluator)
+    simple = naive[None, : base_coordinate.N_BASE]
+    alone = free.block_losses(naive_layout(free), simple)[0]
+    refitted = free.block_losses(fitted.layout, np.asarray(best)[None])[0]
+    return bool(advantage(refitted, alone, free.counts, free.delta).t < AS_GOOD)
