@@ -49,7 +49,7 @@ from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
-from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
+from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
@@ -166,15 +166,17 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     changed, late_s = "", 0.0
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
-        late_s = find_op_late(masked)
+        look = FirstLook.at(masked)
+        late_s = find_op_late(masked, look)
         as_stored, masked = masked, brought_forward(masked, late_s)
         curve, changed = stroke_curve_of(masked, case.known_curve)
         found = [] if curve else reversed_obstacles(masked)
-        found = found or wiring_obstacles(in_travel(masked, curve), as_stored if late_s else None)
+        commanded = in_travel(masked, curve)
+        look = look if commanded is as_stored else FirstLook.at(commanded)
+        found = found or wiring_obstacles(commanded, as_stored if late_s else None, look)
         assessment = with_obstacles(assessment, found)
     if not assessment.obstacles:
-        commanded = in_travel(masked, curve)
-        fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0)
+        fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0, look)
         fit, archive = as_sampled(fit, commanded)
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(

@@ -25,6 +25,7 @@ from stemwatch.models.signal_pairing import (
 )
 from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pairing, paired
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
+from stemwatch.models.stickslip.fit import FirstLook
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.stickslip.rests import Rests
 from stemwatch.models.words import share, times
@@ -218,13 +219,15 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     ]
 
 
-def wiring_obstacles(recording: Recording, as_stored: Recording | None = None) -> list[Obstacle]:
+def wiring_obstacles(
+    recording: Recording, as_stored: Recording | None = None, look: FirstLook | None = None
+) -> list[Obstacle]:
     """Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
 
     ``recording`` in percent of travel both, read through its curve; ``as_stored`` what it was where
-    its OP was taken for stored late and brought forward.
+    its OP was taken for stored late and brought forward; ``look`` a first look at ``recording``.
     """
-    own = Pairing.of(recording)
+    own = Pairing.of(recording, look)
     # Most valves need no second look.
     if own is None or own.explained(BEFORE[:1]).left < SWAPPED_FROM:
         return []

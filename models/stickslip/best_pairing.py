@@ -17,8 +17,8 @@ from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.signal_pairing import first_order_lag
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import StickSlipEvaluator, actuator_grid, first_look
-from stemwatch.models.stickslip.problem import FitProblem, make_problem
+from stemwatch.models.stickslip.fit import FirstLook, StickSlipEvaluator, actuator_grid
+from stemwatch.models.stickslip.problem import FitProblem
 
 # Samples by which a command may be brought forward: never by more than nothing, for then the stem
 # would move first; and a little more, where only clocks differ.
@@ -51,12 +51,14 @@ class Pairing:
     still: float  # loss of a stem that never moves
 
     @classmethod
-    def of(cls, recording: Recording) -> Pairing | None:
-        """``None`` where one of the two hardly moves, or nothing can be scored."""
-        problem = make_problem(recording)
-        if not problem.scored.any() or min(problem.swing, float(np.ptp(problem.mv))) <= 0.0:
+    def of(cls, recording: Recording, look: FirstLook | None = None) -> Pairing | None:
+        """``None`` where one of the two hardly moves, or nothing can be scored. ``look`` is a first
+        look at the recording where there was one."""
+        look = look or FirstLook.at(recording)
+        if look is None or float(np.ptp(look.evaluator.problem.mv)) <= 0.0:
             return None
-        evaluator, base = first_look(problem)
+        evaluator, base = look.evaluator, look.base
+        problem = evaluator.problem
         stuck = base.copy()
         stuck[coordinate.S_PERCENT] = NEVER_MOVES * problem.swing
         still = _loss(evaluator, problem, stuck[None, :])

@@ -21,12 +21,11 @@ from stemwatch.models.recording import Floats, Quality, Recording, Role
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import (
     Advantage,
+    FirstLook,
     StickSlipEvaluator,
     advantage,
-    first_look,
     sticking_grid,
 )
-from stemwatch.models.stickslip.problem import make_problem
 
 # Samples by which OP is brought forward: where neither of the first makes it cheaper, none does.
 LOOKED_AT, TRIED = (1, 3), (2, 5, 8, 12)
@@ -38,10 +37,10 @@ STEPPED = 0.05  # share of repeats of OP from which it is moved by whole samples
 LEAST = 0.5  # samples; less is within what sampling does
 
 
-def find_op_late(recording: Recording) -> float:
+def find_op_late(recording: Recording, look: FirstLook | None = None) -> float:
     """How late OP was stored against the position, seconds of the recording's clock; 0 where it was
-    not, or where nothing tells."""
-    seen = late_evidence(recording)
+    not, or where nothing tells. ``look`` is a first look at it where there was one."""
+    seen = late_evidence(recording, look)
     told = seen.samples >= LEAST and seen.gain.mean >= LEAST_MEAN and seen.gain.t >= LEAST_T
     return seen.samples * recording.interval_s if told else 0.0
 
@@ -79,14 +78,12 @@ class LateEvidence:
 _NOTHING = LateEvidence(0.0, Advantage(0.0, 0.0))
 
 
-def late_evidence(recording: Recording) -> LateEvidence:
+def late_evidence(recording: Recording, look: FirstLook | None = None) -> LateEvidence:
     """What speaks for an OP that was stored late."""
-    if recording.mv is None:
+    look = look or FirstLook.at(recording)
+    if look is None:
         return _NOTHING
-    problem = make_problem(recording)
-    if not problem.scored.any() or problem.swing <= 0.0:
-        return _NOTHING
-    evaluator, base = first_look(problem)
+    evaluator, base = look.evaluator, look.base
     grid = sticking_grid(evaluator, base)[1::4]  # the reading's own zero
     plain = _cheapest(evaluator, grid, 0.0)
     looked = [_cheapest(evaluator, grid, float(at)) for at in LOOKED_AT]

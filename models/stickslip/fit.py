@@ -312,6 +312,25 @@ def first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
     return _scaled(problem, base, min(delta, evaluator.delta * 3.0)), base
 
 
+@dataclass(frozen=True)
+class FirstLook:
+    """What the fits of one recording in percent of travel begin with: an evaluator of its problem,
+    and the base candidate (9,)."""
+
+    evaluator: StickSlipEvaluator
+    base: Floats
+
+    @classmethod
+    def at(cls, recording: Recording) -> FirstLook | None:
+        """``None`` where OP does not move, or nothing can be scored."""
+        if recording.mv is None:
+            return None
+        problem = make_problem(recording)
+        if not problem.scored.any() or problem.swing <= 0.0:
+            return None
+        return cls(*first_look(problem))
+
+
 def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> StickSlipEvaluator:
     """Choose when a moving stem sticks again: the canonical element, unless another reading of the
     model is clearly better on the training part.
@@ -333,17 +352,24 @@ def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> S
     return replace(readings[best], delta=min(evaluator.delta, _scale(evaluator.problem, simulated)))
 
 
-def fit_stickslip(recording: Recording, unsure_degree: int = 0) -> StickSlipFit:
+def fit_stickslip(
+    recording: Recording, unsure_degree: int = 0, look: FirstLook | None = None
+) -> StickSlipFit:
     """Fit the three hypotheses and choose; raises ``ValueError`` without MV or usable samples.
 
     The choice is made on the held-out part: ``both`` is kept only where it beats ``sticking``
     (then the actuator matters) and ``actuator`` (then friction matters) block by block.
-    ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``).
+    ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``), ``look`` the
+    first look at this recording where there was one.
     """
-    problem = replace(make_problem(recording), unsure_degree=unsure_degree)
+    problem = make_problem(recording) if look is None else look.evaluator.problem
+    problem = replace(problem, unsure_degree=unsure_degree)
     if not problem.scored.any():
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
-    evaluator, base = first_look(problem)
+    if look is None:
+        evaluator, base = first_look(problem)
+    else:
+        evaluator, base = replace(look.evaluator, problem=problem), look.base
     train = problem.training_blocks()
     evaluator = _resticking(evaluator, base, train)
     trained = _fit_all(evaluator, train, base)

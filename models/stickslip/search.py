@@ -28,12 +28,12 @@ class SearchResult:
 
 def best_of(loss: Loss, candidates: Floats, keep: int = 1) -> list[SearchResult]:
     """The ``keep`` best of given candidates."""
-    return by_loss(candidates, loss(candidates))[:keep]
+    return by_loss(candidates, loss(candidates), keep)
 
 
-def by_loss(candidates: Floats, losses: Floats) -> list[SearchResult]:
-    """Candidates (m, size) of given losses (m,), the best first."""
-    order = np.argsort(losses, kind="stable")
+def by_loss(candidates: Floats, losses: Floats, keep: int | None = None) -> list[SearchResult]:
+    """Candidates (m, size) of given losses (m,), the best first, ``keep`` of them or all."""
+    order = np.argsort(losses, kind="stable")[:keep]
     return [SearchResult(candidates[i].copy(), float(losses[i])) for i in order]
 
 

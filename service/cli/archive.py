@@ -69,3 +69,4 @@ def simulate_archive(
         plant = write_archive(plan, folder, choose_executor(workers), lambda done, _: tell(done))
     for path in (plant, folder / "truth.json"):
         views.out.print(views.escape(str(path)), highlight=False, soft_wrap=True)
+    views.say_next(f"stemwatch screen --plant {plant}")

@@ -37,6 +37,6 @@ def feedback(
         out.write_text(labels_csv(labels), encoding="utf-8")
         views.say_result(f"Labels: {out.resolve()}")
     elif labels:
-        views.say_result("Next: the labels themselves, with --out labels.csv.")
+        views.say_next("the labels themselves, with --out labels.csv.")
     else:
-        views.say_result("Next: say on a valve's page, under Notes and work, what was found.")
+        views.say_next("say on a valve's page, under Notes and work, what was found.")

@@ -67,6 +67,9 @@ def inspect(
         views.as_toml_escapes(seen.plant_toml(curves=_curves(source)))
     )
     views.out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
+    views.say_next(
+        "keep it with --write plant.toml, or screen the file itself: stemwatch screen FILE"
+    )
 
 
 def _seen_from(plant_file: Path, export: Path) -> str:

@@ -45,3 +45,6 @@ def maintenance(
         store.record_maintenance(valve, moment, note, who)
     said = views.escape(f"Recorded for {valve} at {moment.isoformat()}: {note}")
     views.out.print(said, highlight=False)
+    views.say_next(
+        "screen a window after the work: it becomes the new baseline and shows whether it helped."
+    )

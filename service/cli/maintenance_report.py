@@ -56,3 +56,6 @@ def maintenance_report(
     views.out.print(files.book.counts, highlight=False)
     for path in (files.pdf, files.html, files.xlsx, files.csv):
         views.out.print(views.escape(str(path.resolve())), highlight=False, soft_wrap=True)
+    views.say_next(
+        "hand out the PDF and import the work orders; say on each valve's page what was found."
+    )

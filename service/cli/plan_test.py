@@ -99,7 +99,7 @@ def plan_test(
     if out is not None:
         _write(sheet, loaded, zone, out)
     elif sheet.test is not None:
-        views.out.print("Next: the sheet to print, with --out FOLDER.", highlight=False)
+        views.say_next("the sheet to print, with --out FOLDER.")
 
 
 def _of_store(

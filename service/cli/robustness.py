@@ -51,7 +51,7 @@ def _print(rows: Sequence[Row]) -> None:
 
     table = Table(title="The same valves, stored otherwise", title_justify="left")
     table.add_column("the same recording ...")
-    for name in ("healthy", "sticking", "S", "J", "named"):
+    for name in ("healthy", "sticking", "S", "S at least", "J", "named"):
         table.add_column(name, justify="right")
     for row in rows:
         table.add_row(
@@ -59,13 +59,15 @@ def _print(rows: Sequence[Row]) -> None:
             f"{row.called_sticky}, {row.healthy_undetermined} of {row.healthy}",
             f"{row.missed} of {row.sticking}",
             f"{row.S_error:.2f}, {row.S_held} of {row.with_numbers}, {row.S_width:.2f}",
+            f"{row.at_least_held} of {row.S_at_least}",
             f"{row.J_error:.2f}, {row.J_held} of {row.with_numbers}",
             f"{row.named} of {row.healthy + row.sticking}",
         )
     views.out.print(table)
     views.out.print(
         "healthy: called sticky, undetermined; sticking: neither sticky nor watch; S and J: median "
-        "error in percent of OP, intervals that hold the truth (S: median width); named: valves "
+        "error in percent of OP, intervals that hold the truth (S: median width); at least: valves "
+        "with only a bound of S, and how many bounds hold; named: valves "
         "of which an effect was named though nothing was hidden",
         highlight=False,
     )

@@ -129,3 +129,7 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         if path.is_file():
             text = f"{what}: {views.escape(str(path.resolve()))}"
             views.out.print(text, highlight=False, soft_wrap=True)
+    views.say_next(
+        "open the report; the PDF and the work orders beside it go to whoever plans the work. "
+        "Where something was left open, `stemwatch plan-test VALVE` plans the test that tells."
+    )

@@ -110,6 +110,7 @@ def _export(out: Path, what: What, count: int, seed: int, start: str, zone: str)
     written = write_export(simulated(what, count, seed), out, start=begin, zone=zone)
     for path in (*written.files, written.plant_toml, written.truth_file):
         views.out.print(views.escape(str(path)), highlight=False, soft_wrap=True)
+    views.say_next(f"stemwatch screen --plant {written.plant_toml}")
 
 
 def simulated(what: What, count: int, seed: int) -> list[SimulatedLoop]:

@@ -99,6 +99,11 @@ def write_answers(
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
 
 
+def say_next(text: str) -> None:
+    """Print what to do next, to standard error: whoever reads the output by program is not met."""
+    err.print(f"[bold]Next:[/] {escape(text)}", highlight=False, soft_wrap=True)
+
+
 def say_result(text: str) -> None:
     """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)

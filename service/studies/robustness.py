@@ -29,6 +29,7 @@ STICKING_S = (3.0, 8.0)  # percent
 HEALTHY_S = (0.1, 0.5)
 RANGEABILITY = 40.0
 BATCH = 4
+LONG_HOURS = 8
 FINE_S, SLIP_SAMPLES = 0.1, 5
 
 
@@ -68,6 +69,10 @@ def _shut_off(recording: Recording) -> Recording:
     return _changed(recording, mv=lambda values: np.maximum(values, seat))
 
 
+def _every(samples: int) -> Change:
+    return lambda r: _changed(r, every=lambda v: v[::samples].copy(), slower=samples)
+
+
 def _late(samples: int) -> Callable[[Floats], Floats]:
     return lambda values: np.concatenate((np.full(samples, values[0]), values[:-samples]))
 
@@ -97,11 +102,13 @@ def _reported(deviation: float) -> Callable[[Floats], Floats]:
 class StoredAs:
     """How a recording is changed; ``strokes`` where OP then means other percents of travel.
 
-    ``true`` are effects that the change really puts there: naming them is no error.
+    ``true`` are effects that the change really puts there: naming them is no error. ``hours`` are
+    how long the loop is recorded: its set-point moves come again every hour.
     """
 
     change: Change
     strokes: bool = False
+    hours: int = 1
     true: frozenset[str] = frozenset()
 
 
@@ -135,9 +142,11 @@ WAYS: dict[str, StoredAs] = {
     "position in steps of 0.5 %": StoredAs(lambda r: _changed(r, mv=lambda v: np.round(2 * v) / 2)),
     "OP in steps of 0.5 %": StoredAs(lambda r: _changed(r, op=lambda v: np.round(2 * v) / 2)),
     "averages of 10 s": StoredAs(lambda r: _changed(r, every=_means(10), slower=10)),
-    "stored every 5 s": StoredAs(lambda r: _changed(r, every=lambda v: v[::5].copy(), slower=5)),
-    "stored every 10 s": StoredAs(lambda r: _changed(r, every=lambda v: v[::10].copy(), slower=10)),
-    "stored every 30 s": StoredAs(lambda r: _changed(r, every=lambda v: v[::30].copy(), slower=30)),
+    "stored every 5 s": StoredAs(_every(5)),
+    "stored every 10 s": StoredAs(_every(10)),
+    "stored every 30 s": StoredAs(_every(30)),
+    "8 hours, stored every 30 s": StoredAs(_every(30), hours=LONG_HOURS),
+    "8 hours, stored every 60 s": StoredAs(_every(60), hours=LONG_HOURS),
     "exception reporting of 0.5 %": StoredAs(
         lambda r: _changed(r, op=_reported(0.5), mv=_reported(0.5))
     ),
@@ -159,7 +168,10 @@ class StudiedValve:
 
 @dataclass(frozen=True)
 class StudyAnswer:
-    """What was said of one valve stored in one way. S and J in percent of OP, truth as well."""
+    """What was said of one valve stored in one way. S and J in percent of OP, truth as well.
+
+    ``S_at_least`` where only that is said of S.
+    """
 
     way: str
     sticking: bool
@@ -167,6 +179,7 @@ class StudyAnswer:
     reason: str
     S: tuple[float, float, float] | None  # value, low, high
     J: tuple[float, float, float] | None
+    S_at_least: float | None
     true_S: float
     true_J: float
     named: tuple[str, ...]  # in error
@@ -242,13 +255,30 @@ def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
     """Simulate each valve once, store it in every way, and screen what was stored."""
     answers = []
     for valve in batch.valves:
-        recording = simulate_loop(valve.case.loop, valve.case.seed).recording
+        recordings: dict[int, Recording] = {}
         for way in batch.ways:
+            hours = WAYS[way].hours
+            if hours not in recordings:
+                recordings[hours] = recorded(valve, hours)
+            recording = recordings[hours]
             stored = WAYS[way].change(recording)
             (screening,) = screen([Case(recording=stored)], Options(narx=False))
             scale = _op_per_travel(recording, stored) if WAYS[way].strokes else 1.0
             answers.append(_answer(way, valve, screening, scale))
     return answers
+
+
+def recorded(valve: StudiedValve, hours: int = 1) -> Recording:
+    """The valve's recording of so many hours; the set-point moves of the first come every hour."""
+    loop = valve.case.loop
+    if hours > 1:
+        moves = tuple(
+            (hour * loop.duration_s + at, value)
+            for hour in range(hours)
+            for at, value in loop.setpoints
+        )
+        loop = replace(loop, setpoints=moves, duration_s=hours * loop.duration_s)
+    return simulate_loop(loop, valve.case.seed).recording
 
 
 def _op_per_travel(recording: Recording, stored: Recording) -> float:
@@ -275,6 +305,7 @@ def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -
         reason=screening.reason,
         S=numbers[0],
         J=numbers[1],
+        S_at_least=screening.S.low if screening.S.value is None else None,
         true_S=scale * valve.S,
         true_J=scale * valve.J,
         named=tuple(effect.slug for effect in effects if effect.slug not in WAYS[way].true),
@@ -312,6 +343,8 @@ class Row:
     S_held: int  # intervals that hold the truth
     J_held: int
     S_width: float
+    S_at_least: int  # sticking valves with only a bound of S
+    at_least_held: int
     named: int  # valves of either kind of which something was named
 
 
@@ -326,6 +359,7 @@ def _row(way: str, answers: Sequence[StudyAnswer]) -> Row:
     sticking = [answer for answer in answers if answer.sticking]
     S = [(answer.true_S, *answer.S) for answer in sticking if answer.S is not None]
     J = [(answer.true_J, *answer.J) for answer in sticking if answer.J is not None]
+    bounds = [one for one in sticking if one.S_at_least is not None]
     return Row(
         way=way,
         healthy=len(healthy),
@@ -339,6 +373,8 @@ def _row(way: str, answers: Sequence[StudyAnswer]) -> Row:
         S_held=sum(low <= truth <= high for truth, _, low, high in S),
         J_held=sum(low <= truth <= high for truth, _, low, high in J),
         S_width=_median([high - low for _, _, low, high in S]),
+        S_at_least=len(bounds),
+        at_least_held=sum((one.S_at_least or 0.0) <= one.true_S for one in bounds),
         named=sum(bool(answer.named) for answer in answers),
     )
 
