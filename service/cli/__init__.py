@@ -25,6 +25,7 @@ from stemwatch.service.cli.maintenance_report import maintenance_report
 from stemwatch.service.cli.miswiring import miswiring
 from stemwatch.service.cli.modbus import modbus_app
 from stemwatch.service.cli.plan_test import plan_test
+from stemwatch.service.cli.position_free import study_without_position
 from stemwatch.service.cli.prove import prove
 from stemwatch.service.cli.prove_weeks import prove_weeks
 from stemwatch.service.cli.reproduce import reproduce
@@ -88,6 +89,7 @@ for command in (
     miswiring,
     calibrate_mismatch,
     calibrate_archives,
+    study_without_position,
     drift,
     maintenance,
     feedback,

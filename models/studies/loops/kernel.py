@@ -1,0 +1,121 @@
+"""The compiled kernel of a control loop in scans: controller, air, stem, process, sensor.
+
+All in percent. It is coarser than the simulator of ``models.studies.simulator`` (one step is a scan
+of the controller, the stem has no mass) and hundreds of times quicker: a network is trained on
+thousands of its loops. The stem sticks by two force levels whose upper one is drawn anew at every
+stop, behind a lag of the air.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.recording import Floats
+
+
+class LoopNumbers(NamedTuple):
+    """One loop as numbers. Times are in scans, all else in percent.
+
+    ``S`` and ``J`` are the stem's; ``scatter`` the standard deviation of its breakaway level as a
+    share of that; ``play`` lost motion of the PV sensor; ``step`` the smallest step of OP and PV.
+    """
+
+    gain: float
+    reset: float
+    low: float
+    high: float
+    output: float
+    air_lag: float
+    S: float
+    J: float
+    scatter: float
+    process_gain: float
+    lag: float
+    second_lag: float
+    delay: int
+    integrating: bool
+    play: float
+    sensor_lag: float
+    op_step: float
+    pv_step: float
+
+
+@njit(cache=True)
+def _rounded(value: float, step: float) -> float:
+    return round(value / step) * step if step > 0.0 else value
+
+
+@njit(cache=True)
+def run_scans(
+    numbers: LoopNumbers,
+    set_point: Floats,
+    load: Floats,
+    push: Floats,
+    noise: Floats,
+    draws: Floats,
+) -> tuple[Floats, Floats]:
+    """(2, n) OP and PV as read at each scan, and (n,) the stem.
+
+    ``set_point``, ``load`` (at the process input), ``push`` (on PV itself) and ``noise`` are (n,);
+    ``draws`` are standard normal numbers for the breakaways, taken in turn.
+    """
+    n = set_point.size
+    out = np.empty((2, n))
+    stem = np.empty(n)
+    fs0, fd = 0.5 * (numbers.S + numbers.J), 0.5 * (numbers.S - numbers.J)
+    a_air = 1.0 - math.exp(-1.0 / numbers.air_lag) if numbers.air_lag > 0.05 else 1.0
+    a_lag = 1.0 - math.exp(-1.0 / numbers.lag)
+    a_second = 1.0 - math.exp(-1.0 / numbers.second_lag) if numbers.second_lag > 0.05 else 1.0
+    a_sensor = 1.0 - math.exp(-1.0 / numbers.sensor_lag) if numbers.sensor_lag > 0.05 else 1.0
+    op = p = x = numbers.output
+    waiting = np.zeros(numbers.delay + 1)
+    first = second = sensed = shown = 0.0
+    integral = numbers.output
+    moving, side, fs, drawn = False, 1.0, fs0, 0
+    half_play = 0.5 * numbers.play
+    base = set_point[0]
+    for k in range(n):
+        true = base + sensed + push[k]
+        # Lost motion of the sensor.
+        if true > shown + base + half_play:
+            shown = true - base - half_play
+        elif true < shown + base - half_play:
+            shown = true - base + half_play
+        pv = _rounded(base + shown + noise[k], numbers.pv_step)
+        error = set_point[k] - pv
+        integral += numbers.gain * error / numbers.reset
+        op = integral + numbers.gain * error
+        if op > numbers.high:
+            integral += numbers.high - op
+            op = numbers.high
+        elif op < numbers.low:
+            integral += numbers.low - op
+            op = numbers.low
+        op_read = _rounded(op, numbers.op_step)
+        before = p
+        p += a_air * (op_read - p)
+        if moving and side * (p - before) <= 1e-9:
+            moving = False
+            fs = fs0 * max(1.0 + numbers.scatter * draws[drawn % draws.size], 0.2)
+            fs = max(fs, fd)
+            drawn += 1
+        if not moving and abs(p - x) > fs:
+            moving = True
+            side = 1.0 if p > x else -1.0
+        if moving:
+            x = p - side * fd
+        waiting[k % waiting.size] = x - numbers.output + load[k]
+        entering = waiting[(k + 1) % waiting.size]
+        if numbers.integrating:
+            first += numbers.process_gain * entering / numbers.lag
+        else:
+            first += a_lag * (numbers.process_gain * entering - first)
+        second += a_second * (first - second)
+        sensed += a_sensor * (second - sensed)
+        out[0, k], out[1, k] = op_read, pv
+        stem[k] = x
+    return out, stem

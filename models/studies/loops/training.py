@@ -1,0 +1,182 @@
+"""Train the networks of ``models.without_position`` in torch, on simulated loops alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from stemwatch.models.recording import Floats
+from stemwatch.models.studies.loops.draws import draw_loop
+from stemwatch.models.without_position.features import evidence
+from stemwatch.models.without_position.network import KERNELS, LoopNetwork
+from stemwatch.models.without_position.windows import windows
+
+ENSEMBLE = 5
+_HIDDEN = (24, 12)
+_CHANNELS = (12, 20, 20)
+_HELD_BACK = 5  # one loop of five weighs the two networks and is not trained on
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopExample:
+    """One loop as the networks see it. ``log_S`` is ln(S/amplitude), NaN without sticking."""
+
+    values: Floats
+    windows: Floats
+    sticky: bool
+    log_S: float
+
+
+def example(seed: int, place: int) -> LoopExample | None:
+    """The example of a drawn loop; ``None`` where it holds nothing that can be compared."""
+    loop = draw_loop(seed, place)
+    try:
+        shown = evidence(loop.op, loop.pv, loop.sp)
+    except ValueError:
+        return None
+    return LoopExample(
+        values=shown.values,
+        windows=windows(loop.op, loop.pv, shown.period).astype(np.float32),
+        sticky=loop.sticky,
+        log_S=float(np.log(loop.S / shown.amplitude)) if loop.sticky else np.nan,
+    )
+
+
+class _Convolutional(nn.Module):
+    def __init__(self) -> None:
+        super().__init__()
+        sizes = (2, *_CHANNELS)
+        self.layers = nn.ModuleList(
+            nn.Conv1d(sizes[i], sizes[i + 1], width, stride=stride)
+            for i, (width, stride) in enumerate(KERNELS)
+        )
+        self.out = nn.Linear(2 * _CHANNELS[-1], 1)
+
+    def forward(self, signal: Tensor) -> Tensor:
+        for layer in self.layers:
+            signal = torch.relu(layer(signal))
+        pooled = torch.cat([signal.mean(dim=2), signal.amax(dim=2)], dim=1)
+        logits: Tensor = self.out(pooled).squeeze(1)
+        return logits
+
+
+def train(examples: Sequence[LoopExample], *, seed: int, epochs: int = 60) -> LoopNetwork:
+    """The networks trained on ``examples``: one seed, one result on one machine.
+
+    Loss: cross entropy of the label, and for sticking loops the Gaussian likelihood of
+    ln(S/amplitude). One example of ``_HELD_BACK`` only weighs the two networks against each other
+    and sets the spread of S.
+    """
+    torch.manual_seed(seed)
+    kept = np.arange(len(examples)) % _HELD_BACK != 0
+    values = np.array([one.values for one in examples])
+    sticky = np.array([one.sticky for one in examples], dtype=np.float64)
+    log_S = np.array([one.log_S for one in examples])
+    mean, scale = values[kept].mean(axis=0), values[kept].std(axis=0) + 1e-6
+    scaled = torch.tensor(np.clip((values - mean) / scale, -4.0, 4.0), dtype=torch.float32)
+    dense = _train_dense(scaled, sticky, log_S, kept, epochs)
+    arrays: dict[str, Floats] = {"mean": mean, "scale": scale, **dense}
+    arrays |= _train_convolutional(examples, sticky, kept, epochs)
+    arrays |= {"weigh": np.array([1.0, 0.0, 0.0]), "spread": np.ones(1)}
+    return _weighed(arrays, examples, sticky, log_S, kept)
+
+
+def _train_dense(
+    scaled: Tensor, sticky: Floats, log_S: Floats, kept: np.ndarray, epochs: int
+) -> dict[str, Floats]:
+    """An ensemble side by side, each on its own batches."""
+    inputs = scaled.shape[1]
+    shapes = ((_HIDDEN[0], inputs), (_HIDDEN[1], _HIDDEN[0]), (3, _HIDDEN[1]))
+    weights = [nn.Parameter(torch.randn(ENSEMBLE, *shape) / np.sqrt(shape[1])) for shape in shapes]
+    biases = [nn.Parameter(torch.zeros(ENSEMBLE, shape[0])) for shape in shapes]
+    optimiser = torch.optim.AdamW([*weights, *biases], lr=3e-3, weight_decay=0.03)
+    batch, places = 128, torch.tensor(np.flatnonzero(kept))
+    steps = epochs * max(len(places) // batch, 1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 6e-3, total_steps=steps)
+    label, target = torch.tensor(sticky), torch.tensor(np.nan_to_num(log_S))
+    for _ in range(steps):
+        drawn = places[torch.randint(len(places), (ENSEMBLE, batch))]
+        x = scaled[drawn] + 0.05 * torch.randn(ENSEMBLE, batch, inputs)
+        for layer in range(2):
+            x = torch.tanh(torch.einsum("ebi,ehi->ebh", x, weights[layer]) + biases[layer][:, None])
+        out = torch.einsum("ebi,ehi->ebh", x, weights[2]) + biases[2][:, None]
+        wanted, size = label[drawn], target[drawn]
+        loss = nn.functional.binary_cross_entropy_with_logits(out[..., 0], wanted.float())
+        spread = out[..., 2].clamp(-4.0, 2.0)
+        told = spread + 0.5 * ((size - out[..., 1]) * torch.exp(-spread)) ** 2
+        loss = loss + 0.5 * (told * wanted).sum() / wanted.sum().clamp(min=1.0)
+        optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        schedule.step()
+    names = zip(("1", "2", "3"), weights, biases, strict=True)
+    return {
+        f"{kind}{place}": array.detach().double().numpy()
+        for place, weight, bias in names
+        for kind, array in (("dense", weight), ("bias", bias))
+    }
+
+
+def _train_convolutional(
+    examples: Sequence[LoopExample], sticky: Floats, kept: np.ndarray, epochs: int
+) -> dict[str, Floats]:
+    network = _Convolutional()
+    shown = [(examples[k].windows, sticky[k]) for k in np.flatnonzero(kept).tolist()]
+    cut = torch.tensor(np.concatenate([part for part, _ in shown]))
+    of_window = np.concatenate([np.full(len(part), sticks) for part, sticks in shown])
+    label = torch.tensor(of_window, dtype=torch.float32)
+    # Every loop counts the same, however many windows it has.
+    share = torch.tensor(np.concatenate([np.full(len(part), 1.0 / len(part)) for part, _ in shown]))
+    optimiser = torch.optim.AdamW(network.parameters(), lr=2e-3, weight_decay=0.03)
+    batch = 128
+    steps = max(epochs // 3, 1) * max(len(cut) // batch, 1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=steps)
+    for _ in range(steps):
+        drawn = torch.multinomial(share, batch, replacement=True)
+        # A loop upside down, or with noise on it, sticks as much as before.
+        x = cut[drawn] * torch.where(torch.rand(batch, 1, 1) < 0.5, -1.0, 1.0)
+        x = x + 0.1 * torch.rand(batch, 1, 1) * torch.randn_like(x)
+        loss = nn.functional.binary_cross_entropy_with_logits(network(x.float()), label[drawn])
+        optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimiser.step()
+        schedule.step()
+    arrays = {}
+    for place, layer in enumerate(network.layers, start=1):
+        arrays[f"conv{place}"] = layer.weight.detach().double().numpy()  # type: ignore[operator]
+        arrays[f"conv_bias{place}"] = layer.bias.detach().double().numpy()  # type: ignore[operator]
+    arrays["conv_out"] = network.out.weight.detach().double().numpy()[0]
+    arrays["conv_out_bias"] = network.out.bias.detach().double().numpy()
+    return arrays
+
+
+def _weighed(
+    arrays: dict[str, Floats],
+    examples: Sequence[LoopExample],
+    sticky: Floats,
+    log_S: Floats,
+    kept: np.ndarray,
+) -> LoopNetwork:
+    """Weigh both networks by a logistic regression on what neither was trained on, and widen the
+    spread of S until it holds 95 % of those."""
+    network = LoopNetwork(arrays)
+    held = np.flatnonzero(~kept).tolist()
+    heads = np.array([network.dense(examples[k].values) for k in held])
+    curves = np.array([network.convolved(examples[k].windows).mean() for k in held])
+    x = np.column_stack([heads[:, 0], curves, np.ones(len(held))])
+    beta = np.array([0.6, 0.4, 0.0])
+    for _ in range(50):
+        p = 1.0 / (1.0 + np.exp(-np.clip(x @ beta, -30.0, 30.0)))
+        slope = x.T @ (p - sticky[held]) + 1e-3 * beta
+        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + 1e-3 * np.eye(3)
+        beta = beta - np.linalg.solve(curvature, slope)
+    arrays["weigh"] = beta
+    likely = (sticky[held] > 0.0) & (x @ beta > 0.0)
+    if likely.any():
+        away = np.abs(log_S[held] - heads[:, 1])[likely] / np.exp(heads[likely, 2])
+        arrays["spread"] = np.array([np.percentile(away, 95.0) / 1.96])
+    return LoopNetwork(arrays)

@@ -1,0 +1,1 @@
+"""What OP and PV alone tell of a valve without a measured position: a suspicion, no verdict."""

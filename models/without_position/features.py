@@ -1,0 +1,171 @@
+"""The evidence of one loop as numbers: what a stick-slip element gains, by chance, and shapes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.recording import Floats
+from stemwatch.models.without_position import wave_shapes
+from stemwatch.models.without_position.common_phase import common_phase_surrogate
+from stemwatch.models.without_position.hammerstein import HeldOut, held_out
+
+PER_PERIOD = (25, 60)  # blocks in a period, at the two scales
+SIZES = 12  # values of S that are tried
+SURROGATES = 9
+FEWEST_PERIODS = 4  # in a record; what is slower is drift
+_FEWEST_BLOCKS = 120
+_COARSE_RATIOS = np.array([0.3, 1.0])
+_COARSE_DELAYS = 2
+_SPREAD_FLOOR = 0.005
+
+NAMES = (
+    *(
+        f"{what} at {blocks} to a period"
+        for blocks in PER_PERIOD
+        for what in (
+            "gain of sticking",
+            "gain of both",
+            "share of folds, sticking",
+            "share of folds, both",
+            "fit of the linear model",
+            "S over amplitude",
+            "J over S",
+            "rise over small S",
+        )
+    ),
+    "gain of both beyond its surrogates",
+    "gain of sticking beyond its surrogates",
+    "gain of both, coarse",
+    "agreement of S at both scales",
+    "agreement of S of both models",
+    "range over amplitude",
+    "periods in the record",
+    "samples in a period",
+    "share of OP at its ends",
+    "OP that repeats",
+    "PV that repeats",
+    "moves of SP",
+    *wave_shapes.NAMES,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What OP and PV show. ``values`` are in the order of ``NAMES``; period in samples; amplitude
+    and S in percent of OP; ``beyond`` the gain in standard deviations of the loop's surrogates."""
+
+    values: Floats
+    period: float
+    amplitude: float
+    beyond: float
+    fine: HeldOut
+    coarse: HeldOut
+    sizes: Floats
+
+
+def dominant_period(op: Floats) -> float:
+    """The period, in samples, at which f times the power spectrum of ``op`` (n,) peaks, between
+    four samples and a quarter of the record."""
+    n = op.size
+    spectrum = np.abs(np.fft.rfft(op - np.linspace(op[0], op[-1], n))) ** 2
+    order = np.arange(spectrum.size)
+    low, high = FEWEST_PERIODS, max(n // 4, FEWEST_PERIODS)
+    # A spectrum smoothed over a sixth of an octave: a wave that wanders is one peak.
+    weighted = np.cumsum(np.concatenate([[0.0], spectrum * order]))
+    left = np.maximum((order * 0.94).astype(np.int64), 0)
+    right = np.minimum((order * 1.06).astype(np.int64) + 1, spectrum.size)
+    mean = (weighted[right] - weighted[left]) / (right - left)
+    return n / float(low + int(np.argmax(mean[low : high + 1])))
+
+
+def amplitude_of(op: Floats, period: float) -> float:
+    """The median range of ``op`` over windows of one and a half periods, percent."""
+    width = int(min(max(1.5 * period, 4.0), op.size))
+    starts = range(0, op.size - width + 1, max(width // 2, 1))
+    return float(np.median([np.ptp(op[start : start + width]) for start in starts]))
+
+
+def evidence(op: Floats, pv: Floats, sp: Floats | None, *, seed: int = 1) -> Evidence:
+    """The evidence of ``op``, ``pv`` and, where there is one, ``sp``: (n,) without holes.
+
+    Raises ``ValueError`` for a record of fewer than ``_FEWEST_BLOCKS`` samples or a still signal.
+    """
+    if op.size < _FEWEST_BLOCKS or np.ptp(op) <= 0.0 or np.ptp(pv) <= 0.0:
+        raise ValueError("too short or still: nothing can be compared")
+    # The controller's own action on PV tells which way it acts; from there on PV rises as OP falls.
+    if float(np.diff(op) @ np.diff(pv)) > 0.0:
+        pv, sp = -pv, None if sp is None else -sp
+    period = dominant_period(op)
+    amplitude = amplitude_of(op, period)
+    spread = float(np.ptp(op))
+    amplitude = max(amplitude, 1e-3 * spread)
+    sizes = np.geomspace(0.08 * amplitude, max(min(spread, 3.0 * amplitude), amplitude), SIZES)
+    most = max(op.size // _FEWEST_BLOCKS, 1)
+    every = [min(max(1, round(period / blocks)), most) for blocks in PER_PERIOD]
+    coarse = held_out(op, pv, every[0], sizes)
+    fine = coarse if every[1] == every[0] else held_out(op, pv, every[1], sizes)
+    gains = _beyond(op, pv, every[0], sizes[2::3], seed)
+    values = np.array(
+        [
+            *_of_scale(coarse, amplitude),
+            *_of_scale(fine, amplitude),
+            *gains,
+            abs(np.log(coarse.S / fine.S)),
+            abs(np.log(coarse.S / coarse.S_of_both)),
+            np.log(spread / amplitude),
+            np.log(op.size / period),
+            np.log(period),
+            float(np.mean((op <= op.min()) | (op >= op.max()))),
+            float(np.mean(np.diff(op) == 0.0)),
+            float(np.mean(np.diff(pv) == 0.0)),
+            0.0 if sp is None else float(np.std(sp) / (np.std(sp) + np.std(pv))),
+            *wave_shapes.wave_shapes(_means(op, every[0]), _means(pv, every[0]), period / every[0]),
+        ]
+    )
+    return Evidence(
+        values=np.nan_to_num(values, nan=0.0, posinf=20.0, neginf=-20.0),
+        period=period,
+        amplitude=amplitude,
+        beyond=float(gains[0]),
+        fine=fine,
+        coarse=coarse,
+        sizes=sizes,
+    )
+
+
+def _of_scale(told: HeldOut, amplitude: float) -> list[float]:
+    return [
+        _squeezed(told.gain_of_sticking),
+        _squeezed(told.gain_of_both),
+        *told.shares,
+        told.linear_fit,
+        float(np.log(told.S / amplitude)),
+        told.J / told.S,
+        _squeezed(float(told.curve.max() - told.curve[:2].max())),
+    ]
+
+
+def _squeezed(value: float) -> float:
+    """Small values spread out: a gain of 0.03 can be certain, one of 3 is no more so than of 1."""
+    return float(np.arcsinh(value / 0.03))
+
+
+def _beyond(op: Floats, pv: Floats, every: int, sizes: Floats, seed: int) -> list[float]:
+    """Gains beyond those of surrogates, in standard deviations, and the gain of both itself."""
+    rng = np.random.default_rng(seed)
+
+    def gains(u: Floats, y: Floats) -> tuple[float, float]:
+        told = held_out(u, y, every, sizes, _COARSE_RATIOS, _COARSE_DELAYS)
+        return told.gain_of_both, told.gain_of_sticking
+
+    own = np.array(gains(op, pv))
+    others = np.array([gains(*common_phase_surrogate(op, pv, rng)) for _ in range(SURROGATES)])
+    beyond = (own - others.mean(axis=0)) / (others.std(axis=0) + _SPREAD_FLOOR)
+    return [*np.arcsinh(beyond), _squeezed(float(own[0]))]
+
+
+def _means(values: Floats, every: int) -> Floats:
+    count = values.size // every
+    return np.asarray(values[: count * every].reshape(count, every).mean(axis=1))

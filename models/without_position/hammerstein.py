@@ -1,0 +1,173 @@
+"""Does a stick-slip element between OP and PV predict unseen PV better than the linear loop alone?
+
+With y = PV, u = OP, x = the element driven by OP, d a delay and t the time, all as means over
+blocks of samples, three models are fitted by least squares:
+
+    linear    y(k) = sum a_i y(k-i) + sum b_i u(k-d-i) + c + e t           i = 1..3
+    sticking  the same with x in place of u
+    both      the linear one, and sum g_i x(k-d-i) beside it
+
+Each of ``FOLDS`` contiguous stretches is predicted by a fit to the others. The element runs at the
+full rate of the record; only then is everything averaged, so that one low-order model fits fast
+and slow loops. The element is that of Choudhury, Thornhill and Shah (2005),
+doi:10.1016/j.conengprac.2004.05.005, in the form with two force levels (S + J)/2 and (S - J)/2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from stemwatch.models.recording import Floats
+
+FOLDS = 6
+PAST = 3  # past values of each signal in a model
+RATIOS = np.array([0.0, 0.3, 0.6, 0.9, 1.0])  # J over S
+_DELAYS = 5
+# Columns of the products: past x, past y, past u, 1, t, and y itself.
+_WIDE = 3 * PAST + 3
+_LINEAR, _STICKING, _BOTH = [3, 4, 5, 6, 7, 8, 9, 10], [0, 1, 2, 3, 4, 5, 9, 10], slice(0, 11)
+_RIDGE, _NOTHING = 1e-9, 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """Held-out mean squares of the three models, and the element that each prefers.
+
+    ``gain_of_sticking = ln(linear/sticking)``, ``gain_of_both = ln(linear/both)``; ``shares`` are
+    the shares of folds in which the sticking model, and both, predict better. ``S`` and ``J``
+    (percent of OP) are the sticking model's, ``S_of_both`` that of the third.
+    """
+
+    gain_of_sticking: float
+    gain_of_both: float
+    shares: tuple[float, float]
+    S: float
+    J: float
+    S_of_both: float
+    linear_fit: float  # ln(variance of y / linear held-out mean square)
+    curve: Floats  # (n_S,) ln(linear/sticking) of each S, with its best ratio and delay
+
+
+@njit(cache=True)
+def element(op: Floats, S: float, J: float, x: Floats) -> None:
+    """The stem ``x`` (n,) that follows ``op`` (n,) by the element, from rest at ``op[0]``."""
+    fs, fd = 0.5 * (S + J), 0.5 * (S - J)
+    at, side, moving = op[0], 1.0, False
+    x[0] = at
+    for k in range(1, op.size):
+        step = op[k] - op[k - 1]
+        if moving and side * step <= 0.0:
+            moving = False
+        force = op[k] - at
+        if not moving and abs(force) > fs:
+            moving = True
+            side = 1.0 if force > 0.0 else -1.0
+        if moving:
+            at = op[k] - side * fd
+        x[k] = at
+
+
+def _block_means(values: Floats, every: int) -> Floats:
+    """(..., n // every) means over blocks of the last axis."""
+    count = values.shape[-1] // every
+    parts = values[..., : count * every].reshape(*values.shape[:-1], count, every)
+    return np.asarray(parts.mean(axis=-1))
+
+
+def _past(values: Floats, first: int, delay: int) -> Floats:
+    """(..., PAST, n) the values 1 to 3 blocks before ``delay`` blocks ago, from ``first`` on."""
+    n = values.shape[-1] - first
+    starts = [first - 1 - delay - past for past in range(PAST)]
+    return np.stack([values[..., start : start + n] for start in starts], axis=-2)
+
+
+def _fold_losses(gram: Floats, columns: slice | list[int]) -> Floats:
+    """(..., FOLDS) squared error on each fold of a fit to the others.
+
+    ``gram`` (..., FOLDS, w, w) are the products of all columns within each fold, y last. A column
+    that adds nothing new is held by a ridge.
+    """
+    others = gram.sum(axis=-3, keepdims=True) - gram
+    a = others[..., columns, :][..., columns]
+    size = a.shape[-1]
+    ridge = np.eye(size) * (_RIDGE * np.einsum("...ii->...i", a) + _NOTHING)[..., None, :]
+    b = others[..., columns, -1]
+    weights = np.linalg.solve(a + ridge, b[..., None])
+    own = gram[..., columns, :][..., columns]
+    cross = gram[..., columns, -1][..., None]
+    error = gram[..., -1, -1] - 2.0 * np.sum(weights * cross, axis=(-2, -1))
+    error = error + np.sum(weights * (own @ weights), axis=(-2, -1))
+    return np.asarray(np.maximum(error, _NOTHING))
+
+
+def _losses(u: Floats, y: Floats, stems: Floats, delays: int) -> tuple[Floats, Floats, Floats]:
+    """Held-out squared errors: linear (delays, FOLDS); sticking, both (delays, c, FOLDS).
+
+    ``u``, ``y`` (m,) and ``stems`` (c, m) are block means.
+    """
+    first = PAST + delays
+    n = y.size - first
+    edges = np.arange(1, FOLDS) * n // FOLDS
+    time = np.stack([np.ones(n), np.linspace(-1.0, 1.0, n), y[first:]])
+    losses: tuple[list[Floats], list[Floats], list[Floats]] = ([], [], [])
+    for delay in range(delays):
+        fixed = np.concatenate([_past(y, first, 0), _past(u, first, delay), time])
+        moved = _past(stems, first, delay)
+        gram = np.empty((stems.shape[0], FOLDS, _WIDE, _WIDE))
+        parts = zip(np.split(fixed, edges, axis=1), np.split(moved, edges, axis=2), strict=True)
+        for fold, (known, stem) in enumerate(parts):
+            gram[:, fold, PAST:, PAST:] = known @ known.T
+            gram[:, fold, :PAST, PAST:] = stem @ known.T
+            gram[:, fold, PAST:, :PAST] = np.swapaxes(gram[:, fold, :PAST, PAST:], 1, 2)
+            gram[:, fold, :PAST, :PAST] = stem @ np.swapaxes(stem, 1, 2)
+        losses[0].append(_fold_losses(gram[0], _LINEAR))
+        losses[1].append(_fold_losses(gram, _STICKING))
+        losses[2].append(_fold_losses(gram, _BOTH))
+    linear, sticking, both = (np.array(part) for part in losses)
+    return linear, sticking, both
+
+
+def held_out(
+    op: Floats,
+    pv: Floats,
+    every: int,
+    sizes: Floats,
+    ratios: Floats = RATIOS,
+    delays: int = _DELAYS,
+) -> HeldOut:
+    """Compare the three models on ``op`` and ``pv`` (n,), without holes, by blocks of ``every``.
+
+    ``sizes`` are the values of S that are tried, percent of OP.
+    """
+    scale_u, scale_y = max(float(np.std(op)), 1e-9), max(float(np.std(pv)), 1e-9)
+    command = (op - float(np.mean(op))) / scale_u
+    tried = [(S, S * ratio) for S in sizes for ratio in ratios]
+    stems = np.empty((len(tried), op.size))
+    for stem, (S, J) in zip(stems, tried, strict=True):
+        element(command, S / scale_u, J / scale_u, stem)
+    y = _block_means((pv - np.mean(pv)) / scale_y, every)
+    linear, sticking, both = _losses(
+        _block_means(command, every), y, _block_means(stems, every), delays
+    )
+    base = linear[int(np.argmin(linear.sum(axis=1)))]
+    sums, sums_both = sticking.sum(axis=2), both.sum(axis=2)
+    delay, best = np.unravel_index(int(np.argmin(sums)), sums.shape)
+    delay_both, best_both = np.unravel_index(int(np.argmin(sums_both)), sums_both.shape)
+    total = float(base.sum())
+    of_size = sums.min(axis=0).reshape(sizes.size, ratios.size).min(axis=1)
+    return HeldOut(
+        gain_of_sticking=float(np.log(total / sums[delay, best])),
+        gain_of_both=float(np.log(total / sums_both[delay_both, best_both])),
+        shares=(
+            float(np.mean(sticking[delay, best] < base)),
+            float(np.mean(both[delay_both, best_both] < base)),
+        ),
+        S=float(tried[best][0]),
+        J=float(tried[best][1]),
+        S_of_both=float(tried[best_both][0]),
+        linear_fit=float(np.log(max(float(np.sum((y - y.mean()) ** 2)), 1e-12) / total)),
+        curve=np.log(total / of_size),
+    )

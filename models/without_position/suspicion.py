@@ -1,0 +1,205 @@
+"""``Judge``: what OP and PV alone say of the valve. Suspected, no sign, or cannot tell.
+
+Never a verdict and never a J: loops without a position show J only as an unsure share of S. What
+may be said is limited by loops in which the truth is known (``SuspicionLimits``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import PERCENT, Floats, Recording, Role
+from stemwatch.models.without_position.features import (
+    FEWEST_PERIODS,
+    NAMES,
+    Evidence,
+    evidence,
+)
+from stemwatch.models.without_position.network import Answer, LoopNetwork
+from stemwatch.models.without_position.result import Suspicion, WithoutPosition
+from stemwatch.models.without_position.windows import windows
+
+FEWEST_SAMPLES = 200
+LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
+LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
+MOST_AT_LIMIT = 0.3
+MOST_HELD = 0.75  # of PV repeating its last value
+FEWEST_MOVES = 30  # changes of OP
+LEAST_MOVED_PERCENT = 0.3
+BEYOND = float(np.arcsinh(2.0))  # two standard deviations of the loop's own surrogates
+_ROUND = NAMES.index("triangle beside sine, OP")
+_TEST = (
+    "Do a bump test: step OP by about 1 % one way until PV answers, then back, and compare what "
+    "each way takes; or record the position for an hour with a portable transmitter."
+)
+_FASTER = "Export OP and PV raw and at a shorter interval, over at least ten swings of the loop."
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuspicionLimits:
+    """Scores from which sticking is suspected, and below which there is no sign of it; and the S,
+    as a share of OP's amplitude, from which on sticking loops do not score below that."""
+
+    suspected_from: float
+    no_sign_below: float
+    shows_from: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenLoop:
+    """A recording as the networks see it, or why it cannot be judged and what would help."""
+
+    unit: str  # of OP
+    samples: int = 0
+    shown: Evidence | None = None
+    windows: Floats | None = None
+    doubt: tuple[str, str] | None = None
+
+
+def look(recording: Recording) -> SeenLoop:
+    """What ``recording`` shows by OP and PV, whether or not there is a position."""
+    unit = recording.op.unit
+    doubt = _doubt(recording)
+    if doubt is not None:
+        return SeenLoop(unit=unit, doubt=doubt)
+    op, pv, sp = _longest(recording)
+    try:
+        shown = evidence(op, pv, sp)
+    except ValueError:
+        return SeenLoop(unit=unit, doubt=("OP or PV stands still where both are known", _FASTER))
+    cut = windows(op, pv, shown.period)
+    return SeenLoop(unit=unit, samples=op.size, shown=shown, windows=cut)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judge:
+    """Trained networks and the limits that go with them."""
+
+    network: LoopNetwork
+    limits: SuspicionLimits
+
+    def says(self, seen: SeenLoop) -> WithoutPosition:
+        """What may be said of a loop."""
+        if seen.doubt is not None or seen.shown is None or seen.windows is None:
+            return _cannot_tell(*(seen.doubt or ("nothing was seen", _FASTER)))
+        answer = self.network.answer(seen.shown.values, seen.windows)
+        return _answered(seen, seen.shown, answer, self.limits)
+
+
+def _cannot_tell(reason: str, advice: str, score: float | None = None) -> WithoutPosition:
+    return WithoutPosition(
+        verdict=Suspicion.CANNOT_TELL,
+        reason=f"OP and PV cannot tell whether the valve sticks: {reason}.",
+        advice=advice,
+        score=score,
+        apparent_S=Estimate.unknown(reason, unit=PERCENT),
+    )
+
+
+def _doubt(recording: Recording) -> tuple[str, str] | None:
+    """Why OP and PV of this recording cannot be judged, and what to do; ``None`` where they can."""
+    pv = recording.get(Role.PV)
+    if pv is None:
+        return "PV is not in this recording", "Export PV beside OP."
+    op, known, _ = _longest(recording)
+    if op.size < FEWEST_SAMPLES:
+        return f"only {op.size} samples follow each other without a hole", _FASTER
+    if np.ptp(known) <= 0.0:
+        return f"PV stands at {known[0]:.6g} throughout", "Check the transmitter of PV and its tag."
+    moves = int(np.count_nonzero(np.diff(op)))
+    least = LEAST_MOVED_PERCENT if recording.op.unit == PERCENT else 0.0
+    if moves < FEWEST_MOVES or np.ptp(op) <= least:
+        return (
+            f"OP changed {moves} times over a range of {np.ptp(op):.3g}",
+            "Record the loop in automatic while it works, or step the set point.",
+        )
+    held = max(float(np.mean(op <= op.min())), float(np.mean(op >= op.max())))
+    if held > MOST_AT_LIMIT:
+        return (
+            f"OP stands at its limit for {100.0 * held:.0f} % of the time, which looks like "
+            "sticking whatever the valve does",
+            "Record the loop where OP is free to move.",
+        )
+    if float(np.mean(np.diff(known) == 0.0)) > MOST_HELD:
+        return "PV mostly repeats its last value", _FASTER
+    return None
+
+
+def _longest(recording: Recording) -> tuple[Floats, Floats, Floats | None]:
+    """OP, PV and SP over the longest stretch without a hole of more than ``LONGEST_BRIDGE``."""
+    op, pv, sp = recording.op, recording.get(Role.PV), recording.get(Role.SP)
+    assert pv is not None
+    known = op.usable & pv.usable
+    if not known.any():
+        return np.empty(0), np.empty(0), None
+    places = np.flatnonzero(known)
+    breaks = np.flatnonzero(np.diff(places) > LONGEST_BRIDGE + 1)
+    starts = np.concatenate([[0], breaks + 1])
+    stops = np.concatenate([breaks + 1, [places.size]])
+    at = int(np.argmax(stops - starts))
+    own = places[starts[at] : stops[at]]
+    whole = np.arange(own[0], own[-1] + 1)
+
+    def bridged(values: Floats) -> Floats:
+        return np.interp(whole, own, values[own])
+
+    set_point = None
+    if sp is not None and sp.usable[own].all():
+        set_point = bridged(sp.values)
+    return bridged(op.values), bridged(pv.values), set_point
+
+
+def _answered(
+    seen: SeenLoop, shown: Evidence, answer: Answer, limits: SuspicionLimits
+) -> WithoutPosition:
+    unit = seen.unit
+    said_unit = f" {unit}" if unit else ""
+    S = shown.amplitude * float(np.exp(answer.log_S))
+    low, high = (S * float(np.exp(side * 1.96 * answer.spread)) for side in (-1.0, 1.0))
+    least = LEAST_S_PERCENT if unit == PERCENT else 0.0
+    periods = seen.samples / shown.period
+    if answer.score >= limits.suspected_from and shown.beyond > BEYOND and S >= least:
+        return WithoutPosition(
+            verdict=Suspicion.SUSPECTED,
+            reason=(
+                f"Sticking is suspected: with a valve that sticks by about {S:.1f}{said_unit} of "
+                f"OP ({low:.1f} to {high:.1f}) between OP and PV, PV is predicted better than by "
+                "any linear loop, on samples that were not fitted. Without a position this is "
+                "no verdict."
+            ),
+            advice=_TEST,
+            score=answer.score,
+            apparent_S=Estimate(value=S, low=low, high=high, unit=unit),
+            rivals=_rivals(shown),
+        )
+    if periods < FEWEST_PERIODS + 1:
+        return _cannot_tell("the record holds too few swings of the loop", _FASTER, answer.score)
+    shows = limits.shows_from * shown.amplitude
+    if answer.score < limits.no_sign_below:
+        return WithoutPosition(
+            verdict=Suspicion.NO_SIGN,
+            reason=(
+                "OP and PV show no sign of sticking; a valve that sticks by "
+                f"{shows:.1f}{said_unit} of OP or more would have shown. Without a position this "
+                "is no verdict."
+            ),
+            advice="Nothing at the valve on these grounds.",
+            score=answer.score,
+            apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
+            shows_from=shows,
+        )
+    return _cannot_tell("the signs are too weak either way", _TEST, answer.score)
+
+
+def _rivals(shown: Evidence) -> tuple[str, ...]:
+    """Causes that make the same picture, the likeliest first."""
+    rivals = [
+        "a PV sensor or its linkage that sticks or has play",
+        "a neighbouring loop whose valve sticks and whose swing arrives here",
+    ]
+    if shown.values[_ROUND] < 0.0:
+        rivals.append("tuning at its limit or an outer swing: OP is rounder than sticking makes it")
+    return tuple(rivals)

@@ -1,0 +1,220 @@
+"""What OP and PV alone tell: the element, the surrogates, the networks, and what may be said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from stemwatch.models.recording import Quality, Recording, Role, Signal
+from stemwatch.models.stickslip import kernel
+from stemwatch.models.studies.loops.draws import STORIES, draw_loop
+from stemwatch.models.studies.loops.training import example, train
+from stemwatch.models.without_position.common_phase import common_phase_surrogate
+from stemwatch.models.without_position.features import NAMES, dominant_period, evidence
+from stemwatch.models.without_position.hammerstein import element, held_out
+from stemwatch.models.without_position.network import LoopNetwork
+from stemwatch.models.without_position.result import Suspicion, WithoutPosition
+from stemwatch.models.without_position.suspicion import Judge, SuspicionLimits, look
+from stemwatch.models.without_position.windows import LENGTH, windows
+
+
+def few_trained() -> Judge:
+    """Networks of a few loops: good for little, but they answer."""
+    shown = [example(5151, place) for place in range(40)]
+    limits = SuspicionLimits(suspected_from=0.8, no_sign_below=0.3, shows_from=0.5)
+    network: LoopNetwork = train([one for one in shown if one is not None], seed=1, epochs=10)
+    return Judge(network=network, limits=limits)
+
+
+JUDGE = few_trained()
+
+
+def suspect(recording: Recording) -> WithoutPosition:
+    """What is said of a recording."""
+    return JUDGE.says(look(recording))
+
+
+def loop_of(op: np.ndarray, pv: np.ndarray | None, unit: str = "%") -> Recording:
+    """A recording without a position."""
+    signals = {Role.OP: Signal.good(op, "OP", unit)}
+    if pv is not None:
+        signals[Role.PV] = Signal.good(pv, "PV")
+    return Recording(valve="FIC-1", signals=signals, interval_s=1.0)
+
+
+def drawn(place: int, story: str = "") -> Recording:
+    """A loop drawn as those of the training, on a seed of its own."""
+    loop = draw_loop(77, place, story)
+    return loop_of(loop.op, loop.pv)
+
+
+@given(
+    S=st.floats(0.1, 5.0),
+    ratio=st.floats(0.0, 1.0),
+    steps=st.lists(st.floats(-2.0, 2.0), min_size=9),
+)
+def test_the_element_is_the_one_that_positions_are_fitted_with(S, ratio, steps) -> None:
+    """The same stem from the same OP, wherever both begin at rest."""
+    op = 50.0 + np.concatenate([[0.0], np.cumsum(steps)])
+    stem = np.empty(op.size)
+    element(op, S, ratio * S, stem)
+    q = np.array([S, ratio * S, 0.0, 0.0, 0.0, np.inf, np.inf, 0.0, 1.0, 0.0])
+    assert np.allclose(stem, one_by_one(op, q), atol=1e-9)
+
+
+def one_by_one(op: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """The canonical element, a sample at a time."""
+    fs, fd, a_up, a_dn, up, down, _, _ = kernel._constants(q, 1.0)
+    p, x, d, moving = op[0], op[0], 1.0, 0.0
+    stem = [x]
+    for value in op[1:]:
+        p, x, d, moving = kernel._advance(
+            p, x, d, moving, value, fs, fd, a_up, a_dn, up, down, q[kernel.RESTICK]
+        )
+        stem.append(x)
+    return np.array(stem)
+
+
+@given(st.integers(0, 1000), st.integers(64, 257))
+def test_a_surrogate_keeps_spectra_and_cross_spectrum(seed, size) -> None:
+    """So that every linear relation between OP and PV stays as it was."""
+    rng = np.random.default_rng(seed)
+    op, pv = rng.standard_normal(size), np.cumsum(rng.standard_normal(size))
+    other = common_phase_surrogate(op, pv, np.random.default_rng(1))
+
+    def spectra(u, y):
+        a, b = (np.fft.rfft(v - np.linspace(v[0], v[-1], size)) for v in (u, y))
+        return np.abs(a), np.abs(b), a * np.conj(b)
+
+    # The line through the ends of the surrogate is another one: it is taken off as the first was.
+    line = [np.linspace(v[0], v[-1], size) for v in (op, pv)]
+    shown = [np.fft.rfft(new - straight) for new, straight in zip(other, line, strict=True)]
+    before = spectra(op, pv)
+    assert np.allclose(np.abs(shown[0]), before[0], atol=1e-8 * size)
+    assert np.allclose(shown[0] * np.conj(shown[1]), before[2], atol=1e-6 * size**2)
+
+
+def test_a_sticking_element_in_the_loop_is_found_with_its_S() -> None:
+    """PV is a filtered stem: the model with the element wins at the S that made it."""
+    rng = np.random.default_rng(3)
+    op = 50.0 + 4.0 * np.sin(np.arange(3000) / 12.0) + 0.05 * rng.standard_normal(3000)
+    stem = np.empty(op.size)
+    element(op, 3.0, 1.5, stem)
+    pv = lfilter([0.0, 0.2], [1.0, -0.8], stem - 50.0) + 0.02 * rng.standard_normal(op.size)
+    told = held_out(op, pv, 3, np.geomspace(0.75, 12.0, 13))
+    assert told.gain_of_both > 0.5
+    assert 2.3 <= told.S <= 3.9
+    sound = lfilter([0.0, 0.2], [1.0, -0.8], op - 50.0) + 0.02 * rng.standard_normal(op.size)
+    assert held_out(op, sound, 3, np.geomspace(0.5, 10.0, 12)).gain_of_both < 0.1
+
+
+def test_units_and_direction_of_the_loop_change_nothing() -> None:
+    """PV in another unit, or a valve that acts the other way round: the same score and S."""
+    plain = drawn(0, "load")
+    op, pv = plain.op.values, plain.get(Role.PV).values
+    said = suspect(plain)
+    for other in (loop_of(op, 40.0 + 0.01 * pv), loop_of(op, 100.0 - pv)):
+        assert suspect(other).score == pytest.approx(said.score, abs=1e-6)
+        assert suspect(other).verdict is said.verdict
+    faster = Recording(valve="FIC-1", signals=plain.signals, interval_s=0.01)
+    assert suspect(faster).score == said.score
+
+
+@pytest.mark.parametrize("story", STORIES)
+def test_every_story_is_drawn_and_answered(story) -> None:
+    """Sticking and sound; numbers are finite, and what is said fits the verdict."""
+    for place in (2, 3):
+        said = suspect(drawn(place, story))
+        assert said.score is None or 0.0 <= said.score <= 1.0
+        assert (said.verdict is Suspicion.SUSPECTED) == (said.apparent_S.value is not None)
+        assert (said.verdict is Suspicion.NO_SIGN) == (said.shows_from is not None)
+        assert (said.verdict is Suspicion.SUSPECTED) == bool(said.rivals)
+        assert said.reason.endswith(".")
+        assert said.advice
+
+
+def test_what_cannot_be_judged_says_why() -> None:
+    """No PV, a short record, a dead PV, a still OP, OP at its limit, a PV that is held."""
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal(1000)
+    wave = 50.0 + 5.0 * np.sin(np.arange(1000) / 10.0)
+    said = {
+        "PV is not": loop_of(wave, None),
+        "only 100 samples": loop_of(wave[:100], noise[:100]),
+        "PV stands at 3.5": loop_of(wave, np.full(1000, 3.5)),
+        "OP changed 0 times": loop_of(np.full(1000, 50.0), noise),
+        "at its limit": loop_of(np.clip(wave, 45.0, 50.0), noise),
+        "repeats its last": loop_of(wave, np.repeat(noise[:100], 10)),
+    }
+    for reason, recording in said.items():
+        answer = suspect(recording)
+        assert answer.verdict is Suspicion.CANNOT_TELL
+        assert reason in answer.reason
+        assert answer.score is None
+
+
+def test_holes_are_bridged_when_short_and_split_the_record_when_long() -> None:
+    """The longest stretch is judged; a sample missing here and there costs nothing."""
+    plain = drawn(0, "tight")
+    op, pv = plain.op.values, plain.get(Role.PV)
+    quality = pv.quality.copy()
+    quality[100:2000:150] = Quality.BAD
+    values = np.where(quality == Quality.BAD, np.nan, pv.values)
+    holed = Recording(
+        valve="FIC-1",
+        signals={Role.OP: plain.op, Role.PV: Signal(values, quality, "PV")},
+        interval_s=1.0,
+    )
+    assert suspect(holed).score == pytest.approx(suspect(plain).score, abs=0.1)
+    half = op.size // 2
+    quality = quality.copy()
+    quality[half : half + 20] = Quality.BAD
+    split = replace(holed, signals={Role.OP: plain.op, Role.PV: Signal(values, quality, "PV")})
+    longest = suspect(loop_of(op[:half], pv.values[:half]))
+    assert suspect(split).score == pytest.approx(longest.score, abs=0.1)
+
+
+def test_numpy_and_torch_give_the_same_logits() -> None:
+    """What torch trains is what runs without torch."""
+    import torch
+
+    network = JUDGE.network
+    arrays = network.arrays
+    cut = np.random.default_rng(2).standard_normal((3, 2, LENGTH))
+    signal = torch.tensor(cut)
+    for place in (1, 2, 3):
+        weights, bias = (torch.tensor(arrays[f"{name}{place}"]) for name in ("conv", "conv_bias"))
+        signal = torch.relu(torch.nn.functional.conv1d(signal, weights, bias, stride=2))
+    pooled = torch.cat([signal.mean(dim=2), signal.amax(dim=2)], dim=1)
+    expected = pooled @ torch.tensor(arrays["conv_out"]) + torch.tensor(arrays["conv_out_bias"])
+    assert np.allclose(network.convolved(cut), expected.numpy(), atol=1e-9)
+
+
+@given(st.integers(300, 2000), st.floats(4.0, 400.0))
+def test_windows_fit_every_record(size, period) -> None:
+    """Whatever its length and period."""
+    rng = np.random.default_rng(0)
+    cut = windows(rng.standard_normal(size), rng.standard_normal(size), min(period, size / 4))
+    assert cut.shape[1:] == (2, LENGTH)
+    assert np.isfinite(cut).all()
+
+
+def test_the_period_is_that_of_a_wave_that_wanders() -> None:
+    """Within a tenth, beside slow drift and noise."""
+    rng = np.random.default_rng(5)
+    phase = 2.0 * np.pi * np.arange(2000) / 80.0 + np.cumsum(0.02 * rng.standard_normal(2000))
+    op = 50.0 + np.sin(phase) + np.linspace(0.0, 3.0, 2000) + 0.1 * rng.standard_normal(2000)
+    assert dominant_period(op) == pytest.approx(80.0, rel=0.1)
+
+
+def test_evidence_has_a_name_for_every_number() -> None:
+    """And refuses what holds nothing."""
+    loop = draw_loop(77, 0)
+    assert evidence(loop.op, loop.pv, loop.sp).values.shape == (len(NAMES),)
+    with pytest.raises(ValueError, match="too short or still"):
+        evidence(loop.op[:50], loop.pv[:50], None)

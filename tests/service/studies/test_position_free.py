@@ -1,0 +1,76 @@
+"""Training and judging the answers for valves without a position."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stemwatch.models.without_position.result import Suspicion
+from stemwatch.service.executors import InProcess
+from stemwatch.service.studies.position_free import (
+    FAMILIES,
+    LoopAnswer,
+    family_rows,
+    run_position_free,
+    run_training,
+)
+
+
+@pytest.fixture(scope="module")
+def trained():
+    """Networks of few loops: quick, and good for little."""
+    told: list[int] = []
+    made = run_training(60, 5151, InProcess(), told.append)
+    assert told[-1] == 90
+    return made
+
+
+@pytest.mark.long
+def test_training_again_gives_the_same(trained) -> None:
+    """One seed, one result."""
+    again = run_training(60, 5151, InProcess(), lambda _: None)
+    assert again.limits == trained.limits
+    for name, array in again.network.arrays.items():
+        assert np.array_equal(array, trained.network.arrays[name]), name
+
+
+def test_the_limits_are_in_order(trained) -> None:
+    """No sign below what is suspected, both scores."""
+    limits = trained.limits
+    assert 0.0 <= limits.no_sign_below <= limits.suspected_from <= 1.0
+    assert 0.0 < limits.shows_from <= 1.0
+
+
+def test_every_family_is_asked_and_counted(trained) -> None:
+    """Every loop once, in one of three answers."""
+    answers = run_position_free(trained, 4, 5151, InProcess(), lambda _: None)
+    rows = list(family_rows(answers))
+    assert [row.family for row in rows] == list(FAMILIES)
+    for row in rows:
+        assert (row.sticking, row.sound) == (2, 2)
+        counts = np.array([row.suspected, row.no_sign, row.cannot_tell])
+        assert counts.sum(axis=0).tolist() == [2, 2]
+
+
+def test_the_row_of_a_family_counts_what_was_said() -> None:
+    """On answers made by hand: areas, alarms, errors and intervals."""
+
+    def answer(S: float, score: float | None, numbers=None) -> LoopAnswer:
+        verdict = Suspicion.CANNOT_TELL if score is None else Suspicion.NO_SIGN
+        verdict = Suspicion.SUSPECTED if numbers else verdict
+        return LoopAnswer(
+            family="own", story="", S=S, verdict=verdict, score=score, apparent_S=numbers
+        )
+
+    answers = [
+        answer(3.0, 0.9, (3.5, 2.5, 4.5)),
+        answer(5.0, 0.8, (4.0, 3.5, 4.5)),
+        answer(2.0, 0.1),
+        answer(0.0, 0.7, (1.0, 0.5, 1.5)),
+        answer(0.0, None),
+    ]
+    (row,) = family_rows(answers)
+    assert (row.suspected, row.no_sign, row.cannot_tell) == ((2, 1), (1, 0), (0, 1))
+    assert row.auc == pytest.approx(5 / 6)
+    assert row.error == pytest.approx(0.75)
+    assert row.held == (1, 2)
