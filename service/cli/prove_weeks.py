@@ -33,8 +33,8 @@ def prove_weeks(
     """Count what windows of weeks confirm on simulated valves, rightly and wrongly.
 
     Valves with nothing hidden over daily windows, and valves with each effect of the catalogue over
-    some windows. The defaults are a quick look; --nulls 100 --days 30 --valves 4 --windows 8 is the
-    study of docs/proof.md and takes hours.
+    some windows. The defaults are a quick look; --nulls 100 --days 30 --valves 4 --windows 8 is a
+    study and takes hours.
     """
     from rich.progress import Progress
 

@@ -23,9 +23,12 @@ MAY = {
     UserRole.VIEWER: {Operation.READ, Operation.METRICS, Operation.OWN, Operation.LOG_OUT},
     UserRole.ENGINEER: {
         *(Operation.ALERT, Operation.NOTE, Operation.MAINTENANCE, Operation.BASELINE),
-        *(Operation.RUN, Operation.CANCEL),
+        *(Operation.RUN, Operation.CANCEL, Operation.FEEDBACK),
     },
-    UserRole.ADMIN: {Operation.USERS, Operation.TOKENS, Operation.AUDIT, Operation.UNDECLARED},
+    UserRole.ADMIN: {
+        *(Operation.SETTINGS, Operation.USERS, Operation.TOKENS, Operation.AUDIT),
+        Operation.UNDECLARED,
+    },
 }
 
 

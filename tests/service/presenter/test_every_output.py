@@ -7,12 +7,14 @@ import html
 import io
 import json
 import re
+from datetime import timedelta
 
 import openpyxl
 import pytest
 from rich.console import Console
 from rich.text import Text
 
+from stemwatch.models.evidence_over_windows import WindowEvidence
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.rules import ValveRecord, apply_rules
@@ -24,6 +26,7 @@ from stemwatch.service.maintenance.maintenance_html import book_html
 from stemwatch.service.maintenance.pdf import book_pdf
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv
+from stemwatch.service.presenter.evidence_of_weeks import evidence_of_weeks
 from stemwatch.service.report import ReportContext, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
@@ -142,8 +145,11 @@ def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: 
 
 
 def mail_about(screening: Screening) -> str:
-    """The text of the mail about a screening that named an effect twice."""
+    """The text of the mail about a screening whose effect three windows named."""
     end = screening.window[1]
+    named = tuple(effect.members for effect in screening.mismatch.effects)
+    days = [end - timedelta(days=day) for day in (2, 1, 0)]
+    weeks = evidence_of_weeks(WindowEvidence(at=day, named=named) for day in days)
     judged = [
         JudgedScreening(
             id=number, run_id=number, window=screening.window, verdict=screening.verdict,
@@ -152,7 +158,9 @@ def mail_about(screening: Screening) -> str:
         )
         for number in (2, 1)
     ]  # fmt: skip
-    record = ValveRecord(valve=StoredValve(id=screening.valve), screenings=judged)
+    record = ValveRecord(
+        valve=StoredValve(id=screening.valve), screenings=judged, by_window=weeks, stands=True
+    )
     raised = apply_rules(record, AlertRules())[0]
     (about,) = [one for one in raised if one.kind is AlertKind.MISMATCH]
     stored = StoredAlert(

@@ -77,10 +77,11 @@ DAMADICS = ("damadics/lublin_actuator3_one_hour.csv", "--op", "LC74_20CV_pct")
 
 
 def test_a_speed_limit_is_not_taken_for_stiction(screened: Screened) -> None:
-    """The healthy actuator with a slow direction is not sticky: S is below 2 %, not near 10."""
+    """The healthy actuator with a slow direction is not sticky: S is below 2 %, not near 10; nor is
+    a stroke as slow as large actuators have a defect."""
     outcome, (valve,) = screened(*DAMADICS, "--mv", "LC74_20X_pct")
     assert outcome.status == 0
-    assert valve["verdict"] == "defective"
+    assert valve["verdict"] == valve["stem_verdict"]
     assert valve["stem_verdict"] in ("healthy", "watch")
     S = valve["stiction"]["S"]
     assert 0.0 <= S["low"] <= S["value"] <= S["high"] < 2.0
@@ -158,13 +159,13 @@ def test_a_flow_is_not_taken_for_a_position(
 
 
 def test_a_recording_of_25_seconds_is_judged_by_its_samples(screened: Screened) -> None:
-    """Five thousand samples 5 ms apart are enough to fit; a motor's lag is no sticking."""
+    """Five thousand samples 5 ms apart are enough to fit; a motor's slowness is no sticking."""
     tags = ("--op", "u_in", "--mv", "q_meas")
     outcome, (valve,) = screened("emps/emps_estimation.csv", *tags)
     assert outcome.status == 0
-    assert valve["stem_verdict"] in ("watch", "undetermined")
+    assert valve["stem_verdict"] in ("healthy", "watch", "undetermined")
     assert valve["stiction"]["S"]["value"] < 1.5
-    assert "lag of" in valve["reason"]
+    assert "time constant of" in valve["reason"] or "lag of" in valve["reason"]
 
 
 def test_two_tanks_are_not_a_sticking_valve(screened: Screened) -> None:
