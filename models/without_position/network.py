@@ -17,7 +17,7 @@ KERNELS = ((9, 2), (7, 2), (5, 2))  # width and stride of each convolution
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class LoopScore:
     """``score`` 0 to 1: the probability of a sticking valve where half of all loops have one.
 
     ``log_S`` and ``spread``: mean and standard deviation of ln(S/amplitude), should it stick.
@@ -34,12 +34,12 @@ class LoopNetwork:
     def __init__(self, arrays: Mapping[str, Floats]) -> None:
         self.arrays = {name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()}
 
-    def answer(self, values: Floats, windows: Floats) -> Answer:
+    def answer(self, values: Floats, windows: Floats) -> LoopScore:
         """``values`` (n_features,) and ``windows`` (w, 2, LENGTH) of one loop."""
         heads = self.dense(values)
         logit = heads[0] * self.arrays["weigh"][0] + self.arrays["weigh"][2]
         logit += float(self.convolved(windows).mean()) * self.arrays["weigh"][1]
-        return Answer(
+        return LoopScore(
             score=float(1.0 / (1.0 + np.exp(-logit))),
             log_S=float(heads[1]),
             spread=float(np.exp(heads[2]) * self.arrays["spread"][0]),

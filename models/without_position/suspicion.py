@@ -18,7 +18,7 @@ from stemwatch.models.without_position.features import (
     Evidence,
     evidence,
 )
-from stemwatch.models.without_position.network import Answer, LoopNetwork
+from stemwatch.models.without_position.network import LoopNetwork, LoopScore
 from stemwatch.models.without_position.result import Suspicion, WithoutPosition
 from stemwatch.models.without_position.windows import windows
 
@@ -153,7 +153,7 @@ def _longest(recording: Recording) -> tuple[Floats, Floats, Floats | None]:
 
 
 def _answered(
-    seen: SeenLoop, shown: Evidence, answer: Answer, limits: SuspicionLimits
+    seen: SeenLoop, shown: Evidence, answer: LoopScore, limits: SuspicionLimits
 ) -> WithoutPosition:
     unit = seen.unit
     said_unit = f" {unit}" if unit else ""

@@ -13,7 +13,7 @@ from stemwatch.models.studies.loops.training import LoopExample, example, train
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.without_position.features import NAMES
-from stemwatch.models.without_position.network import Answer
+from stemwatch.models.without_position.network import LoopScore
 from stemwatch.models.without_position.result import Suspicion
 from stemwatch.models.without_position.suspicion import (
     BEYOND,
@@ -33,7 +33,7 @@ _BEYOND_AT = NAMES.index("gain of both beyond its surrogates")
 
 
 @dataclass(frozen=True)
-class Place:
+class LoopToDraw:
     """One loop to draw: seed, place, and the family it is of."""
 
     seed: int
@@ -41,15 +41,15 @@ class Place:
     family: str = "own"
 
 
-def example_item(item: Place) -> list[LoopExample | None]:
+def example_item(item: LoopToDraw) -> list[LoopExample | None]:
     """The example of one drawn loop."""
     return [example(item.seed, item.place)]
 
 
 def run_training(loops: int, seed: int, executor: Executor, tell: Callable[[int], None]) -> Judge:
     """Train on ``loops`` loops of ``seed``; half as many of the next seed give the limits."""
-    items = [Place(seed, place) for place in range(loops)]
-    items += [Place(seed + 1, place) for place in range(loops // 2)]
+    items = [LoopToDraw(seed, place) for place in range(loops)]
+    items += [LoopToDraw(seed + 1, place) for place in range(loops // 2)]
     shown = map_in_order(executor, example_item, items, tell)
     network = train([one for one in shown[:loops] if one is not None], seed=seed)
     judged = [one for one in shown[loops:] if one is not None]
@@ -57,7 +57,7 @@ def run_training(loops: int, seed: int, executor: Executor, tell: Callable[[int]
     return Judge(network=network, limits=_limits(judged, answers))
 
 
-def _limits(judged: Sequence[LoopExample], answers: Sequence[Answer]) -> SuspicionLimits:
+def _limits(judged: Sequence[LoopExample], answers: Sequence[LoopScore]) -> SuspicionLimits:
     score = np.array([answer.score for answer in answers])
     sticky = np.array([one.sticky for one in judged])
     size = np.exp(np.nan_to_num([one.log_S for one in judged], nan=-9.0))
@@ -76,7 +76,7 @@ def _limits(judged: Sequence[LoopExample], answers: Sequence[Answer]) -> Suspici
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopAnswer:
+class StudiedLoop:
     """What was said of one simulated loop, and the truth. ``S`` is 0 where nothing sticks."""
 
     family: str
@@ -93,28 +93,28 @@ class LoopAnswer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeenPlace:
+class SeenDraw:
     """A simulated loop as it is seen, and its truth."""
 
-    place: Place
+    place: LoopToDraw
     story: str
     S: float
     seen: SeenLoop
 
 
-def look_item(item: Place) -> list[SeenPlace]:
+def look_item(item: LoopToDraw) -> list[SeenDraw]:
     """Draw one loop, leave out what it has of a position, and look."""
     recording, S, story = FAMILIES[item.family](item)
-    return [SeenPlace(place=item, story=story, S=S, seen=look(recording))]
+    return [SeenDraw(place=item, story=story, S=S, seen=look(recording))]
 
 
-def _answer(judge: Judge, shown: SeenPlace) -> LoopAnswer:
+def _answer(judge: Judge, shown: SeenDraw) -> StudiedLoop:
     said = judge.says(shown.seen)
     estimate = said.apparent_S
     numbers = None
     if estimate.value is not None and estimate.low is not None and estimate.high is not None:
         numbers = (estimate.value, estimate.low, estimate.high)
-    return LoopAnswer(
+    return StudiedLoop(
         family=shown.place.family,
         story=shown.story,
         S=shown.S,
@@ -124,16 +124,16 @@ def _answer(judge: Judge, shown: SeenPlace) -> LoopAnswer:
     )
 
 
-def _own(item: Place, story: str = "") -> tuple[Recording, float, str]:
+def _own(item: LoopToDraw, story: str = "") -> tuple[Recording, float, str]:
     loop = draw_loop(item.seed, item.place, story)
     return _recording(loop, f"LOOP-{item.place}"), loop.S, loop.story
 
 
-def _wave(item: Place) -> tuple[Recording, float, str]:
+def _wave(item: LoopToDraw) -> tuple[Recording, float, str]:
     return _own(item, "wave")
 
 
-def _plant(item: Place) -> tuple[Recording, float, str]:
+def _plant(item: LoopToDraw) -> tuple[Recording, float, str]:
     """The force-balance plant of ``stemwatch trial``, without its position."""
     sticks = item.place % 2 == 0
     loop = (draw_sticky if sticks else draw_healthy)(item.place // 2 + 1, item.seed)[-1]
@@ -156,7 +156,7 @@ def _recording(loop: DrawnLoop, valve: str) -> Recording:
     )
 
 
-FAMILIES: Mapping[str, Callable[[Place], tuple[Recording, float, str]]] = {
+FAMILIES: Mapping[str, Callable[[LoopToDraw], tuple[Recording, float, str]]] = {
     "own": _own,
     "plant": _plant,
     "wave": _wave,
@@ -165,9 +165,9 @@ FAMILIES: Mapping[str, Callable[[Place], tuple[Recording, float, str]]] = {
 
 def run_position_free(
     judge: Judge, loops: int, seed: int, executor: Executor, tell: Callable[[int], None]
-) -> list[LoopAnswer]:
+) -> list[StudiedLoop]:
     """What ``judge`` says of ``loops`` loops of each family, every other one sticking."""
-    items = [Place(seed, place, family) for family in FAMILIES for place in range(loops)]
+    items = [LoopToDraw(seed, place, family) for family in FAMILIES for place in range(loops)]
     return [_answer(judge, shown) for shown in map_in_order(executor, look_item, items, tell)]
 
 
@@ -192,13 +192,13 @@ class FamilyRow:
     held: tuple[int, int]
 
 
-def family_rows(answers: Sequence[LoopAnswer]) -> Iterator[FamilyRow]:
+def family_rows(answers: Sequence[StudiedLoop]) -> Iterator[FamilyRow]:
     """One row for each family, in the order in which they were asked."""
     for family in dict.fromkeys(answer.family for answer in answers):
         yield _family_row(family, [answer for answer in answers if answer.family == family])
 
 
-def _family_row(family: str, answers: Sequence[LoopAnswer]) -> FamilyRow:
+def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
     sticky = np.array([answer.sticky for answer in answers])
     score = np.array([answer.score or 0.0 for answer in answers])
     good, bad = score[sticky], score[~sticky]

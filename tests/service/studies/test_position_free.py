@@ -9,7 +9,7 @@ from stemwatch.models.without_position.result import Suspicion
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.position_free import (
     FAMILIES,
-    LoopAnswer,
+    StudiedLoop,
     family_rows,
     run_position_free,
     run_training,
@@ -55,10 +55,10 @@ def test_every_family_is_asked_and_counted(trained) -> None:
 def test_the_row_of_a_family_counts_what_was_said() -> None:
     """On answers made by hand: areas, alarms, errors and intervals."""
 
-    def answer(S: float, score: float | None, numbers=None) -> LoopAnswer:
+    def answer(S: float, score: float | None, numbers=None) -> StudiedLoop:
         verdict = Suspicion.CANNOT_TELL if score is None else Suspicion.NO_SIGN
         verdict = Suspicion.SUSPECTED if numbers else verdict
-        return LoopAnswer(
+        return StudiedLoop(
             family="own", story="", S=S, verdict=verdict, score=score, apparent_S=numbers
         )
 
