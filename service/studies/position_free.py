@@ -9,7 +9,7 @@ import numpy as np
 
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.studies.loops.draws import DrawnLoop, draw_loop
-from stemwatch.models.studies.loops.training import LoopExample, example, train
+from stemwatch.models.studies.loops.examples import LoopExample, example
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.without_position.features import NAMES
@@ -48,6 +48,8 @@ def example_item(item: LoopToDraw) -> list[LoopExample | None]:
 
 def run_training(loops: int, seed: int, executor: Executor, tell: Callable[[int], None]) -> Judge:
     """Train on ``loops`` loops of ``seed``; half as many of the next seed give the limits."""
+    from stemwatch.models.studies.loops.training import train  # torch takes two seconds to import
+
     items = [LoopToDraw(seed, place) for place in range(loops)]
     items += [LoopToDraw(seed + 1, place) for place in range(loops // 2)]
     shown = map_in_order(executor, example_item, items, tell)

@@ -3,47 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.loops.draws import draw_loop
-from stemwatch.models.without_position.features import evidence
+from stemwatch.models.studies.loops.examples import LoopExample
 from stemwatch.models.without_position.network import KERNELS, LoopNetwork
-from stemwatch.models.without_position.windows import windows
 
 ENSEMBLE = 5
 _HIDDEN = (24, 12)
 _CHANNELS = (12, 20, 20)
 _HELD_BACK = 5  # one loop of five weighs the two networks and is not trained on
-
-
-@dataclass(frozen=True, kw_only=True)
-class LoopExample:
-    """One loop as the networks see it. ``log_S`` is ln(S/amplitude), NaN without sticking."""
-
-    values: Floats
-    windows: Floats
-    sticky: bool
-    log_S: float
-
-
-def example(seed: int, place: int) -> LoopExample | None:
-    """The example of a drawn loop; ``None`` where it holds nothing that can be compared."""
-    loop = draw_loop(seed, place)
-    try:
-        shown = evidence(loop.op, loop.pv, loop.sp)
-    except ValueError:
-        return None
-    return LoopExample(
-        values=shown.values,
-        windows=windows(loop.op, loop.pv, shown.period).astype(np.float32),
-        sticky=loop.sticky,
-        log_S=float(np.log(loop.S / shown.amplitude)) if loop.sticky else np.nan,
-    )
 
 
 class _Convolutional(nn.Module):

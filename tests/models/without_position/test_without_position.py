@@ -13,7 +13,8 @@ from scipy.signal import lfilter
 from stemwatch.models.recording import Quality, Recording, Role, Signal
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.studies.loops.draws import STORIES, draw_loop
-from stemwatch.models.studies.loops.training import example, train
+from stemwatch.models.studies.loops.examples import example
+from stemwatch.models.studies.loops.training import train
 from stemwatch.models.without_position.common_phase import common_phase_surrogate
 from stemwatch.models.without_position.features import NAMES, dominant_period, evidence
 from stemwatch.models.without_position.hammerstein import element, held_out
