@@ -21,6 +21,7 @@ MOST_SHIFT = 4.0  # times the dead time that likeness is tried for
 SHIFTS = 61
 STEP_OF_LAG, STEP_OF_SWING = 0.3, 0.1  # the time over which a speed is taken
 FEWEST = 12  # points that show something
+SPEED = "speed of the stem, %/s"
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,17 @@ def _speed_by_error(moves: Moves, time_s: float) -> tuple[Floats, Floats, float]
     return error, speed, took
 
 
-_AWAY, _SPEED = "OP less position, %", "speed of the stem, %/s"
+def _of_speed(error: Floats, speed: Floats, says: str, law: Law) -> Telltale:
+    """The speed of the stem against its distance from the command, with what bounds it."""
+    return Telltale(
+        x_label="OP less position, %",
+        y_label=SPEED,
+        x=error,
+        y=speed,
+        rising=error > 0.0,
+        says=says,
+        laws=(law,),
+    )
 
 
 def _limited(moves: Moves) -> Telltale:
@@ -123,18 +134,11 @@ def _limited(moves: Moves) -> Telltale:
     low, high = _ends(error)
     at = np.unique(np.clip([low, -down * took, up * took, high], low, high))
     label = f"limit: {up:.3g} %/s" if both else f"limits: {up:.3g} and {down:.3g} %/s"
-    return Telltale(
-        x_label=_AWAY,
-        y_label=_SPEED,
-        x=error,
-        y=speed,
-        rising=error > 0.0,
-        says=(
-            "However far the stem is from its command, it does not move faster than the limit; "
-            "without one the points would go on along the slope."
-        ),
-        laws=(Law(label, at, np.clip(at / took, -down, up)),),
+    says = (
+        "However far the stem is from its command, it does not move faster than the limit; "
+        "without one the points would go on along the slope."
     )
+    return _of_speed(error, speed, says, Law(label, at, np.clip(at / took, -down, up)))
 
 
 def _lagging(moves: Moves) -> Telltale:
@@ -149,18 +153,11 @@ def _lagging(moves: Moves) -> Telltale:
 
     law = np.where(at > 0.0, slope(up), slope(down)) * at
     said = f"{up:.3g} s" if abs(up - down) < 1e-9 else f"{up:.3g} s rising, {down:.3g} s falling"
-    return Telltale(
-        x_label=_AWAY,
-        y_label=_SPEED,
-        x=error,
-        y=speed,
-        rising=error > 0.0,
-        says=(
-            "The farther the stem is from its command, the faster it moves, by the slope of the "
-            "time constant; a speed limit would be flat instead."
-        ),
-        laws=(Law(f"time constant {said}", at, law),),
+    says = (
+        "The farther the stem is from its command, the faster it moves, by the slope of the "
+        "time constant; a speed limit would be flat instead."
     )
+    return _of_speed(error, speed, says, Law(f"time constant {said}", at, law))
 
 
 def _late(moves: Moves) -> Telltale:
@@ -285,7 +282,7 @@ def _by_speed(moves: Moves) -> Telltale:
     y[step:] = (moves.mv[step:] - moves.mv[:-step]) / (step * moves.interval_s)
     return Telltale(
         x_label="speed of OP, %/s",
-        y_label=_SPEED,
+        y_label=SPEED,
         x=x,
         y=y,
         rising=x > 0.0,

@@ -7,6 +7,7 @@ may be said is limited by loops in which the truth is known (``SuspicionLimits``
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from stemwatch.models.without_position.features import (
     evidence,
 )
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore
-from stemwatch.models.without_position.result import Suspicion, WithoutPosition
 from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 200
@@ -36,6 +36,32 @@ _TEST = (
     "each way takes; or record the position for an hour with a portable transmitter."
 )
 _FASTER = "Export OP and PV raw and at a shorter interval, over at least ten swings of the loop."
+
+
+class Suspicion(StrEnum):
+    """What OP and PV allow to be said."""
+
+    SUSPECTED = "suspected"
+    NO_SIGN = "no_sign"
+    CANNOT_TELL = "cannot_tell"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WithoutPosition:
+    """What OP and PV say of the valve, for a person to act on.
+
+    ``score`` (0 to 1) is the probability of sticking where half of all loops stick; ``apparent_S``
+    in percent of OP, or in OP's own unit; ``shows_from`` the S from which on sticking would have
+    been seen; ``rivals`` other causes that the data cannot exclude.
+    """
+
+    verdict: Suspicion
+    reason: str
+    advice: str
+    score: float | None = None
+    apparent_S: Estimate
+    shows_from: float | None = None
+    rivals: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,11 +14,11 @@ from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.without_position.features import NAMES
 from stemwatch.models.without_position.network import LoopScore
-from stemwatch.models.without_position.result import Suspicion
 from stemwatch.models.without_position.suspicion import (
     BEYOND,
     Judge,
     SeenLoop,
+    Suspicion,
     SuspicionLimits,
     look,
 )

@@ -19,8 +19,13 @@ from stemwatch.models.without_position.common_phase import common_phase_surrogat
 from stemwatch.models.without_position.features import NAMES, dominant_period, evidence
 from stemwatch.models.without_position.hammerstein import element, held_out
 from stemwatch.models.without_position.network import LoopNetwork
-from stemwatch.models.without_position.result import Suspicion, WithoutPosition
-from stemwatch.models.without_position.suspicion import Judge, SuspicionLimits, look
+from stemwatch.models.without_position.suspicion import (
+    Judge,
+    Suspicion,
+    SuspicionLimits,
+    WithoutPosition,
+    look,
+)
 from stemwatch.models.without_position.windows import LENGTH, windows
 
 

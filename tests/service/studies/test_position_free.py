@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.without_position.result import Suspicion
+from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.position_free import (
     FAMILIES,

@@ -1,0 +1,83 @@
+"""What the study of valves without a position says of real loops: labels beside answers.
+
+    python tests/benchmarks/bench_without_position.py --recordings FOLDER
+
+Trains as ``stemwatch study-without-position`` does, and judges the loops of ``isdb`` and
+``refinery``, whose labels take no part in anything.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import stemwatch as sw
+from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.without_position.features import NAMES
+from stemwatch.models.without_position.suspicion import Judge, Suspicion, look
+from stemwatch.service.executors import choose_executor
+from stemwatch.service.studies.position_free import run_training
+
+GAIN = NAMES.index("gain of both at 25 to a period")
+
+
+def isdb(folder: Path) -> list[tuple[bool, Recording]]:
+    """Whether each loop sticks by its label, and its signals."""
+    loops = []
+    for row in pd.read_csv(folder / "labels.csv").itertuples():
+        columns = pd.read_csv(folder / str(row.file))
+        signals = {
+            role: Signal.good(columns[role.value.upper()].to_numpy(np.float64), role.value)
+            for role in (Role.OP, Role.PV, Role.SP)
+        }
+        recording = Recording(valve=str(row.loop), signals=signals, interval_s=1.0)
+        loops.append((str(row.label) == "stiction", recording))
+    return loops
+
+
+def refinery(folder: Path) -> list[tuple[bool, Recording]]:
+    """The same of a refinery's recordings."""
+    labels = pd.read_csv(folder / "labels.csv")
+    return [
+        (str(row.label) == "stiction", sw.read(folder / str(row.file)))
+        for row in labels.itertuples()
+    ]
+
+
+def auc(sticks: np.ndarray, score: np.ndarray) -> float:
+    """The area under the ROC curve."""
+    good, bad = score[sticks][:, None], score[~sticks][None]
+    return float(np.mean((good > bad) + 0.5 * (good == bad)))
+
+
+def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None:
+    """One line for each set of loops."""
+    sticks = np.array([label for label, _ in loops])
+    seen = [look(recording) for _, recording in loops]
+    said = [judge.says(one) for one in seen]
+    score = np.array([one.score or 0.0 for one in said])
+    gain = np.array([0.0 if one.shown is None else one.shown.values[GAIN] for one in seen])
+    print(f"{name}: {sticks.sum()} labelled as sticking, {np.sum(~sticks)} otherwise")
+    for verdict in Suspicion:
+        is_it = np.array([one.verdict is verdict for one in said])
+        print(f"  {verdict.value}: {np.sum(is_it & sticks)} and {np.sum(is_it & ~sticks)}")
+    print(f"  AUC of the score {auc(sticks, score):.2f}, of the gain {auc(sticks, gain):.2f}")
+
+
+def main() -> None:
+    """Train, then judge both sets."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=Path, required=True)
+    parser.add_argument("--train", type=int, default=5000)
+    parser.add_argument("--train-seed", type=int, default=11)
+    given = parser.parse_args()
+    judge = run_training(given.train, given.train_seed, choose_executor(None), lambda _: None)
+    report("isdb", isdb(given.recordings / "isdb"), judge)
+    report("refinery", refinery(given.recordings / "refinery"), judge)
+
+
+if __name__ == "__main__":
+    main()
