@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.reading import RecordingOptions, given_by, recording_options
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -26,11 +27,14 @@ if TYPE_CHECKING:
 LIMITS = "Limits of the test"
 
 
+@given_by(recording_options, name="recording")
 def plan_test(
-    valve: Annotated[
-        str, typer.Argument(help="The valve's id in the store, or a file as explain takes it.")
+    id_or_file: Annotated[
+        str,
+        typer.Argument(
+            metavar="VALVE", help="The valve's id in the store, or a file as explain takes it."
+        ),
     ],
-    plant: o.PlantFile = None,
     db: Annotated[str, typer.Option(help="Database URL, instead of the plant's.")] = "",
     amplitude: Annotated[
         float,
@@ -58,13 +62,8 @@ def plan_test(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the sheet, HTML and PDF.")] = None,
     json_file: o.JsonFile = None,
-    op: o.OpTag = "",
-    mv: o.MvTag = "",
-    pv: o.PvTag = "",
-    from_: o.From = "",
-    to: o.To = "",
-    zone: o.Zone = "",
-    interval_s: o.Interval = None,
+    *,
+    recording: RecordingOptions,
 ) -> None:
     """Plan the test that would tell what a recording left open, within limits.
 
@@ -83,22 +82,17 @@ def plan_test(
         op_low=op_low,
         op_high=op_high,
     )
-    if Path(valve).is_file():
-        from stemwatch.service.cli.reading import read_options, request_of, tags_of
-
-        options = read_options(zone, "", "", "", None, "", "", interval_s)
-        tags = tags_of(op=op, mv=mv, pv=pv)
-        request = request_of([valve], plant, tags, "", from_, to, options)
-        name, plan, loaded = _of_file(request, limits, op_now)
+    if Path(id_or_file).is_file():
+        name, plan, loaded = _of_file(recording.request([id_or_file]), limits, op_now)
     else:
-        name, plan, loaded = _of_store(valve, plant, db, limits, op_now)
+        name, plan, loaded = _of_store(id_or_file, recording.plant, db, limits, op_now)
     sheet = sheet_of(plan, name)
     views.out.print(_on_terminal(sheet), highlight=False)
     if json_file is not None:
         text = json.dumps(to_object(sheet), indent=1, ensure_ascii=False, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
     if out is not None:
-        _write(sheet, loaded, zone, out)
+        _write(sheet, loaded, recording.read_options.zone or "", out)
     elif sheet.test is not None:
         views.say_next("the sheet to print, with --out FOLDER.")
 

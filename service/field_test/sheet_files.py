@@ -131,7 +131,7 @@ def _story(t: Any, sheet: TestSheet, context: ReportContext) -> list[Any]:
         t.text(sheet.title, 1.7, bold=True, spaceAfter=3.0),
         t.text(f"{planned} · {context.software}", 0.86),
         t.text(sheet.headline, bold=True, spaceBefore=3.0, spaceAfter=2.0),
-        *(t.text(f"• {one}", 0.95) for one in sheet.remarks),
+        *(t.text(f"• {remark}", 0.95) for remark in sheet.remarks),
     ]
     picture = picture_of_test(sheet)
     if sheet.test is None or picture is None:

@@ -192,11 +192,11 @@ def main() -> None:
     asked = parser.parse_args()
     limits = TestLimits(amplitude=asked.amplitude, duration_s=60.0 * asked.minutes)
     began, rows = time.perf_counter(), []
-    for place, drawn in enumerate(draw_hidden(asked.cases, asked.seed)):
-        if place < asked.first:
+    for index, drawn in enumerate(draw_hidden(asked.cases, asked.seed)):
+        if index < asked.first:
             continue
         case, _ = simulate_hidden(drawn)
-        row = judge(place, case, limits)
+        row = judge(index, case, limits)
         if row is not None:
             rows.append(row)
             print(line(row), flush=True)
