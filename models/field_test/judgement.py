@@ -116,10 +116,14 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
     slow = SLOW if short else frozenset()
     rng = np.random.default_rng(1970)
     own_costs = [_own_cost(runs, models[best], rng) for _ in range(DRAWN)]
+    leaves = fits[best].cost / float(np.median(own_costs))
+    costs = np.array([fit.cost for fit in fits])
+    # What no rival explains counts for none of them: a margin in units of what is left over.
+    margins = (costs - costs[best]) / max(leaves, 1.0)
     as_far = tuple(
         1.0
         if k == best or slow & {models[k].slug, models[best].slug}
-        else _as_far(runs, k, best, fits[k].cost - fits[best].cost, rng)
+        else _as_far(runs, k, best, float(margins[k]), rng)
         for k in range(len(models))
     )
     judgement = TestJudgement(
@@ -128,7 +132,7 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
         fits=fits,
         best=best,
         as_far=as_far,
-        leaves=fits[best].cost / float(np.median(own_costs)),
+        leaves=leaves,
         interval_s=interval_s,
         op=op,
         mv=mv,
