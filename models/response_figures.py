@@ -113,6 +113,11 @@ class ResponseFigures:
         rising = [replace(step, rising=True) for step in self.steps if not step.rising]
         return rising == [step for step in self.steps if step.rising]
 
+    @property
+    def distinct_steps(self) -> tuple[StepFigures, ...]:
+        """The steps once where both ways are alike, else those that raise the position first."""
+        return tuple(step for step in self.steps if step.rising or not self.both_ways_alike)
+
 
 @dataclass(frozen=True)
 class StepNumbers:
@@ -134,7 +139,7 @@ def response_figures(screening: Screening) -> ResponseFigures:
     """
     S, J, mismatch = screening.S, screening.J, screening.mismatch
     figures = ResponseFigures(dead_band=S, resolution=J)
-    if S.value is None or J.value is None:
+    if S.value is None or J.value is None or not np.isfinite([S.value, J.value]).all():
         return figures
     effects = () if mismatch is None else mismatch.effects
     shaping = [e for e in effects if e.slug not in IN_FORMULA and e.slug not in NOT_IN_A_STEP]
@@ -158,7 +163,8 @@ def _numbers(screening: Screening, effects: tuple[Effect, ...], rising: bool) ->
     found: dict[str, Estimate] = {}
     for effect in effects:
         for parameter, names in IN_FORMULA.get(effect.slug, {}).items():
-            found |= {name: effect.parameters[parameter] for name in names}
+            if parameter in effect.parameters:
+                found |= {name: effect.parameters[parameter] for name in names}
     if not effects:
         shown = screening.indicators
         found = {
