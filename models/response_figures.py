@@ -130,6 +130,7 @@ class StepNumbers:
     tau: Floats
     rate: Floats
     slope: float = 1.0
+    interval_s: float = 0.0  # of the recording: what goes faster cannot be told from at once
 
 
 def response_figures(screening: Screening) -> ResponseFigures:
@@ -190,6 +191,7 @@ def _numbers(screening: Screening, effects: tuple[Effect, ...], rising: bool) ->
         tau=drawn(found.get(f"tau_{way}"), 0.0),
         rate=np.where(rate >= FREE_PERCENT_PER_S, np.inf, rate) / slope,
         slope=slope,
+        interval_s=0.0 if screening.seen is None else screening.seen.interval_s,
     )
 
 
@@ -212,6 +214,7 @@ def step_figures(
         t86=numbers.theta + time_to_go(settled, step_percent, numbers),
         # A stem that jumps past its place: J above S.
         overshoot=np.zeros_like(final),
+        interval_s=numbers.interval_s,
     )
 
 
@@ -239,15 +242,16 @@ def _figures(
     dead_time: Floats,
     t86: Floats,
     overshoot: Floats,
+    interval_s: float,
 ) -> StepFigures:
     """Estimates from draws, the first of which is the value; draws that do not move have none."""
 
-    def estimate(draws: Floats, unit: str) -> Estimate:
+    def estimate(draws: Floats, unit: str, least: float = 0.0) -> Estimate:
         if not moves[0]:
             level = "resolution" if way is StepWay.SAME else "dead band"
             return Estimate.unknown(f"the stem does not move: the step is within the {level}", unit)
         low, high = interval(draws[moves], float(draws[0]))
-        return Estimate(value=float(draws[0]), low=low, high=high, unit=unit)
+        return Estimate(value=float(draws[0]), low=low, high=max(high, least), unit=unit)
 
     return StepFigures(
         step_percent=step_percent,
@@ -255,8 +259,8 @@ def _figures(
         rising=rising,
         moves=float(np.mean(moves)),
         travel_gain=estimate(gain, ""),
-        dead_time=estimate(dead_time, "s"),
-        t86=estimate(t86, "s"),
+        dead_time=estimate(dead_time, "s", interval_s),
+        t86=estimate(t86, "s", interval_s),
         overshoot=estimate(overshoot, "%"),
     )
 
@@ -346,5 +350,6 @@ def _run(
         gain=slope * final / size,
         dead_time=first(moved > least),
         t86=first(moved >= SETTLED * final[:, None]),
+        interval_s=seconds,
         overshoot=100.0 * np.maximum(moved.max(axis=1) - final, 0.0) / np.maximum(final, least),
     )

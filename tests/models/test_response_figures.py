@@ -25,7 +25,7 @@ from stemwatch.models.response_figures import (
     step_figures,
 )
 from stemwatch.models.screening import failed
-from stemwatch.models.screening_result import Indicator
+from stemwatch.models.screening_result import Indicator, RecordingFacts
 from stemwatch.models.verdict import Verdict
 
 FINE_S = 0.02
@@ -248,3 +248,12 @@ def test_without_S_and_J_there_are_no_figures_and_the_reason_stays():
     figures = response_figures(failed("FV-1", "no position.", "", Provenance(source="test")))
     assert figures.steps == ()
     assert figures.dead_band.reason == "no position."
+
+
+def test_no_time_is_known_better_than_a_sample():
+    kept = RecordingFacts(
+        start=None, end=None, interval_s=5.0, samples=100, usable_share=1.0, tags={}
+    )
+    figures = response_figures(replace(judged(percent(3.0), percent(1.0)), kept=kept))
+    found = figures_by(figures, 10.0, StepWay.SAME)
+    assert (found.dead_time.value, found.dead_time.high) == (pytest.approx(0, abs=1e-6), 5.0)
