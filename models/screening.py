@@ -216,8 +216,8 @@ def _to_fit(
 def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[NarxFit | None]:
     """A network for each case that has a fit, all trained together."""
     ready = [
-        (place, valve.fit, valve)
-        for place, valve in enumerate(fitted)
+        (index, valve.fit, valve)
+        for index, valve in enumerate(fitted)
         if isinstance(valve, _Fitted) and valve.fit is not None
     ]
     trained: list[NarxFit | None] = [None] * len(fitted)
@@ -227,10 +227,10 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
         NarxExample.of(valve.masked, fit.first_heldout, network_start(fit, valve.curve))
         for _, fit, valve in ready
     ]
-    for (place, _, valve), fit in zip(
+    for (index, _, valve), fit in zip(
         ready, _trained(examples, options.narx_settings), strict=True
     ):
-        trained[place] = fit.in_seconds(valve.recording.unit_s)
+        trained[index] = fit.in_seconds(valve.recording.unit_s)
     return trained
 
 
@@ -326,7 +326,10 @@ def _screening(
         J=J,
         residuals=residuals,
         quality=fitted.assessment.quality,
-        indicators={one.name: one for one in indicators.in_seconds(numbers, fitted.recording)},
+        indicators={
+            indicator.name: indicator
+            for indicator in indicators.in_seconds(numbers, fitted.recording)
+        },
         still_seen=still_seen(recording) if seen else (),
         baseline_note=fitted.case.baseline_note,
         recording=recording,

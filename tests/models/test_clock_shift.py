@@ -135,7 +135,11 @@ def test_explain_finds_it_by_itself():
     """And says it in seconds of the plant, whatever the recording's own clock."""
     _, recording = recorded(1)
     slow = replace(later(recording, Role.OP, LATE), interval_s=0.1)
-    (effect,) = (one for one in explain(slow).record_effects if one.slug == "late_command")
+    (effect,) = (
+        record_effect
+        for record_effect in explain(slow).record_effects
+        if record_effect.slug == "late_command"
+    )
     assert effect.parameters["late_s"] == pytest.approx(0.1 * LATE, abs=0.075)
 
 
