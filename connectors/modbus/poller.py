@@ -146,7 +146,7 @@ class DevicePoller:
         self._line = Connection(device.link)
         self._block_plan = BlockPlan(device.blocks())
         self._tags = device.tags
-        self._place_of = {tag: place for place, tag in enumerate(self._tags)}
+        self._place_of = {tag: index for index, tag in enumerate(self._tags)}
         self._readers: WeakKeyDictionary[Block, BlockReader] = WeakKeyDictionary()
         self._units: dict[int, _Unit] = {}
         self._backoff = Backoff(0.2, LONGEST_WAIT_S, self._rng)
