@@ -179,11 +179,11 @@ def several(data: object, inputs: InputOptions) -> list[Recording | Screening]:
         return _of_path(os.fsdecode(data), inputs)
     named = data.items() if isinstance(data, Mapping) else [("", item) for item in _listed(data)]
     recordings: list[Recording | Screening] = []
-    for place, (name, item) in enumerate(named):
+    for index, (name, item) in enumerate(named):
         if isinstance(item, str | os.PathLike):
             recordings += [_renamed(each, name) for each in _of_path(os.fsdecode(item), inputs)]
         else:
-            recordings.append(_one_or_reason(item, str(name), inputs, place))
+            recordings.append(_one_or_reason(item, str(name), inputs, index))
     return recordings
 
 

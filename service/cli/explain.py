@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import asked_for, given_by
+from stemwatch.service.cli.reading import given_by, requested
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,7 @@ MOST_REASONS = 5  # of a run in which nothing could be read
 TITLE = "Where simulation and recording differ"
 
 
-@given_by(asked_for, name="request")
+@given_by(requested, name="request")
 def explain(
     request: Request,
     narx: Annotated[

@@ -124,10 +124,10 @@ class Forwarder:
             writer = csv.writer(file)
             writer.writerow([f"# the store refused these samples: {why}"])
             writer.writerow(["source", "tag", "at", "value", "quality", "reason"])
-            for place, tag in enumerate(batch.tags):
-                at = _EPOCH + timedelta(microseconds=int(batch.at_us[place]))
-                numbers = (batch.values[place], batch.quality[place])
-                row = (batch.source, tag, at.isoformat(), *numbers, batch.reasons[place])
+            for index, tag in enumerate(batch.tags):
+                at = _EPOCH + timedelta(microseconds=int(batch.at_us[index]))
+                numbers = (batch.values[index], batch.quality[index])
+                row = (batch.source, tag, at.isoformat(), *numbers, batch.reasons[index])
                 writer.writerow(row)
         self.state.refused += len(batch)
         text = "the store refused %d samples for good (%s): see %s"

@@ -97,7 +97,10 @@ def checked_schedule(
     except ValidationError as error:
         place = Place("", "schedule", lambda path: None)
         problems = problems_of(error, ScheduleTable, place)
-        said = (f"{one.key}: found {one.found}; expected {one.expected}" for one in problems)
+        said = (
+            f"{problem.key}: found {problem.found}; expected {problem.expected}"
+            for problem in problems
+        )
         raise BadSetting("; ".join(said)) from None
     for what, asked, known in (
         ("area", schedule.areas, set(areas)),
@@ -113,14 +116,14 @@ def as_plant_toml(limits: Mapping[str, SetLimit], schedules: Iterable[ScreeningS
     """What was set on the pages as text for the plant file, where it then has its source."""
     parts = []
     if limits:
-        lines = [f"{name} = {one.value!r}" for name, one in sorted(limits.items())]
+        lines = [f"{name} = {field.value!r}" for name, field in sorted(limits.items())]
         parts.append("\n".join(["[limits]", *lines]))
     for schedule in schedules:
         plain = ScreeningSchedule(name="")
         lines = [
-            f"{one.name} = {_toml(getattr(schedule, one.name))}"
-            for one in fields(schedule)
-            if getattr(schedule, one.name) != getattr(plain, one.name)
+            f"{field.name} = {_toml(getattr(schedule, field.name))}"
+            for field in fields(schedule)
+            if getattr(schedule, field.name) != getattr(plain, field.name)
         ]
         parts.append("\n".join(["[[schedules]]", *lines]))
     return "\n\n".join(parts) + ("\n" if parts else "")

@@ -134,8 +134,8 @@ def map_items(
     out: dict[int, Item] = {}
 
     def singly() -> Iterator[Sequence[Item]]:
-        for place, item in enumerate(items):
-            out[place] = item
+        for index, item in enumerate(items):
+            out[index] = item
             yield [item]
 
     each = partial(_one, work)

@@ -38,7 +38,7 @@ class ExplainedEntry:
 def entries(valves: Sequence[Explained]) -> list[ExplainedEntry]:
     """The explanations in their order, each with an anchor that no other has."""
     taken: Counter[str] = Counter()
-    return [_entry(explained, place, taken) for place, explained in enumerate(valves)]
+    return [_entry(explained, index, taken) for index, explained in enumerate(valves)]
 
 
 def html_bytes(shown: Sequence[ExplainedEntry], context: ReportContext) -> bytes:

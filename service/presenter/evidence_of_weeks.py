@@ -41,7 +41,9 @@ class EvidenceOfWeeks:
     @property
     def first_seen(self) -> tuple[LastingFinding, ...]:
         """The findings that one window has named and no other has confirmed."""
-        return tuple(one for one in self.findings if one.state is FindingState.FIRST_SEEN)
+        return tuple(
+            finding for finding in self.findings if finding.state is FindingState.FIRST_SEEN
+        )
 
     @property
     def p_value(self) -> float | None:

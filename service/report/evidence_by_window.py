@@ -30,8 +30,8 @@ def evidence_picture(evidence: EvidenceOfWeeks, zone: tzinfo) -> Markup:
     parts = [
         Markup(f'<svg class="by-window" {size} role="img" aria-label="') + spoken + Markup('">'),
         *[
-            _row(finding, windows, TOP + CELL * place)
-            for place, finding in enumerate(evidence.findings)
+            _row(finding, windows, TOP + CELL * index)
+            for index, finding in enumerate(evidence.findings)
         ],
         *_days(windows, TOP + CELL * len(evidence.findings) + 16, zone),
         Markup("</svg>"),
@@ -42,7 +42,7 @@ def evidence_picture(evidence: EvidenceOfWeeks, zone: tzinfo) -> Markup:
 def _row(finding: LastingFinding, windows: tuple[WindowEvidence, ...], y: int) -> Markup:
     middle = y + CELL / 2 + 4
     cells = [
-        _cell(window, finding.slug, LEFT + CELL * place, y) for place, window in enumerate(windows)
+        _cell(window, finding.slug, LEFT + CELL * index, y) for index, window in enumerate(windows)
     ]
     end = LEFT + CELL * len(windows) + 6
     return Markup("").join(

@@ -236,7 +236,9 @@ def to_contract(
             for name, indicator in screening.indicators.items()
         },
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
-        "over_weeks": [] if by_window is None else [_lasting(one) for one in by_window.findings],
+        "over_weeks": []
+        if by_window is None
+        else [_lasting(finding) for finding in by_window.findings],
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),

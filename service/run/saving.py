@@ -82,8 +82,8 @@ class Saving:
             if task.baseline is not None and task.baseline.id is not None
         }
         self._to_come: dict[str, list[int]] = defaultdict(list)
-        for place, task in enumerate(tasks):
-            self._to_come[task.tags.valve].append(place)
+        for index, task in enumerate(tasks):
+            self._to_come[task.tags.valve].append(index)
         self._waiting: set[int] = set()  # saved, but an earlier window has not arrived yet
         self._unsaved: set[int] = set()
         self._given_up: dict[str, str] = {}

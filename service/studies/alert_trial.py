@@ -291,8 +291,8 @@ def _plant_toml(plan: AlertPlan, lives: Sequence[ValveLife]) -> str:
         '[[schedules]]\nname = "daily"\ncron = "0 0 * * *"\nwindow_s = 86400.0\n',
         '[[sources]]\nname = "archive"\nkind = "parquet"\npath = "parquet"',
     ]
-    for place, life in enumerate(lives):
-        lines.append(f'\n[[valves]]\nid = "{life.tag}"\narea = "Area {place % 6 + 1}"')
+    for index, life in enumerate(lives):
+        lines.append(f'\n[[valves]]\nid = "{life.tag}"\narea = "Area {index % 6 + 1}"')
         lines.append('source = "archive"')
         lines += [
             f'tags.{role.value} = {{ tag = "{life.tag}.{role.value}", unit = "%" }}'

@@ -72,7 +72,7 @@ def run_trial(
 ) -> list[Marked]:
     """Screen ``loops`` healthy and half as many sticking valves, drawn with ``seed``."""
     drawn = [*draw_healthy(loops, seed), *draw_sticky(loops // 2, seed)]
-    seeded = [(loop, 1000 * seed + place) for place, loop in enumerate(drawn)]
+    seeded = [(loop, 1000 * seed + index) for index, loop in enumerate(drawn)]
     batches = [
         TrialBatch(tuple(seeded[first : first + BATCH]), narx)
         for first in range(0, len(seeded), BATCH)

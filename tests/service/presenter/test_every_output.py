@@ -56,7 +56,7 @@ class Outputs:
         rows = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
         self.rows = {row["valve"]: row for row in rows}
         objects = json.loads(files.json.read_text("utf-8"))
-        self.objects = {one["valve"]: one for one in objects}
+        self.objects = {object["valve"]: object for object in objects}
         orders = csv.DictReader(io.StringIO(orders_csv(self.book).decode("utf-8-sig")))
         self.orders = {row["functional_location"]: row for row in orders}
         sheet = openpyxl.load_workbook(files.xlsx)["Read me"]

@@ -71,7 +71,7 @@ def test_the_worst_valve_stands_first(written):
     """Order is that of the verdicts, and by severity within each."""
     objects = json.loads(written.json.read_text("utf-8"))
     order = list(WORST_FIRST)
-    keys = [(order.index(Verdict(one["verdict"])), -one["severity"]) for one in objects]
+    keys = [(order.index(Verdict(object["verdict"])), -object["severity"]) for object in objects]
     assert sorted(keys) == keys
     assert keys[0][0] == 0
 
