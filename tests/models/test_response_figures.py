@@ -127,6 +127,7 @@ def step_test(S, J, theta, tau, rate, step, way):
     ],
 )
 def test_the_formula_gives_what_a_simulated_step_test_shows(S, J, theta, tau, rate, way):
+    """Gain, Td and T86 of every step, and which steps do not move the stem."""
     numbers = StepNumbers(*(np.array([one]) for one in (S, J, theta, tau, rate)))
     for step in STEPS_PERCENT:
         shown = step_test(S, J, theta, tau, rate, step, way)
@@ -143,6 +144,7 @@ def test_the_formula_gives_what_a_simulated_step_test_shows(S, J, theta, tau, ra
 
 
 def test_dead_band_is_S_and_resolution_is_J_with_their_intervals():
+    """And a step between them moves the stem one way only."""
     screening = judged(percent(3.0), percent(1.0))
     figures = response_figures(screening)
     assert (figures.dead_band, figures.resolution) == (screening.S, screening.J)
@@ -156,11 +158,13 @@ def test_dead_band_is_S_and_resolution_is_J_with_their_intervals():
 
 
 def test_a_step_near_the_dead_band_moves_the_stem_with_a_probability():
+    """S of 4.5 to 5.5 % and a step of 5 %."""
     figures = response_figures(judged(percent(5.0, 0.5), percent(1.0)))
     assert 0.4 < figures_by(figures, 5.0, StepWay.REVERSED).moves < 0.6
 
 
 def test_named_lag_and_delay_are_in_the_times_with_their_uncertainty():
+    """Lag and delay of the effects, not those of the fit without them."""
     lag = Estimate(value=2.0, low=1.5, high=2.5, unit="s")
     delay = Estimate(value=0.5, low=0.4, high=0.6, unit="s")
     effects = [effect("actuator_lag", tau=lag), effect("dead_time", theta=delay)]
@@ -174,6 +178,7 @@ def test_named_lag_and_delay_are_in_the_times_with_their_uncertainty():
 
 
 def test_slow_one_way_only_shows_that_way():
+    """A speed limit of the rising position alone."""
     rates = {
         "rate_rising": Estimate(value=1.0, low=0.9, high=1.1, unit="%/s"),
         "rate_falling": Estimate(value=100.0, unit="%/s"),
@@ -187,6 +192,7 @@ def test_slow_one_way_only_shows_that_way():
 
 
 def test_without_named_effects_the_fit_of_S_and_J_gives_the_times():
+    """The indicators of the fit hold its lags."""
     lag = Indicator(name="lag_rising_s", value=2.0, unit="s", meaning="")
     figures = response_figures(judged(percent(3.0), percent(1.0), indicators=[lag]))
     found = figures_by(figures, 10.0, StepWay.SAME)
@@ -201,6 +207,7 @@ def published(**terms):
 
 @pytest.mark.parametrize("way", list(StepWay))
 def test_steps_that_are_run_agree_with_the_formula_where_it_holds(way):
+    """A lag, once in the formula and once run on the stored model."""
     tau = Estimate(value=2.0, unit="s")
     by_formula = response_figures(
         judged(percent(3.0, 0), percent(1.1, 0), effects=[effect("actuator_lag", tau=tau)])
@@ -225,6 +232,7 @@ def test_steps_that_are_run_agree_with_the_formula_where_it_holds(way):
 
 
 def test_a_ringing_positioner_overshoots():
+    """Physics beyond the formula shows in the figures."""
     question = published(underdamped_positioner=(1.5, 0.3))
     wn = Estimate(value=1.5, unit="rad/s")
     zeta = Estimate(value=0.3, unit="")
@@ -238,6 +246,7 @@ def test_a_ringing_positioner_overshoots():
 
 
 def test_physics_that_no_stored_model_has_is_said_to_be_left_out():
+    """As of a screening that an earlier version stored."""
     drag = effect("viscous_drag", tau_v=Estimate(value=2.0, unit="s"))
     figures = response_figures(judged(percent(3.0), percent(1.0), effects=[drag]))
     assert figures.left_out == ("viscous_drag",)
@@ -245,12 +254,14 @@ def test_physics_that_no_stored_model_has_is_said_to_be_left_out():
 
 
 def test_without_S_and_J_there_are_no_figures_and_the_reason_stays():
+    """An undetermined valve."""
     figures = response_figures(failed("FV-1", "no position.", "", Provenance(source="test")))
     assert figures.steps == ()
     assert figures.dead_band.reason == "no position."
 
 
 def test_no_time_is_known_better_than_a_sample():
+    """Samples every 5 s."""
     kept = RecordingFacts(
         start=None, end=None, interval_s=5.0, samples=100, usable_share=1.0, tags={}
     )
