@@ -100,7 +100,7 @@ def _of_store(
     valve: str, plant: Path | None, db: str, limits: TestLimits, op_now: float | None
 ) -> tuple[str, FieldTestPlan, Plant | None]:
     from stemwatch.service.config import load_plant
-    from stemwatch.service.field_test.planned import KeptPlans
+    from stemwatch.service.field_test.planned import PlanCache
     from stemwatch.service.store.store import open_existing_store
 
     if not db and plant is None:
@@ -110,7 +110,7 @@ def _of_store(
         )
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     with open_existing_store(db or (loaded.storage if loaded else db)) as store:
-        plan = KeptPlans().plan(store, valve, limits, op_now)
+        plan = PlanCache().plan(store, valve, limits, op_now)
         if plan is None:
             known = ", ".join(one.id for one in store.valves()[:5]) or "none"
             raise typer.BadParameter(
@@ -143,7 +143,7 @@ def _explained(request: Request) -> Explained:
             f"a test is planned for one valve; the file has {len(wanted)} ({names}): give its tags "
             "with --op and --mv, or screen the file and name the valve with --db"
         )
-    explained = explain_one(Job(asked=wanted[0], narx=False))
+    explained = explain_one(Job(to_explain=wanted[0], narx=False))
     if explained.recording is None:
         raise ValueError(explained.mismatch.sentence)
     return explained

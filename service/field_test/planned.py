@@ -46,7 +46,7 @@ def plan_of_screening(
     return _without_position(plan) if NO_POSITION in kinds else plan
 
 
-class KeptPlans:
+class PlanCache:
     """Plans from a store. Each takes seconds, so those that were asked for last are kept; a new
     screening of a valve is planned anew."""
 

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.notifiers import notifiers_of
 from stemwatch.service.alerts.sender import Sender
 from stemwatch.service.alerts.silent_sources import watch_sources
@@ -74,4 +74,4 @@ def remove_old(store: Store, plant: Plant, now: datetime | None = None) -> int:
 
 def _sources(store: Store, plant: Plant, since: datetime) -> None:
     if watch_sources(store, plant, since):
-        tell(store, plant)
+        queue_messages(store, plant)

@@ -37,7 +37,7 @@ SLOW = ("stored every 5 s", "stored every 10 s", "averages of 10 s")
 
 
 @dataclass(frozen=True)
-class Shown:
+class ArchiveEvidence:
     """What one recording shows; NaN where it shows nothing of the kind."""
 
     way: str
@@ -95,7 +95,7 @@ class Limit:
         return not self.worst > self.limit if self.above else not self.worst < self.limit
 
 
-def shown_by(valve: StudiedValve) -> list[Shown]:
+def evidence_of_valve(valve: StudiedValve) -> list[ArchiveEvidence]:
     """One valve as it is, stored late, and stored slowly; a healthy one also with a noisy PV."""
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording
@@ -103,14 +103,14 @@ def shown_by(valve: StudiedValve) -> list[Shown]:
     if not valve.sticking:
         loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
         stored[NOISY] = simulate_loop(loud, seed).recording
-    return [_shown(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
+    return [_evidence(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
 
 
-def _shown(way: str, sticking: bool, recording: Recording) -> Shown:
+def _evidence(way: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
     late = late_evidence(recording).gain
     archive, fit = even_archive(recording), fit_stickslip(recording)
     against = _against(fit, archive)
-    return Shown(
+    return ArchiveEvidence(
         way=way,
         sticking=sticking,
         late_mean=late.mean,
@@ -135,23 +135,23 @@ def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
 
 
 def run_archive_limits(
-    each: int, seed: int, executor: Executor, tell: Callable[[int], None]
-) -> list[Shown]:
+    each: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
+) -> list[ArchiveEvidence]:
     """``each`` sticking and as many healthy valves, in all ways."""
-    done: dict[int, list[Shown]] = {}
-    for place, shown in map_items(executor, shown_by, draw_valves(each, seed)):
-        done[place] = shown
-        tell(len(done))
-    return [shown for place in sorted(done) for shown in done[place]]
+    done: dict[int, list[ArchiveEvidence]] = {}
+    for place, evidence in map_items(executor, evidence_of_valve, draw_valves(each, seed)):
+        done[place] = evidence
+        on_progress(len(done))
+    return [evidence for place in sorted(done) for evidence in done[place]]
 
 
-def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
+def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     """Each limit with the nulls and the recordings that it tells apart."""
-    nulls = [one for one in shown if one.way == "as it is"]
-    late = [one for one in shown if one.way == LATE]
-    slow = [one for one in shown if one.way in SLOW and one.sticking]
+    nulls = [one for one in evidence if one.way == "as it is"]
+    late = [one for one in evidence if one.way == LATE]
+    slow = [one for one in evidence if one.way in SLOW and one.sticking]
     sticking = [one for one in nulls if one.sticking]
-    noisy = [one for one in shown if one.way == NOISY]
+    noisy = [one for one in evidence if one.way == NOISY]
     b = between_samples
     agree = [*nulls, *noisy]
     yield _limit("late clock: mean gain", clock_shift.LEAST_MEAN, agree, late, "late_mean")
@@ -171,13 +171,15 @@ def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
         ("slips against the fit: bounds", b.WIDEST, "bounds", False),
         ("slips against the fit: samples to a turn", b.RESOLVED, "samples_per_turn", False),
     ):
-        nulls, others = _both(sticking, slow, partial(Shown.against_the_fit, but=field))
+        nulls, others = _both(sticking, slow, partial(ArchiveEvidence.against_the_fit, but=field))
         yield _limit(name, limit, nulls, others, field, above=above)
 
 
 def _both(
-    nulls: Sequence[Shown], others: Sequence[Shown], where: Callable[[Shown], bool]
-) -> tuple[list[Shown], list[Shown]]:
+    nulls: Sequence[ArchiveEvidence],
+    others: Sequence[ArchiveEvidence],
+    where: Callable[[ArchiveEvidence], bool],
+) -> tuple[list[ArchiveEvidence], list[ArchiveEvidence]]:
     """Those of either group that meet the other limits."""
     return [one for one in nulls if where(one)], [one for one in others if where(one)]
 
@@ -185,8 +187,8 @@ def _both(
 def _limit(
     name: str,
     limit: float,
-    nulls: Sequence[Shown],
-    others: Sequence[Shown],
+    nulls: Sequence[ArchiveEvidence],
+    others: Sequence[ArchiveEvidence],
     field: str,
     *,
     above: bool = True,
