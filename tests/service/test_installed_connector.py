@@ -69,9 +69,8 @@ class JsonArchive:
 
     def read(self, valve, window=WHOLE):
         columns = {one.tag: self._column(one.tag) for one in valve.tags.values()}
-        return assemble(
-            ValveColumns(source_name=str(self.folder), layout="JSON", columns=columns), valve, window
-        )
+        read = ValveColumns(source_name=str(self.folder), layout="JSON", columns=columns)
+        return assemble(read, valve, window)
 
     def _column(self, tag):
         try:
