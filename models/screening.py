@@ -46,7 +46,7 @@ from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
+from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidence
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
@@ -167,13 +167,16 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
         look = FirstLook.at(masked)
-        late_s = find_op_late(masked, look)
+        late = late_evidence(masked, look)
+        late_s = late.late_s(masked.interval_s)
         as_stored, masked = masked, brought_forward(masked, late_s)
         curve, changed = stroke_curve_of(masked, case.known_curve)
         found = [] if curve else reversed_obstacles(masked)
         commanded = in_travel(masked, curve)
         look = look if commanded is as_stored else FirstLook.at(commanded)
-        found = found or wiring_obstacles(commanded, as_stored if late_s else None, look)
+        # An OP that answers PV as a controller does is no position, however late it is.
+        may_be_swapped = late_s > 0.0 and not late.by_controller
+        found = found or wiring_obstacles(commanded, as_stored if may_be_swapped else None, look)
         assessment = with_obstacles(assessment, found)
     if not assessment.obstacles:
         fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0, look)

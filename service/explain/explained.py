@@ -17,7 +17,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.service.explain.to_explain import ToExplain
-from stemwatch.service.run.task import Task, open_file
+from stemwatch.service.run.task import recording_of
 
 if TYPE_CHECKING:
     from stemwatch.models.stickslip.fit import StickSlipFit
@@ -49,7 +49,7 @@ def explain_one(job: Job) -> Explained:
     if asked.task is None or asked.reason:
         return _without(asked, asked.reason)
     try:
-        recording = _read(asked.task)
+        recording = recording_of(asked.task)
     except ConnectorError as error:
         return _without(asked, str(error))
     except (OSError, ValueError, MemoryError) as error:
@@ -97,10 +97,6 @@ def not_testable(reason: str) -> Mismatch:
 def _without(to_explain: ToExplain, reason: str) -> Explained:
     mismatch = not_testable(reason or "there is nothing to explain")
     return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
-
-
-def _read(task: Task) -> Recording:
-    return open_file(task.path, task.read_options).read(task.tags, task.window)
 
 
 def _mismatch(

@@ -156,6 +156,7 @@ FIELDS = (
     OrderField("J_high_percent", "95 % interval", _number("J", "high"), 10),
     OrderField("J_travel", "in the stroke's unit", _travel(1), 10),
     OrderField("verdict", "of the screening", lambda s, _: s.valve.verdict.value, 13),
+    OrderField("ne107", "state by NAMUR NE 107", lambda s, _: s.finding.decision.ne107 or "", 20),
     OrderField("confidence", "0 to 1", lambda s, _: s.finding.decision.confidence, 10),
     OrderField("seen_since", "first screening in a row that shows it", _seen_from, 20),
     OrderField("screenings_in_a_row", "that show it", lambda s, _: s.since.count, 10),

@@ -23,6 +23,7 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     Tried,
 )
+from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
@@ -220,9 +221,11 @@ def to_contract(
         "shape": None if screening.shape is None else screening.shape.value,
         "severity": finite(said.decision.severity),
         "confidence": finite(said.decision.confidence),
+        "ne107": said.decision.ne107,
         "stem_verdict": screening.verdict.value,
         "stem_confidence": finite(screening.confidence),
         "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
+        "response": _response(screening),
         "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},
         "quality": {
             "grade": printable(screening.quality.grade),
@@ -241,6 +244,35 @@ def to_contract(
         "provenance": _provenance(screening),
         "seconds": finite(screening.seconds),
     }
+
+
+def _response(screening: Screening) -> dict[str, Any]:
+    figures = response_figures(screening)
+    return {
+        "dead_band": estimate_object(figures.dead_band),
+        "resolution": estimate_object(figures.resolution),
+        "steps": [
+            {
+                "step_percent": step.step_percent,
+                "way": step.way.value,
+                "direction": _direction(step, figures),
+                "moves": finite(step.moves),
+                "travel_gain": estimate_object(step.travel_gain),
+                "dead_time": estimate_object(step.dead_time),
+                "t86": estimate_object(step.t86),
+                "overshoot": estimate_object(step.overshoot),
+            }
+            for step in figures.distinct_steps
+        ],
+        "simulated": list(figures.simulated),
+        "left_out": list(figures.left_out),
+    }
+
+
+def _direction(step: StepFigures, figures: ResponseFigures) -> str:
+    if figures.both_ways_alike:
+        return "either"
+    return "rising" if step.rising else "falling"
 
 
 def _lasting(finding: LastingFinding) -> dict[str, Any]:

@@ -87,6 +87,7 @@ def _place() -> list[SpreadsheetColumn]:
 def _finding() -> list[SpreadsheetColumn]:
     return [
         _text("verdict", "see Verdicts", lambda v: v.verdict.value, 14),
+        _text("NE 107", "state by NAMUR NE 107", lambda v: v.decision.ne107 or "", 16),
         _text("maintenance", STATES, lambda v: v.decision.state.value, 16),
         SpreadsheetColumn(
             header="severity (0 to 100)",

@@ -128,7 +128,7 @@ def open_archive(address: ArchiveAddress) -> ArchiveConnector:
     return address.open()
 
 
-def _recording(task: Task) -> Recording:
+def recording_of(task: Task) -> Recording:
     """The recording of the task, read from its source in this process."""
     if task.archive is None:
         return _connector(task).read(task.tags, task.window)
@@ -227,7 +227,7 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
     if task.reason:
         return replace(_unread(task, task.reason), still_seen=task.file_remarks)
     try:
-        recording = _recording(task)
+        recording = recording_of(task)
     except (ConnectorError, StoreError) as error:
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:

@@ -19,6 +19,8 @@ log = logging.getLogger(__name__)
 
 LOOK_AGAIN_S = 20.0  # at the latest, since schedules may change and the clock may be set
 _SOON_S, _LONG_S = 0.05, 3600.0
+# Machines that serve one database differ by less; what lies further ahead a wrong clock noted.
+_AHEAD = timedelta(minutes=15)
 
 
 class Scheduler:
@@ -99,6 +101,9 @@ class Scheduler:
     def _plan(self, stored: StoredSchedule, now: datetime) -> int | None:
         schedule = stored.schedule
         since = stored.last_due or stored.created
+        if since > now + _AHEAD:
+            self._begin_anew(schedule.name, since, now)
+            since = now
         coming = next_due(schedule, now, self._zone) if schedule.enabled else None
         missed = due_between(schedule, since, now, self._zone)
         if not schedule.enabled:
@@ -115,6 +120,18 @@ class Scheduler:
             text = "run %d of schedule %s is queued for %s"
             log.info(text, number, schedule.name, missed.last, extra={"run": number})
         return number
+
+    def _begin_anew(self, name: str, since: datetime, now: datetime) -> None:
+        """Plan a schedule from ``now`` on: it would rest until the clock comes to ``since``."""
+        log.warning(
+            "schedule %s was looked at when the clock said %s; it has been set back, and the "
+            "schedule goes on from %s",
+            name,
+            since.isoformat(timespec="seconds"),
+            now.isoformat(timespec="seconds"),
+        )
+        self._store.queue.forget_instants_after(name, now)
+        self._store.schedules.note(name, now, None)
 
     def _wanted(self, stored: StoredSchedule, missed: Missed) -> RunToQueue:
         schedule, due = stored.schedule, missed.last

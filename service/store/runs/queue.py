@@ -110,7 +110,11 @@ class RunQueue:
             silent = and_(
                 RunRow.state == RunState.RUNNING.value,
                 RunRow.heartbeat.is_not(None),
-                or_(RunRow.heartbeat < now - silent_after, RunRow.owner.in_(_ended(session))),
+                or_(
+                    RunRow.heartbeat < now - silent_after,
+                    RunRow.heartbeat > now + silent_after,  # the clock was set back since
+                    RunRow.owner.in_(_ended(session)),
+                ),
             )
             ready = and_(
                 RunRow.state == RunState.WAITING.value,
@@ -138,6 +142,21 @@ class RunQueue:
                 return None
             row.heartbeat = database_now(session)
             return stored_run(row)
+
+    def forget_instants_after(self, schedule: str, now: datetime) -> None:
+        """Let the instants of a schedule that are still to come be queued, although runs are there
+        that a clock which ran ahead queued for them. Those that have not begun are skipped."""
+        early = (RunRow.schedule == schedule, RunRow.due > now)
+        with self._transactions.writing(f"planning the schedule {schedule} anew") as session:
+            waiting = update(RunRow).where(*early, RunRow.state == RunState.WAITING.value)
+            session.execute(
+                waiting.values(
+                    state=RunState.SKIPPED.value,
+                    finished=database_now(session),
+                    reason="the clock ran ahead when it was queued",
+                )
+            )
+            session.execute(update(RunRow).where(*early).values(due=None, not_before=None))
 
     def leave(self, run_id: int, owner: str) -> None:
         """Release a run, so that the next process can take it at once."""

@@ -100,11 +100,34 @@ def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> No
         assert outputs.objects[name]["severity"] == decision.severity
         assert float(outputs.rows[name]["severity (0 to 100)"]) == decision.severity
         assert outputs.rows[name]["maintenance"] == decision.state.value
+        assert (outputs.objects[name]["ne107"] or "") == outputs.rows[name]["NE 107"]
+        if name in outputs.orders:
+            assert outputs.orders[name]["ne107"] == outputs.rows[name]["NE 107"]
+        if decision.ne107 is not None:
+            assert bare(f"NE 107{decision.ne107}") in outputs.report
     for sheet in outputs.book.sheets:
         assert f"severity {sheet.finding.decision.severity:.0f} of 100" in sheet.priority.reason
     needing = {v.screening.valve for v in outputs.ranking if v.decision.needs_work}
     assert needing <= set(outputs.orders)
     assert len(needing) == outputs.ranking.counts.needs_work
+
+
+def test_a_valve_without_a_verdict_has_no_state_of_ne107(outputs: Outputs) -> None:
+    """Nor is anything but a healthy one normal."""
+    states = {one["verdict"]: one["ne107"] for one in outputs.objects.values()}
+    assert states["undetermined"] is None
+    assert states["sticky"] == states["defective"] == "out of specification"
+    assert [verdict for verdict, state in states.items() if state == "normal"] in ([], ["healthy"])
+
+
+def test_response_figures_are_on_the_page_and_in_json_with_S_and_J(outputs: Outputs) -> None:
+    """Dead band is the published S, resolution the published J."""
+    for one in outputs.objects.values():
+        response, known = one["response"], one["stiction"]
+        assert response["dead_band"] == known["S"]
+        assert response["resolution"] == known["J"]
+        assert bool(response["steps"]) == (known["S"]["value"] is not None)
+    assert bare("Response figures of a step of OP") in outputs.report
 
 
 def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) -> None:
