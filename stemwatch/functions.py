@@ -14,7 +14,7 @@ from stemwatch.inputs import (
     InputOptions,
     OneValve,
     SignalInput,
-    asked,
+    checked_options,
     is_several,
     one_recording,
     several,
@@ -358,7 +358,7 @@ def _asked(
     stop: datetime | None,
     options: Mapping[str, Any],
 ) -> InputOptions:
-    return asked(
+    return checked_options(
         signals,
         valve=valve,
         ranges=ranges,
@@ -380,10 +380,10 @@ def _explained(recording: Recording | Screening, narx: bool) -> Explained:
     return Explained(source=source, valve=recording.valve, mismatch=mismatch)
 
 
-def _limits(given: Mapping[str, float] | None) -> Limits:
+def _limits(limits: Mapping[str, float] | None) -> Limits:
     known = [field.name for field in fields(Limits)]
-    for name in given or {}:
+    for name in limits or {}:
         if name not in known:
             near = nearest(name, known)
             raise ValueError(f"limits: {name!r} is no limit{near}; expected some of {known}")
-    return Limits(**{name: float(value) for name, value in (given or {}).items()})
+    return Limits(**{name: float(value) for name, value in (limits or {}).items()})

@@ -43,14 +43,14 @@ class Explained:
 class Job:
     """What travels to a worker."""
 
-    asked: ToExplain
+    to_explain: ToExplain
     narx: bool = True  # train the network that says how much is systematic at all
     limits: Limits = field(default_factory=Limits)
 
 
 def explain_one(job: Job) -> Explained:
     """The explanation of one valve in one source; never raises for what the source holds."""
-    asked = job.asked
+    asked = job.to_explain
     if asked.task is None or asked.reason:
         return _without(asked, asked.reason)
     try:
@@ -108,9 +108,9 @@ def not_testable(reason: str) -> Mismatch:
     return Mismatch(finding=Finding.NOT_TESTABLE, sentence=reason, naive=nothing, restated=nothing)
 
 
-def _without(asked: ToExplain, reason: str) -> Explained:
+def _without(to_explain: ToExplain, reason: str) -> Explained:
     mismatch = not_testable(reason or "there is nothing to explain")
-    return Explained(source=asked.source, valve=asked.valve, mismatch=mismatch)
+    return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
 
 
 def _explained(
@@ -144,7 +144,7 @@ def _explained(
 
 
 def _mismatch(
-    recording: Recording, narx: bool, limits: Limits, known: KnownCurve | None
+    recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
 ) -> Mismatch:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.own_clock import on_own_clock
@@ -160,11 +160,11 @@ def _mismatch(
     assessment = assess(recording, limits)
     masked, ceiling, curve = assessment.recording, None, None
     if not assessment.obstacles:
-        curve, _ = stroke_curve_of(masked, known)
+        curve, _ = stroke_curve_of(masked, known_curve)
         if narx:
             ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
     # As it was read: record effects come first.
-    mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known is None)
+    mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known_curve is None)
     return replace(mismatch, seconds=time.perf_counter() - began)
 
 

@@ -317,8 +317,8 @@ def _lasting(finding: LastingFinding) -> dict[str, Any]:
     }
 
 
-def _instant(when: datetime | None) -> str | None:
-    return None if when is None else when.isoformat()
+def _instant(moment: datetime | None) -> str | None:
+    return None if moment is None else moment.isoformat()
 
 
 def _residual(model: str, residual: Residual | None) -> dict[str, float | None] | None:
