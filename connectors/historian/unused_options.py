@@ -37,7 +37,7 @@ def why_not_in_text(table: RawTable, instants: Instants) -> dict[str, str]:
     if table.times.texts is None:
         times = dates = untimed
     else:
-        dated = instants.known or bool(instants.zone)
+        dated = instants.in_utc or bool(instants.zone)
         times = f"{column} dates each row" if dated else f"{column} says when each row was"
         dates = instants.zone.rstrip(".") if dated else f"{column} has numbers, no dates"
     return {

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from stemwatch.service.explain.explained import Explained
     from stemwatch.service.field_test.sheet import TestSheet
     from stemwatch.service.run.plan import Request
+    from stemwatch.service.store.store import Store
 
 LIMITS = "Limits of the test"
 
@@ -120,7 +121,18 @@ def _of_store(
     valve: str, plant: Path | None, db: str, limits: TestLimits, op_now: float | None
 ) -> tuple[str, FieldTestPlan, Plant | None]:
     from stemwatch.service.config import load_plant
-    from stemwatch.service.field_test.planned import KeptPlans
+    from stemwatch.service.field_test.planned import PlanCache
+
+    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
+    with known_store(valve, loaded, db) as store:
+        plan = PlanCache().plan(store, valve, limits, op_now)
+        if plan is None:
+            raise not_screened(valve, store)
+    return valve, plan, loaded
+
+
+def known_store(valve: str, plant: Plant | None, db: str) -> Store:
+    """The store that should know ``valve``; wrong usage where none is named."""
     from stemwatch.service.store.store import open_existing_store
 
     if not db and plant is None:
@@ -128,17 +140,17 @@ def _of_store(
             f"there is no file {valve}; for a valve of the store give --plant FILE or --db URL",
             param_hint="VALVE",
         )
-    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
-    with open_existing_store(db or (loaded.storage if loaded else db)) as store:
-        plan = KeptPlans().plan(store, valve, limits, op_now)
-        if plan is None:
-            known = ", ".join(one.id for one in store.valves()[:5]) or "none"
-            raise typer.BadParameter(
-                f"{valve} was not screened into this store; it has {known}. Run `stemwatch "
-                "screen`, or give a file",
-                param_hint="VALVE",
-            )
-    return valve, plan, loaded
+    return open_existing_store(db or (plant.storage if plant else db))
+
+
+def not_screened(valve: str, store: Store) -> typer.BadParameter:
+    """That the store has no screening of ``valve``, and which valves it has."""
+    known = ", ".join(one.id for one in store.valves()[:5]) or "none"
+    return typer.BadParameter(
+        f"{valve} was not screened into this store; it has {known}. Run `stemwatch screen`, or "
+        "give a file",
+        param_hint="VALVE",
+    )
 
 
 def _of_file(
@@ -146,12 +158,12 @@ def _of_file(
 ) -> tuple[str, FieldTestPlan, Plant | None]:
     from stemwatch.service.field_test.planned import plan_of
 
-    explained = _explained(request)
+    explained = explained_file(request)
     plan = plan_of(explained.mismatch, limits, judged=False, op=op_now)
     return explained.valve, plan, request.plant
 
 
-def _explained(request: Request) -> Explained:
+def explained_file(request: Request) -> Explained:
     """The one recording of a file, explained."""
     from stemwatch.service.explain.explained import Job, explain_one
     from stemwatch.service.explain.to_explain import what_to_explain
@@ -165,7 +177,7 @@ def _explained(request: Request) -> Explained:
         )
     from stemwatch.service.cli.reading import say_unused_options
 
-    explained = explain_one(Job(asked=wanted[0], narx=False))
+    explained = explain_one(Job(to_explain=wanted[0], narx=False))
     if explained.recording is None:
         raise ValueError(explained.mismatch.sentence)
     say_unused_options([explained.recording.provenance])

@@ -51,11 +51,11 @@ _DATE_NAME = re.compile(r"date|datum|stamp|zeit", re.I)
 
 @dataclass(frozen=True, kw_only=True)
 class Instants:
-    """(n,) nanoseconds: since 1970 UTC where ``known``, else on a clock of unknown date."""
+    """(n,) nanoseconds: since 1970 UTC where ``in_utc``, else on a clock of unknown date."""
 
     ns: Ints
     ok: Bools
-    known: bool
+    in_utc: bool
     zone: str  # one sentence
 
     @property
@@ -197,7 +197,7 @@ def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
     notes.decide(f"There is no time column; the rows are {interval_s:g} s apart.")
     n = len(table.numbers)
     ns = np.round(np.arange(n) * interval_s * 1e9).astype(np.int64)
-    return Instants(ns=ns, ok=np.ones(n, dtype=bool), known=False, zone="")
+    return Instants(ns=ns, ok=np.ones(n, dtype=bool), in_utc=False, zone="")
 
 
 def _numeric(
@@ -236,7 +236,7 @@ def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> 
     else:
         whole_ns = whole.astype(np.int64) * int(ns_each)
     ns = whole_ns + np.round(fraction * ns_each / 1e3).astype(np.int64) * 1000
-    return Instants(ns=ns, ok=ok, known=True, zone="The times are Unix times, in UTC.")
+    return Instants(ns=ns, ok=ok, in_utc=True, zone="The times are Unix times, in UTC.")
 
 
 def _relative(
@@ -258,7 +258,7 @@ def _relative(
         f"{unsure}"
     )
     ns = np.round(np.where(ok, numbers, 0.0) * scale).astype(np.int64)
-    return Instants(ns=ns, ok=ok, known=False, zone="")
+    return Instants(ns=ns, ok=ok, in_utc=False, zone="")
 
 
 def _spaced(
@@ -296,7 +296,7 @@ def _rows_apart(numbers: Floats, ok: Bools, interval_s: float, counted: bool) ->
     """Rows at their number where they are counted, so that missing rows stay missing."""
     place = np.where(ok, numbers - numbers[ok][0], 0.0) if counted else np.arange(numbers.size)
     ns = np.round(place * (interval_s * 1e9)).astype(np.int64)
-    return Instants(ns=ns, ok=ok if counted else np.ones_like(ok), known=False, zone="")
+    return Instants(ns=ns, ok=ok if counted else np.ones_like(ok), in_utc=False, zone="")
 
 
 def _excel_days(
@@ -310,7 +310,7 @@ def _excel_days(
     notes.decide(
         f"The numbers of column {table.times.name!r} are Excel days; their zone is not known."
     )
-    return Instants(ns=ns, ok=ok, known=False, zone="The times are Excel days without a zone.")
+    return Instants(ns=ns, ok=ok, in_utc=False, zone="The times are Excel days without a zone.")
 
 
 def _are_excel_days(numbers: Floats, header: str) -> bool:
@@ -398,10 +398,10 @@ def _placed(
     utc = ns
     if not naive.any():
         offsets = offset_min if ok.all() else offset_min[ok]
-        return Instants(ns=utc, ok=ok, known=True, zone=_offset_sentence(offsets, notes))
+        return Instants(ns=utc, ok=ok, in_utc=True, zone=_offset_sentence(offsets, notes))
     if table.times.utc or _UTC_NAME.search(table.times.name):
         notes.decide("The times are UTC by the name of their column or the format's definition.")
-        return Instants(ns=utc, ok=ok, known=True, zone="The times are written in UTC.")
+        return Instants(ns=utc, ok=ok, in_utc=True, zone="The times are written in UTC.")
     if options.zone is not None:
         notes.use("zone")
         return _localised(ns, utc, naive, aware, options.zone, table, options, notes)
@@ -409,7 +409,7 @@ def _placed(
         n = int(naive.sum())
         notes.problem(f"{n} times have no offset while others do, and no zone was given; left out")
         return Instants(
-            ns=utc, ok=aware, known=True, zone=_offset_sentence(offset_min[aware], notes)
+            ns=utc, ok=aware, in_utc=True, zone=_offset_sentence(offset_min[aware], notes)
         )
     _remark_clock_change(ns[ok], notes)
     return undated(ns, ok, notes)
@@ -419,7 +419,7 @@ def undated(ns: Ints, ok: Bools, notes: ReadingNotes) -> Instants:
     """Local times of a zone that nobody gave: instants on a clock of unknown date."""
     zone = "The times have no zone and none was given: durations are right, the date is not known."
     notes.decide(zone)
-    return Instants(ns=ns, ok=ok, known=False, zone=zone)
+    return Instants(ns=ns, ok=ok, in_utc=False, zone=zone)
 
 
 def _localised(
@@ -445,7 +445,7 @@ def _localised(
     sentence = f"Times without offset are local times of {zone}."
     notes.decide(sentence)
     return Instants(
-        ns=np.where(naive, local_utc, utc), ok=placed | aware, known=True, zone=sentence
+        ns=np.where(naive, local_utc, utc), ok=placed | aware, in_utc=True, zone=sentence
     )
 
 
@@ -474,7 +474,7 @@ def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:
         return instants
     extra = np.nan_to_num(parse_numbers(table.times.milliseconds, "."))
     ns = instants.ns + np.round(np.clip(extra, 0, 999_999) * 1e6).astype(np.int64)
-    return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
+    return Instants(ns=ns, ok=instants.ok, in_utc=instants.in_utc, zone=instants.zone)
 
 
 def _near_together(ns: Ints) -> bool:
@@ -531,5 +531,5 @@ def _without_strays(
         f"{int(stray.sum())} such rows were left out"
     )
     return Instants(
-        ns=instants.ns, ok=instants.ok & ~stray, known=instants.known, zone=instants.zone
+        ns=instants.ns, ok=instants.ok & ~stray, in_utc=instants.in_utc, zone=instants.zone
     )
