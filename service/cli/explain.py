@@ -60,13 +60,13 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
 
 
 def _worked(
-    wanted: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
+    recordings: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
 ) -> list[Explained]:
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
     from stemwatch.service.explain.explained import Job, explain_one
 
-    jobs = [Job(asked=task, narx=narx, limits=limits) for task in wanted]
+    jobs = [Job(to_explain=task, narx=narx, limits=limits) for task in recordings]
     done: dict[int, Explained] = {}
     with views.progress("explaining", len(jobs), transient=True) as tell:
         for place, explained in map_items(choose_executor(workers), explain_one, jobs):

@@ -101,11 +101,11 @@ def _of_store(
     valve: str, plant: Path | None, db: str, limits: TestLimits, op_now: float | None
 ) -> tuple[str, FieldTestPlan, Plant | None]:
     from stemwatch.service.config import load_plant
-    from stemwatch.service.field_test.planned import KeptPlans
+    from stemwatch.service.field_test.planned import PlanCache
 
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     with known_store(valve, loaded, db) as store:
-        plan = KeptPlans().plan(store, valve, limits, op_now)
+        plan = PlanCache().plan(store, valve, limits, op_now)
         if plan is None:
             raise not_screened(valve, store)
     return valve, plan, loaded
@@ -155,7 +155,7 @@ def explained_file(request: Request) -> Explained:
             f"a test is planned for one valve; the file has {len(wanted)} ({names}): give its tags "
             "with --op and --mv, or screen the file and name the valve with --db"
         )
-    explained = explain_one(Job(asked=wanted[0], narx=False))
+    explained = explain_one(Job(to_explain=wanted[0], narx=False))
     if explained.recording is None:
         raise ValueError(explained.mismatch.sentence)
     return explained

@@ -198,7 +198,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
-        "beyond": words.beyond,
+        "not_yet_said": words.not_yet_said,
         "response_table": response_table,
         "presented": present_effect,
         "evidence_picture": lambda of_weeks: evidence_picture(of_weeks, context.tz),

@@ -100,8 +100,8 @@ def _finding() -> list[SpreadsheetColumn]:
             meaning="how sure the verdict is; empty for undetermined and defective",
             read=lambda v: v.decision.confidence,
         ),
-        _text("reason", "what was found", lambda v: v.said.reason, 60),
-        _text("advice", "what to do next", lambda v: v.said.next_step, 60),
+        _text("reason", "what was found", lambda v: v.finding.reason, 60),
+        _text("advice", "what to do next", lambda v: v.finding.next_step, 60),
         _text(
             "trend",
             TREND,

@@ -47,7 +47,7 @@ def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
 class PlacedScreening:
     """A screening and its place among the tasks; ``given_up`` says why it could not be done."""
 
-    place: int
+    task_index: int
     screening: Screening
     given_up: str = ""
 
@@ -93,13 +93,13 @@ class Saving:
     def take(self, arrived: Sequence[PlacedScreening], spill: ResultSpill) -> None:
         """Save screenings, which ``spill`` also holds, and the networks that are now due."""
         for result in arrived:
-            if self._to_come[result.screening.valve][0] == result.place:
+            if self._to_come[result.screening.valve][0] == result.task_index:
                 self._note_previous(result.screening)
             if result.given_up:
                 self._given_up[result.screening.valve] = result.given_up
         self._save(arrived)
         for result in arrived:
-            self._waiting.add(result.place)
+            self._waiting.add(result.task_index)
             self._save_due_networks(result, spill)
 
     def _save(self, arrived: Sequence[PlacedScreening]) -> None:
@@ -113,7 +113,7 @@ class Saving:
                 again = self._store.save_many([result.screening], self._number, self._compared)
                 reason = "".join(failure.reason for failure in again.failures)
             if reason:
-                self._unsaved.add(result.place)
+                self._unsaved.add(result.task_index)
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
     def _save_due_networks(self, result: PlacedScreening, spill: ResultSpill) -> None:
@@ -124,7 +124,7 @@ class Saving:
             first = to_come.pop(0)
             self._waiting.remove(first)
             screening = result.screening
-            if first != result.place:
+            if first != result.task_index:
                 screening = spill.at_place(first)
                 self._note_previous(screening)
             if first not in self._unsaved:

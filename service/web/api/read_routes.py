@@ -176,7 +176,7 @@ def me(current_user: SignedIn) -> MeAnswer:
     return MeAnswer(
         name=current_user.name,
         role=current_user.role,
-        how=current_user.how,
+        how=current_user.signed_in_by,
         scopes=scopes,
         may=[operation.value for operation in Operation if current_user.may(operation)],
     )
