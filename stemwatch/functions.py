@@ -267,7 +267,8 @@ def explain(
 ) -> ExplainedValve | ExplainedValves:
     """Where S and J fail a recording, which physics they leave out, and S and J restated with it.
 
-    The whole record is fitted; ``screen`` fits the stretch that tells most of a long one.
+    A long record (from four times ``fitted_samples`` on) is explained as the windows that tell
+    most, and what they agree on counts; ``screen`` fits the one stretch that tells most.
 
     Args:
         data: As ``screen`` takes it.

@@ -17,6 +17,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.service.explain.to_explain import ToExplain
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.run.task import recording_of
 
 if TYPE_CHECKING:
@@ -26,12 +27,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Explained:
-    """One valve's recording and what was found; ``recording`` is ``None`` where none was read."""
+    """One valve's recording and what was found; ``recording`` is ``None`` where none was read.
+
+    ``by_window`` is there where a long recording was explained as several windows.
+    """
 
     source: str  # the path as it was given
     valve: str
     mismatch: Mismatch
     recording: Recording | None = None
+    by_window: EvidenceOfWeeks | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,18 +78,27 @@ def explain_recording(
 ) -> Explained:
     """The explanation of a recording that was read; never raises for what it holds.
 
-    ``known_curve`` is how OP strokes the valve, where the plant file says it.
+    A long one is explained as several windows (``models.explained_windows``), each of as many
+    samples as a screening fits. ``known_curve`` is how OP strokes the valve, where the plant file
+    says it.
     """
     from stemwatch.models.stickslip.stored_range import in_percent
 
+    by_window = None
     try:
-        mismatch = _mismatch(recording, narx, limits or Limits(), known_curve)
+        mismatch, by_window = _explained(recording, narx, limits or Limits(), known_curve)
         # What is drawn beside the runs is in percent, as they are.
         recording = in_percent(recording)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
         mismatch = not_testable(reason)
-    return Explained(source=source, valve=recording.valve, mismatch=mismatch, recording=recording)
+    return Explained(
+        source=source,
+        valve=recording.valve,
+        mismatch=mismatch,
+        recording=recording,
+        by_window=by_window,
+    )
 
 
 def not_testable(reason: str) -> Mismatch:
@@ -97,6 +111,36 @@ def not_testable(reason: str) -> Mismatch:
 def _without(to_explain: ToExplain, reason: str) -> Explained:
     mismatch = not_testable(reason or "there is nothing to explain")
     return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
+
+
+def _explained(
+    recording: Recording, narx: bool, limits: Limits, known: KnownCurve | None
+) -> tuple[Mismatch, EvidenceOfWeeks | None]:
+    """The mismatch of a recording, and what its windows say together where it is a long one."""
+    from stemwatch.models.explained_windows import explain_windows
+
+    def alone(part: Recording) -> Mismatch:
+        return _mismatch(part, False, limits, known)
+
+    def shown(part: Recording) -> Mismatch:
+        return _mismatch(part, True, limits, known)
+
+    samples = round(limits.fitted_samples)
+    told = explain_windows(recording, samples, alone, shown if narx else None)
+    if told is None:
+        return _mismatch(recording, narx, limits, known), None
+    evidence = EvidenceOfWeeks(
+        windows=told.windows,
+        findings=told.findings,
+        pooled=told.pooled,
+        recording_began=told.began,
+    )
+    begin = told.shown.first * recording.interval_s / 3600.0
+    hours = told.shown.length * recording.interval_s / 3600.0
+    said = " ".join(evidence.sentences())
+    where = f"What follows is of the window of {hours:.3g} h that begins after {begin:.3g} h."
+    sentence = f"{said} {where} {told.mismatch.sentence}"
+    return replace(told.mismatch, sentence=sentence), evidence
 
 
 def _mismatch(

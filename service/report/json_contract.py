@@ -246,6 +246,35 @@ def to_contract(
     }
 
 
+def by_window_object(evidence: EvidenceOfWeeks) -> dict[str, Any]:
+    """What the windows of one recording say together: each window, in seconds from the
+    recording's beginning, what is followed, S and J."""
+    pooled, began = evidence.pooled, evidence.recording_began
+    assert began is not None
+    return {
+        "windows": [
+            {
+                "begin_s": ((window.start or window.at) - began).total_seconds(),
+                "end_s": (window.at - began).total_seconds(),
+                "named": [list(map(printable, members)) for members in window.named],
+            }
+            for window in evidence.windows
+        ],
+        "findings": [
+            {
+                "slug": printable(finding.slug),
+                "confirmed": finding.holds,
+                "named": finding.named,
+                "of": finding.of,
+                "sentence": printable(sentence),
+            }
+            for finding, sentence in zip(evidence.findings, evidence.sentences(), strict=False)
+        ],
+        "S": None if pooled is None else estimate_object(pooled.S),
+        "J": None if pooled is None else estimate_object(pooled.J),
+    }
+
+
 def _response(screening: Screening) -> dict[str, Any]:
     figures = response_figures(screening)
     return {
