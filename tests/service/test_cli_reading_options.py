@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from typer.core import TyperGroup
 
 from stemwatch.service.cli import app
 from stemwatch.service.cli.options import READING
@@ -37,6 +38,7 @@ ALWAYS = {"--encoding", "--separator", "--decimal", "--time-column", "--time-for
 def reading_options() -> dict[str, set[str]]:
     """The reading options of every command."""
     root = typer.main.get_command(app)
+    assert isinstance(root, TyperGroup)
     found = {}
     for name, command in root.commands.items():
         options = {
