@@ -8,7 +8,7 @@ NaN and infinities never appear: they become null.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime, tzinfo
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
@@ -201,11 +201,12 @@ def to_contract(
     *,
     stands: bool | None = None,
     by_window: EvidenceOfWeeks | None = None,
+    zone: tzinfo = UTC,
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together.
+    windows of the last weeks say together. Days in sentences are those of ``zone``, as in a report.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
@@ -233,7 +234,9 @@ def to_contract(
             for name, indicator in screening.indicators.items()
         },
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
-        "over_weeks": [] if by_window is None else [_lasting(one) for one in by_window.findings],
+        "over_weeks": []
+        if by_window is None
+        else [_lasting(one, zone) for one in by_window.findings],
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
@@ -241,11 +244,11 @@ def to_contract(
     }
 
 
-def _lasting(finding: LastingFinding) -> dict[str, Any]:
+def _lasting(finding: LastingFinding, zone: tzinfo) -> dict[str, Any]:
     return {
         "slug": printable(finding.slug),
         "state": finding.state.value,
-        "sentence": printable(finding_sentence(finding)),
+        "sentence": printable(finding_sentence(finding, zone)),
         "first_seen": _instant(finding.first_seen),
         "confirmed": _instant(finding.confirmed),
         "last_seen": _instant(finding.last_seen),

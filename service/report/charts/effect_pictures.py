@@ -6,6 +6,7 @@ numbers that the page says beside them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from stemwatch.models.excitation import swing
+from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch
 from stemwatch.models.mismatch.telltale import Moves, Telltale, later, telltale
 from stemwatch.models.recording import Floats, Recording
@@ -24,7 +25,8 @@ from stemwatch.service.report.charts.small_plot import Drawn, Note, SmallPlot
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 
 STROKES = 3
-LEAST_BEHIND, SMALLEST_STROKE_PERCENT = 0.05, 0.3  # of OP's swing; the stem is behind by as much
+LEAST_BEHIND, LEAST_STROKE = 0.05, 0.25  # of OP's swing: how far the stem is behind, and a move
+SMALLEST_STROKE_PERCENT = 0.3
 NEAR_AGAIN = 0.2  # of the farthest
 MOST_POINTS = 350  # of a cloud
 BINS, FEWEST_IN_BIN = 14, 5
@@ -102,7 +104,7 @@ def _value(effect: Effect, name: str) -> float:
 
 @dataclass(frozen=True)
 class _Slope:
-    """A fitted limit: percent a second, with its sign, and how it is said."""
+    """A fitted limit, percent a second; infinite where it was never reached."""
 
     rising: float
     falling: float
@@ -115,10 +117,11 @@ def _limit(effects: Sequence[Effect]) -> _Slope | None:
     """The speed limit that was named; ``None`` where none was."""
     for effect in effects:
         if effect.slug == "rate_limit":
-            rate = _value(effect, "rate")
+            rate = _value(effect, "rate") or math.inf
             return _Slope(rate, rate)
         if effect.slug == "asymmetric_rate_limit":
-            return _Slope(_value(effect, "rate_rising"), _value(effect, "rate_falling"))
+            rising, falling = _value(effect, "rate_rising"), _value(effect, "rate_falling")
+            return _Slope(rising or math.inf, falling or math.inf)
     return None
 
 
@@ -133,22 +136,46 @@ class _Stroke:
 
 def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
     """Three moves of the command on which the stem stayed farthest behind, in the part that was not
-    fitted; of a valve that is slower one way, moves that way."""
+    fitted if it has three; of a valve that is slower one way, moves that way. Where the stem is
+    nowhere far behind, the largest moves."""
     limit = _limit(effects)
     way = 0
     if limit is not None and limit.rising != limit.falling:
         way = 1 if limit.rising < limit.falling else -1
     command = {1: "a rising command", -1: "a falling command", 0: "the command"}[way]
-    chosen = _farthest_behind(seen, way, seen.runs.heldout_from)
-    part = ", in the part that neither model was fitted to"
-    if len(chosen) < STROKES:
-        chosen, part = _farthest_behind(seen, way, 0), ""
-    for number, stroke in enumerate(chosen, start=1):
-        yield Picture(
-            title=f"Stroke {number}",
-            plot=_stroke(seen, stroke, limit),
-            says=f"One of {len(chosen)} on which the stem stayed farthest behind {command}{part}.",
-        )
+    heldout = seen.runs.heldout_from
+    unseen = ", in the part that neither model was fitted to"
+    behind, largest = (
+        f"on which the stem stayed farthest behind {command}",
+        "with the largest moves",
+    )
+    found = [
+        (moves(seen, way, begin), f"{said}{part}.")
+        for moves, said in ((_farthest_behind, behind), (_largest, f"{largest} of {command}"))
+        for begin, part in ((heldout, unseen), (0, ""))
+    ]
+    most = max(len(strokes) for strokes, _ in found)
+    strokes, said = next(one for one in found if len(one[0]) == most)
+    for number, stroke in enumerate(strokes, start=1):
+        plot = _stroke(seen, stroke, limit)
+        yield Picture(title=f"Stroke {number}", plot=plot, says=f"One of {most} {said}")
+
+
+def _largest(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
+    """The largest moves of OP after ``begin`` from one turn to the next, in the order of time."""
+    known = np.isfinite(seen.op) & np.isfinite(seen.mv)
+    op = np.where(np.isfinite(seen.op), seen.op, np.nanmedian(seen.op))
+    turns = reversals(op, max(LEAST_STROKE * swing(seen.op), SMALLEST_STROKE_PERCENT))
+    turns = turns[turns >= begin]
+    sizes = np.diff(op[turns])
+    moves = [
+        _Stroke(int(turns[k]), int(turns[k + 1]), 1 if sizes[k] > 0.0 else -1)
+        for k in np.argsort(-np.abs(sizes), kind="stable").tolist()
+    ]
+    fit = [one for one in moves if way * one.way >= 0 and known[one.first : one.last + 1].all()][
+        :STROKES
+    ]
+    return sorted(fit, key=lambda stroke: stroke.first)
 
 
 def _farthest_behind(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
@@ -197,7 +224,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
         drawn.insert(
             1, Drawn("op", "OP, later by the dead time", time, seen.command[at], dashed=True)
         )
-    if limit is not None and limit.of(way):
+    if limit is not None and math.isfinite(limit.of(way)):
         slope = limit.of(way)
         # From where the stem itself turns, to where the command ends.
         after = first + np.arange(round(seen.late_s / seen.interval_s) + TURNS_WITHIN)

@@ -25,19 +25,18 @@
 
   function system() { return dark.matches ? "dark" : "light"; }
 
-  // What a desk or a sheet of paper has room for is open there; on a phone, and without scripts, it
-  // opens when asked.
-  function openWide() {
-    document.querySelectorAll("details[data-wide]").forEach(function (part) { part.open = true; });
+  // What only a desk or a sheet of paper has room for is folded on a phone, and opens when asked.
+  function fold(open) {
+    document.querySelectorAll("details[data-wide]").forEach(function (part) { part.open = open; });
   }
 
   root.classList.add("js");
   root.dataset.theme = chosen() || system();
   dark.addEventListener("change", function () { if (!chosen()) show(system()); });
-  window.addEventListener("beforeprint", openWide);
+  window.addEventListener("beforeprint", function () { fold(true); });
   document.addEventListener("DOMContentLoaded", function () {
     show(root.dataset.theme);
-    if (window.matchMedia("(min-width: 761px)").matches) openWide();
+    if (window.matchMedia("(max-width: 760px)").matches) fold(false);
     document.getElementById("theme-toggle").addEventListener("click", function () {
       var next = root.dataset.theme === "dark" ? "light" : "dark";
       keep(next);
