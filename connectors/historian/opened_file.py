@@ -47,7 +47,7 @@ class OpenedFile:
     _roles: list[Candidate] | None = None
 
     @property
-    def where(self) -> str:
+    def source_name(self) -> str:
         """The path, for messages."""
         return str(self.path)
 
@@ -57,9 +57,9 @@ class OpenedFile:
         return [column.tag for column in self.table.columns]
 
     @property
-    def known(self) -> bool:
+    def in_utc(self) -> bool:
         """Whether the times are instants in UTC."""
-        return self.instants.known
+        return self.instants.in_utc
 
     @property
     def zone(self) -> str:
@@ -107,7 +107,7 @@ class OpenedFile:
 
     @cached_property
     def _place(self) -> dict[str, int]:
-        return {column.tag: place for place, column in enumerate(self.table.columns)}
+        return {column.tag: index for index, column in enumerate(self.table.columns)}
 
     @cached_property
     def _by_tag(self) -> dict[str, RawColumn]:
@@ -133,8 +133,8 @@ class OpenedFile:
 
     def _read(self, columns: Sequence[RawColumn]) -> None:
         """Numbers, quality codes and marks of held values of these in one pass."""
-        numbers = [one.cells for one in columns if isinstance(one.cells, StoredText)]
-        beside = [cells for one in columns for cells in (one.quality_codes, one.held)]
+        numbers = [column.cells for column in columns if isinstance(column.cells, StoredText)]
+        beside = [cells for column in columns for cells in (column.quality_codes, column.held)]
         texts = [cells for cells in beside if isinstance(cells, StoredText)]
         if numbers:
             numbers[0].columns.read(numbers, texts, self.decimal)

@@ -144,7 +144,11 @@ class ParquetArchive:
         return assemble(self._load(valve, window), valve, window)
 
     def _load(self, valve: ValveTags, window: Window) -> ValveColumns:
-        from stemwatch.connectors.archive.valve_columns import ValveColumns, bounds_of, nothing_in
+        from stemwatch.connectors.archive.valve_columns import (
+            ValveColumns,
+            bounds_of,
+            no_samples_error,
+        )
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
         from stemwatch.connectors.parquet.column_layout import WORDS
         from stemwatch.connectors.parquet.reading import column_of, read_pieces
@@ -168,17 +172,17 @@ class ParquetArchive:
                 self.path,
                 as_mode=role is Role.MODE,
             )
-            known, zone = known and instants.known, zone or instants.zone
+            known, zone = known and instants.in_utc, zone or instants.zone
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
             holds = ". ".join([self._holds(op), *notes.problems[:1]])
-            raise nothing_in(self.path, op, window, holds)
+            raise no_samples_error(self.path, op, window, holds)
         layouts = {file.layout(self.options).kind for file in files if file.is_open}
         return ValveColumns(
-            where=self.path,
+            source_name=self.path,
             layout="; ".join(WORDS[kind] for kind in sorted(layouts)),
             columns=columns,
-            known=known,
+            in_utc=known,
             zone=zone,
             decisions=[*notes.decisions, *self._said(notes)],
             problems=notes.problems,

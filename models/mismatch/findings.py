@@ -8,6 +8,7 @@ from enum import StrEnum
 from math import exp
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.fit_window import on_whole_clock
 from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
@@ -220,6 +221,15 @@ class FreeRuns:
     naive: Floats
     extended: Floats
     heldout_from: int
+
+    def within(self, first: int, samples: int) -> FreeRuns:
+        """The runs on the clock of a recording of ``samples`` samples, of which they begin at
+        ``first``; NaN outside."""
+        return FreeRuns(
+            naive=on_whole_clock(self.naive, first, samples),
+            extended=on_whole_clock(self.extended, first, samples),
+            heldout_from=first + self.heldout_from,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

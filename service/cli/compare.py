@@ -82,10 +82,10 @@ def _compared(recording: Recording, train_share: float, network: bool) -> Compar
     with Progress(console=views.err, transient=True) as progress:
         bar = progress.add_task("models")
 
-        def tell(model: str, done: int, of: int) -> None:
-            progress.update(bar, completed=done, total=of, description=model)
+        def tell(model: str, finished: int, total: int) -> None:
+            progress.update(bar, completed=finished, total=total, description=model)
 
-        return compare_models(recording, train_until, network=network, tell=tell)
+        return compare_models(recording, train_until, network=network, on_progress=tell)
 
 
 def _report(comparison: Comparison, out: Path | None, json_file: Path | None) -> None:

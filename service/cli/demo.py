@@ -102,7 +102,7 @@ def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> Non
         if open_page:
             webbrowser.open(address)
 
-    made = LiveDemo(out, DemoTiming(speed=speed), port, say=say, ready=ready, seed=seed)
+    made = LiveDemo(out, DemoTiming(speed=speed), port, announce=say, ready=ready, seed=seed)
     asyncio.run(_until_asked(made))
 
 

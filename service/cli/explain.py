@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import asked_for, given_by
+from stemwatch.service.cli.reading import given_by, requested
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,7 @@ MOST_REASONS = 5  # of a run in which nothing could be read
 TITLE = "Where simulation and recording differ"
 
 
-@given_by(asked_for, name="request")
+@given_by(requested, name="request")
 def explain(
     request: Request,
     narx: Annotated[
@@ -60,13 +60,13 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
 
 
 def _worked(
-    wanted: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
+    recordings: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
 ) -> list[Explained]:
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
     from stemwatch.service.explain.explained import Job, explain_one
 
-    jobs = [Job(asked=task, narx=narx, limits=limits) for task in wanted]
+    jobs = [Job(to_explain=task, narx=narx, limits=limits) for task in recordings]
     done: dict[int, Explained] = {}
     with views.progress("explaining", len(jobs), transient=True) as tell:
         for place, explained in map_items(choose_executor(workers), explain_one, jobs):

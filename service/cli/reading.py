@@ -5,6 +5,7 @@
 # named in quotes.
 import inspect
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from types import SimpleNamespace
@@ -87,9 +88,26 @@ def read_options(
         raise typer.BadParameter(str(error)) from error
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecordingOptions:
+    """How a command that reads recordings was told to read them, whichever its sources are."""
+
+    plant: Path | None
+    tags: "dict[Role, str]"
+    valve: str
+    start: str
+    stop: str
+    read_options: "ReadOptions"
+
+    def request(self, sources: Sequence[str] | None) -> "Request":
+        """The request for these sources."""
+        return request_of(
+            sources, self.plant, self.tags, self.valve, self.start, self.stop, self.read_options
+        )
+
+
 @given_by(read_options, name="options")
-def asked_for(
-    source: o.Sources = None,
+def recording_options(
     plant: o.PlantFile = None,
     op: o.OpTag = "",
     mv: o.MvTag = "",
@@ -101,11 +119,22 @@ def asked_for(
     to: o.To = "",
     *,
     options: "ReadOptions",
-) -> "Request":
-    """The request of a command that reads recordings."""
-    return request_of(
-        source, plant, tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode), valve, from_, to, options
+) -> RecordingOptions:
+    """What the shared options of a command that reads recordings say."""
+    return RecordingOptions(
+        plant=plant,
+        tags=tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
+        valve=valve,
+        start=from_,
+        stop=to,
+        read_options=options,
     )
+
+
+@given_by(recording_options, name="recording")
+def requested(source: o.Sources = None, *, recording: RecordingOptions) -> "Request":
+    """The request of a command that reads recordings."""
+    return recording.request(source)
 
 
 def request_of(

@@ -10,7 +10,7 @@ import typer
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import asked_for, given_by
+from stemwatch.service.cli.reading import given_by, requested
 
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
 
 
-@given_by(asked_for, name="request")
+@given_by(requested, name="request")
 def screen(
     request: Request,
     out: Annotated[Path, typer.Option(help="Folder of the report.")] = Path("stemwatch-report"),

@@ -23,6 +23,7 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     Tried,
 )
+from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
@@ -221,9 +222,11 @@ def to_contract(
         "shape": None if screening.shape is None else screening.shape.value,
         "severity": finite(said.decision.severity),
         "confidence": finite(said.decision.confidence),
+        "ne107": said.decision.ne107,
         "stem_verdict": screening.verdict.value,
         "stem_confidence": finite(screening.confidence),
         "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
+        "response": _response(screening),
         "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},
         "quality": {
             "grade": printable(screening.quality.grade),
@@ -236,12 +239,70 @@ def to_contract(
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
         "over_weeks": []
         if by_window is None
-        else [_lasting(one, zone) for one in by_window.findings],
+        else [_lasting(finding, zone) for finding in by_window.findings],
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
         "seconds": finite(screening.seconds),
     }
+
+
+def by_window_object(evidence: EvidenceOfWeeks) -> dict[str, Any]:
+    """What the windows of one recording say together: each window, in seconds from the
+    recording's beginning, what is followed, S and J."""
+    pooled, began = evidence.pooled, evidence.recording_began
+    assert began is not None
+    return {
+        "windows": [
+            {
+                "begin_s": ((window.start or window.at) - began).total_seconds(),
+                "end_s": (window.at - began).total_seconds(),
+                "named": [list(map(printable, members)) for members in window.named],
+            }
+            for window in evidence.windows
+        ],
+        "findings": [
+            {
+                "slug": printable(finding.slug),
+                "confirmed": finding.holds,
+                "named": finding.named,
+                "of": finding.of,
+                "sentence": printable(sentence),
+            }
+            for finding, sentence in zip(evidence.findings, evidence.sentences(), strict=False)
+        ],
+        "S": None if pooled is None else estimate_object(pooled.S),
+        "J": None if pooled is None else estimate_object(pooled.J),
+    }
+
+
+def _response(screening: Screening) -> dict[str, Any]:
+    figures = response_figures(screening)
+    return {
+        "dead_band": estimate_object(figures.dead_band),
+        "resolution": estimate_object(figures.resolution),
+        "steps": [
+            {
+                "step_percent": step.step_percent,
+                "way": step.way.value,
+                "direction": _direction(step, figures),
+                "moves": finite(step.moves),
+                "travel_gain": estimate_object(step.travel_gain),
+                "dead_time": estimate_object(step.dead_time),
+                "t86": estimate_object(step.t86),
+                "overshoot": estimate_object(step.overshoot),
+            }
+            for step in figures.distinct_steps
+        ],
+        "simulated": list(figures.simulated),
+        "left_out": list(figures.left_out),
+    }
+
+
+def _direction(step: StepFigures, figures: ResponseFigures) -> str:
+    if figures.both_ways_alike:
+        return "either"
+    return "rising" if step.rising else "falling"
 
 
 def _lasting(finding: LastingFinding, zone: tzinfo) -> dict[str, Any]:
@@ -257,8 +318,8 @@ def _lasting(finding: LastingFinding, zone: tzinfo) -> dict[str, Any]:
     }
 
 
-def _instant(when: datetime | None) -> str | None:
-    return None if when is None else when.isoformat()
+def _instant(moment: datetime | None) -> str | None:
+    return None if moment is None else moment.isoformat()
 
 
 def _residual(model: str, residual: Residual | None) -> dict[str, float | None] | None:

@@ -188,14 +188,14 @@ def _put(
     results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
 ) -> PlacedScreening:
     """Put the outcome of a task into ``results``; return what is saved in the store."""
-    place = first + outcome.place
+    place = first + outcome.index
     if outcome.result is None:
         screening, evidence = plots_instead_of_samples(given_up(outcome.item, outcome.reason))
     else:
         screening, evidence = outcome.result
     results.add(place, screening, evidence)
     return PlacedScreening(
-        place=place,
+        task_index=place,
         screening=screening,
         given_up=outcome.reason,
         packed_pictures=pack_pictures(evidence.pictures),

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
@@ -22,7 +22,7 @@ from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
-from stemwatch.service.run.spill import Worst
+from stemwatch.service.run.spill import WorstScreenings
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 from stemwatch.service.store.store import Store
 
@@ -80,7 +80,7 @@ def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles 
             text = "run %d: the report could not be written: %s"
             log.error(text, run.number, error, extra={"run": run.number})
     if run.plant is not None and run.queued:
-        tell(run.store, run.plant, run_id=run.number)
+        queue_messages(run.store, run.plant, run_id=run.number)
     return files
 
 
@@ -108,10 +108,13 @@ def _write(
 
 
 def _write_worst(
-    run: Run, worst: Worst, context: ReportContext, tested: Sequence[TestedScreening]
+    run: Run,
+    worst_screenings: WorstScreenings,
+    context: ReportContext,
+    tested: Sequence[TestedScreening],
 ) -> ReportFiles:
     """The report of the worst valves only, with a note on how many it leaves out."""
-    shown = [screening.valve for screening in worst]
+    shown = [screening.valve for screening in worst_screenings]
     notes = context.sources_not_read
     more = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(shown))
     if more:
@@ -119,7 +122,7 @@ def _write_worst(
         notes = (*notes, SourceNotRead(source="this report", reason=text))
     elsewhere = p_elsewhere(tested, shown)
     part = replace(context, sources_not_read=notes, p_elsewhere=elsewhere)
-    return write_report(worst, part, run.out, worst.evidence)
+    return write_report(worst_screenings, part, run.out, worst_screenings.evidence)
 
 
 def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> None:

@@ -87,7 +87,7 @@ def read_tags_with(executor: Executor, stop: threading.Event) -> ReadTags:
         answers: dict[int, TagsOrReason] = {}
         for (outcome,) in outcomes(executor, work, [[file] for file in files], stop):
             why = f"{outcome.item.path}: {outcome.reason}"
-            answers[outcome.place] = why if outcome.result is None else outcome.result
+            answers[outcome.index] = why if outcome.result is None else outcome.result
         return [answers.get(place, "it was not looked at") for place in range(len(files))]
 
     return read_tags
@@ -230,7 +230,7 @@ def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
     except ConnectorError as error:
         return [_not_readable(path, stem, str(error))]
     if not proposed:
-        return [replace(_not_readable(path, stem, NO_VALVE), seen=_columns(path, options))]
+        return [replace(_not_readable(path, stem, NO_VALVE), file_remarks=_columns(path, options))]
     return [_task(path, valve, options, window) for valve in proposed]
 
 

@@ -313,10 +313,10 @@ class Store:
         with self.transactions.reading() as session:
             return ranking.read_valves_in(session, area)
 
-    def ranking(self, wanted: RankingFilter) -> RankingPage:
+    def ranking(self, ranking_filter: RankingFilter) -> RankingPage:
         """One page of valves, each with its latest screening."""
         with self.transactions.reading() as session:
-            return ranking.read_ranking(session, wanted)
+            return ranking.read_ranking(session, ranking_filter)
 
     def work_counts(self, until: datetime) -> WorkCounts:
         """How many valves needed work, by the latest screening that each had at ``until``."""

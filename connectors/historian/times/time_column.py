@@ -44,11 +44,11 @@ _DATE_NAME = re.compile(r"date|datum|stamp|zeit", re.I)
 
 @dataclass(frozen=True, kw_only=True)
 class Instants:
-    """(n,) nanoseconds: since 1970 UTC where ``known``, else on a clock of unknown date."""
+    """(n,) nanoseconds: since 1970 UTC where ``in_utc``, else on a clock of unknown date."""
 
     ns: Ints
     ok: Bools
-    known: bool
+    in_utc: bool
     zone: str  # one sentence
 
 
@@ -90,12 +90,12 @@ def _with_cut_stamps(
 ) -> Instants:
     """What the user or equal numbers of rows for each stamp say of the rows between two stamps."""
     column, given = table.times.name, options.interval_s
-    if given is not None and not instants.known and not instants.zone:
+    if given is not None and not instants.in_utc and not instants.zone:
         notes.decide(
             f"The rows are {given:g} s apart, as given; column {column!r} only counts them."
         )
         ns = np.round(np.arange(instants.ns.size) * given * 1e9).astype(np.int64)
-        return Instants(ns=ns, ok=np.ones_like(instants.ok), known=False, zone="")
+        return Instants(ns=ns, ok=np.ones_like(instants.ok), in_utc=False, zone="")
     if given is not None:
         notes.decide(f"interval_s = {given:g} is not used: column {column!r} dates each row.")
     spread = evenly_within_stamps(instants.ns, instants.ok)
@@ -107,7 +107,7 @@ def _with_cut_stamps(
         f"Column {column!r} gives the same time to {each} rows in a row, as a spreadsheet does "
         f"that cuts times; the rows are taken as {interval_s:g} s apart."
     )
-    return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
+    return Instants(ns=ns, ok=instants.ok, in_utc=instants.in_utc, zone=instants.zone)
 
 
 def _repeated_rows(table: RawTable) -> bool:
@@ -131,7 +131,7 @@ def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
     notes.decide(f"There is no time column; the rows are {interval_s:g} s apart.")
     n = len(table.numbers)
     ns = np.round(np.arange(n) * interval_s * 1e9).astype(np.int64)
-    return Instants(ns=ns, ok=np.ones(n, dtype=bool), known=False, zone="")
+    return Instants(ns=ns, ok=np.ones(n, dtype=bool), in_utc=False, zone="")
 
 
 def _numeric(texts: Sequence[str], table: RawTable, notes: ReadingNotes) -> Instants | None:
@@ -168,7 +168,7 @@ def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> 
     else:
         whole_ns = whole.astype(np.int64) * int(ns_each)
     ns = whole_ns + np.round(fraction * ns_each / 1e3).astype(np.int64) * 1000
-    return Instants(ns=ns, ok=ok, known=True, zone="The times are Unix times, in UTC.")
+    return Instants(ns=ns, ok=ok, in_utc=True, zone="The times are Unix times, in UTC.")
 
 
 def _relative(numbers: Floats, ok: Bools, header: str, notes: ReadingNotes) -> Instants:
@@ -176,7 +176,7 @@ def _relative(numbers: Floats, ok: Bools, header: str, notes: ReadingNotes) -> I
         notes.decide(f"The numbers of column {header!r} are Excel days; their zone is not known.")
         ns = np.round((np.where(ok, numbers, 0.0) - _EXCEL_DAYS[0]) * 86_400e3).astype(np.int64)
         zone = "The times are Excel days without a zone."
-        return Instants(ns=ns * 1_000_000, ok=ok, known=False, zone=zone)
+        return Instants(ns=ns * 1_000_000, ok=ok, in_utc=False, zone=zone)
     unit = _UNIT.search(header)
     scale = _UNIT_NS[unit[1]] if unit else 1e9
     ok = ok & (np.abs(numbers) < _MAX_SECONDS * 1e9 / scale)
@@ -185,7 +185,7 @@ def _relative(numbers: Floats, ok: Bools, header: str, notes: ReadingNotes) -> I
         "that the file does not date."
     )
     ns = np.round(np.where(ok, numbers, 0.0) * scale).astype(np.int64)
-    return Instants(ns=ns, ok=ok, known=False, zone="")
+    return Instants(ns=ns, ok=ok, in_utc=False, zone="")
 
 
 def _are_excel_days(numbers: Floats, header: str) -> bool:
@@ -271,17 +271,17 @@ def _placed(
     utc = ns
     if not naive.any():
         offsets = offset_min if ok.all() else offset_min[ok]
-        return Instants(ns=utc, ok=ok, known=True, zone=_offset_sentence(offsets, notes))
+        return Instants(ns=utc, ok=ok, in_utc=True, zone=_offset_sentence(offsets, notes))
     if table.times.utc or _UTC_NAME.search(table.times.name):
         notes.decide("The times are UTC by the name of their column or the format's definition.")
-        return Instants(ns=utc, ok=ok, known=True, zone="The times are written in UTC.")
+        return Instants(ns=utc, ok=ok, in_utc=True, zone="The times are written in UTC.")
     if options.zone is not None:
         return _localised(ns, utc, naive, aware, options.zone, table, options, notes)
     if aware.any():
         n = int(naive.sum())
         notes.problem(f"{n} times have no offset while others do, and no zone was given; left out")
         return Instants(
-            ns=utc, ok=aware, known=True, zone=_offset_sentence(offset_min[aware], notes)
+            ns=utc, ok=aware, in_utc=True, zone=_offset_sentence(offset_min[aware], notes)
         )
     _remark_clock_change(ns[ok], notes)
     return undated(ns, ok, notes)
@@ -291,7 +291,7 @@ def undated(ns: Ints, ok: Bools, notes: ReadingNotes) -> Instants:
     """Local times of a zone that nobody gave: instants on a clock of unknown date."""
     zone = "The times have no zone and none was given: durations are right, the date is not known."
     notes.decide(zone)
-    return Instants(ns=ns, ok=ok, known=False, zone=zone)
+    return Instants(ns=ns, ok=ok, in_utc=False, zone=zone)
 
 
 def _localised(
@@ -317,7 +317,7 @@ def _localised(
     sentence = f"Times without offset are local times of {zone}."
     notes.decide(sentence)
     return Instants(
-        ns=np.where(naive, local_utc, utc), ok=placed | aware, known=True, zone=sentence
+        ns=np.where(naive, local_utc, utc), ok=placed | aware, in_utc=True, zone=sentence
     )
 
 
@@ -346,7 +346,7 @@ def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:
         return instants
     extra = np.nan_to_num(parse_numbers(table.times.milliseconds, "."))
     ns = instants.ns + np.round(np.clip(extra, 0, 999_999) * 1e6).astype(np.int64)
-    return Instants(ns=ns, ok=instants.ok, known=instants.known, zone=instants.zone)
+    return Instants(ns=ns, ok=instants.ok, in_utc=instants.in_utc, zone=instants.zone)
 
 
 def _near_together(ns: Ints) -> bool:
@@ -403,5 +403,5 @@ def _without_strays(
         f"{int(stray.sum())} such rows were left out"
     )
     return Instants(
-        ns=instants.ns, ok=instants.ok & ~stray, known=instants.known, zone=instants.zone
+        ns=instants.ns, ok=instants.ok & ~stray, in_utc=instants.in_utc, zone=instants.zone
     )

@@ -382,11 +382,11 @@ def _points(found: Telltale) -> Iterator[Drawn]:
             yield Drawn(kind, f"recorded, {name}", found.x[chosen], found.y[chosen], dots=True)
 
 
-def _course(found: Telltale, like: Telltale) -> tuple[Floats, Floats]:
+def _course(found: Telltale, reference: Telltale) -> tuple[Floats, Floats]:
     """Medians of a cloud over even parts of what the recording covers."""
     if found.joined:
         return found.x, found.y
-    edges = np.linspace(*_bulk(like.x), BINS + 1)
+    edges = np.linspace(*_bulk(reference.x), BINS + 1)
     where = np.digitize(found.x, edges) - 1
     x, y = 0.5 * (edges[1:] + edges[:-1]), np.full(BINS, np.nan)
     for k in range(BINS):

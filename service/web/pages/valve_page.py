@@ -56,7 +56,7 @@ class ShownScreening:
     trend: Change
     weeks: TrendOverWeeks | None
     mismatch: MismatchView | None
-    said: PresentedFinding
+    finding: PresentedFinding
 
 
 @router.get("/valve")
@@ -176,7 +176,7 @@ def _shown(store: Store, name: str) -> ShownScreening | None:
     weeks = store.trends([name]).get(name)
     return ShownScreening(
         screening=screening,
-        said=said,
+        finding=said,
         stored=stored,
         weeks=weeks,
         trend=change_since_last_run(
@@ -243,7 +243,7 @@ def _plan_link(request: Request, shown: ShownScreening | None) -> str:
 
 def _sheet(deps: Dependencies, shown: ShownScreening) -> str | None:
     """Where the valve's page for maintenance is; ``None`` where it has none, or none is kept."""
-    if not shown.said.decision.has_page:
+    if not shown.finding.decision.has_page:
         return None
     run = shown.stored.run_id
     folder = report_folder(deps, run)

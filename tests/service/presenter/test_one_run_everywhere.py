@@ -373,6 +373,6 @@ def test_work_orders_are_of_the_valves_that_need_work(
     for valve in ranking:
         if valve.screening.valve in ordered:
             sheet = ordered[valve.screening.valve]
-            assert sheet.said.decision.severity == valve.decision.severity
-            assert sheet.said.reason == valve.said.reason
-            assert sheet.said.next_step == valve.said.next_step
+            assert sheet.finding.decision.severity == valve.decision.severity
+            assert sheet.finding.reason == valve.finding.reason
+            assert sheet.finding.next_step == valve.finding.next_step

@@ -96,7 +96,7 @@ def _contents_of(connection: Connection, name: str) -> dict[str, list[str]]:
     quoted = ", ".join(f'"{column}"' for column in columns)
     order = ", ".join(f'"{column}"' for column in key)
     rows = connection.execute(text(f'SELECT {quoted} FROM "{name}" ORDER BY {order}')).all()
-    return {column: [repr(row[place]) for row in rows] for place, column in enumerate(columns)}
+    return {column: [repr(row[index]) for row in rows] for index, column in enumerate(columns)}
 
 
 def _insert(connection: Connection, name: str) -> None:

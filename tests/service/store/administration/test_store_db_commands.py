@@ -74,7 +74,7 @@ def test_one_site_on_two_engines_gives_one_report(
     assert second[0] == second[1] == second[2]
     assert len(second[0][0]) == 2
     baselines = [valve["baseline"] for valve in second[0][0]]
-    assert any("aseline" in one for one in baselines)
+    assert any("aseline" in baseline for baseline in baselines)
     stored = [results_of(url) for url in sites]
     assert stored[0] == stored[1] == stored[2]
 
