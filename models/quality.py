@@ -44,7 +44,6 @@ class Assessment:
     quality: DataQuality
     obstacles: tuple[Obstacle, ...]
     frozen_share: float
-    interpolated_share: float
 
 
 def _mask(recording: Recording, role: Role, runs: list[tuple[int, int]]) -> Recording:
@@ -139,7 +138,6 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
         quality=DataQuality(grade=grade, reasons=reasons),
         obstacles=tuple(obstacles),
         frozen_share=frozen,
-        interpolated_share=drawn,
     )
 
 

@@ -14,7 +14,6 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.raw_table import RawTable
-from stemwatch.connectors.historian.times.cut_stamps import evenly_within_stamps
 from stemwatch.connectors.historian.times.day_month_order import local_ns
 from stemwatch.connectors.historian.times.time_fields import (
     NO_OFFSET,
@@ -31,6 +30,8 @@ from stemwatch.models.recording import Bools, Floats
 _ROWS_AT_ONCE = 1 << 20
 _LOOKED_AT = 20_000  # rows of a large file that show whether it repeats its rows
 _SECOND_NS = 1_000_000_000
+_FEWEST_STAMPS = 4
+_ALIKE = 0.98  # of the stamps have the same number of rows
 _MAX_SECONDS = 4e9  # relative times beyond this are no seconds
 # Epoch times between 1980 and 2100, by their unit.
 _EPOCHS = (("seconds", 1e9), ("milliseconds", 1e6), ("microseconds", 1e3), ("nanoseconds", 1.0))
@@ -85,6 +86,33 @@ def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
     return _without_strays(_with_milliseconds(instants, table), texts, table, notes)
 
 
+def _evenly_within_stamps(ns: Ints, ok: Bools) -> tuple[Ints, int] | None:
+    """Instants (n,) of rows of which k at a time share a stamp, and k; ``None`` where it is not so.
+
+    A spreadsheet cut the stamps to the minute or second. Stamps a step D apart with k rows each
+    mean rows D/k apart. The first stamp may have fewer rows, which are its last ones; so may the
+    last, whose rows are its first ones. A stamp with more than k rows, or stamps that step
+    backward, settle nothing.
+    """
+    if not ok.all():
+        return None
+    starts = np.flatnonzero(np.diff(ns, prepend=ns[0] - 1))
+    counts = np.diff(np.append(starts, ns.size))
+    if starts.size < _FEWEST_STAMPS:
+        return None
+    each = int(np.median(counts[1:-1]))
+    steps = np.diff(ns[starts])
+    step = int(np.median(steps))
+    inner = counts[1:-1]
+    if each < 2 or counts.max() > each or (inner == each).mean() < _ALIKE or steps.min() <= 0:
+        return None
+    if (steps == step).mean() < _ALIKE:
+        return None
+    place = np.arange(ns.size) - np.repeat(starts, counts)
+    place[: counts[0]] += each - counts[0]
+    return ns + place * step // each, each
+
+
 def _with_cut_stamps(
     instants: Instants, table: RawTable, options: ReadOptions, notes: ReadingNotes
 ) -> Instants:
@@ -98,7 +126,7 @@ def _with_cut_stamps(
         return Instants(ns=ns, ok=np.ones_like(instants.ok), in_utc=False, zone="")
     if given is not None:
         notes.decide(f"interval_s = {given:g} is not used: column {column!r} dates each row.")
-    spread = evenly_within_stamps(instants.ns, instants.ok)
+    spread = _evenly_within_stamps(instants.ns, instants.ok)
     if spread is None or _repeated_rows(table):
         return instants
     ns, each = spread

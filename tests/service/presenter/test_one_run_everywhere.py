@@ -236,7 +236,7 @@ def test_what_belongs_to_the_machine_is_a_defect_nowhere(
     (valve,) = [one for one in ranking if one.screening.valve == "FIC-9"]
     says = belong_to_machine(valve.decision.inherent)
     assert "no defects" in says
-    assert says in valve.said.reason
+    assert says in valve.finding.reason
     (one,) = [one for one in _objects(files) if one["valve"] == "FIC-9"]
     assert [effect["inherent"] for effect in one["mismatch"]["effects"]] == [True, True]
     assert says in one["reason"]
