@@ -115,6 +115,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
         (out / PAGE).write_bytes(html_bytes(comparison))
         where = (out / PAGE).resolve()
         views.out.print(f"Page: {where}", highlight=False, soft_wrap=True)
+    views.say_next("`stemwatch explain FILE` says what S and J leave out of this recording.")
 
 
 def _table(comparison: Comparison) -> Table:

@@ -98,6 +98,11 @@ def _report(
     if out is not None:
         where = str(_write(valves, request, out).resolve())
         views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
+    first = "open the page" if out is not None else "see strokes, loops and maps, with --out FOLDER"
+    views.say_next(
+        f"{first}; what to check stands under each effect. `stemwatch plan-test` plans the test "
+        "that tells what was left open."
+    )
 
 
 def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:
