@@ -98,7 +98,7 @@ SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two el
 
 @dataclass(frozen=True)
 class _Case:
-    """One recording on its way."""
+    """One recording, and what the steps of ``explain`` have settled of it so far."""
 
     recording: Recording
     settled: RecordSettled
