@@ -17,7 +17,7 @@ from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import without_impossible_values
-from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
+from stemwatch.models.recording import PERCENT, Quality, Recording, Role
 from stemwatch.models.screening_result import DataQuality
 from stemwatch.models.validity_checks import Obstacle as Obstacle
 from stemwatch.models.validity_checks import (
@@ -52,7 +52,7 @@ def _mask(recording: Recording, role: Role, runs: list[tuple[int, int]]) -> Reco
     for first, last in runs:
         # The first sample of a run is the last true one.
         quality[first + 1 : last] = Quality.BAD
-    masked = Signal(signal.values, quality, signal.tag, signal.unit, signal.interval_s)
+    masked = replace(signal, quality=quality)
     return replace(recording, signals={**recording.signals, role: masked})
 
 
