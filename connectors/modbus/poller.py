@@ -301,8 +301,8 @@ class DevicePoller:
         """Deliver marked samples for the instants missed before ``slot``."""
         if slot.clock_went_back:
             log.warning(
-                "device %s: the computer's clock was set back; samples of times that are in the "
-                "store already are not taken again",
+                "device %s: the computer's clock was set back; samples whose time comes a second "
+                "time are bad, since either clock may have been the wrong one",
                 self.device.name,
                 extra={"device": self.device.name},
             )
