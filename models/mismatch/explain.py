@@ -67,7 +67,6 @@ from stemwatch.models.mismatch.stiction import of_balance, stiction
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.mismatch.tried import what_was_tried
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.own_clock import on_own_clock
