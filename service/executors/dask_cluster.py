@@ -169,8 +169,8 @@ class _HandedOut:
             # No failure of the work, which would be a result with that reason.
             raise ClusterError(
                 f"the cluster let go of the work ({' '.join(str(error).split())}): its scheduler "
-                "was stopped or started anew; run the same command again, what was saved is updated "
-                "in place"
+                "was stopped or started anew; run the same command again, what was saved is "
+                "updated in place"
             ) from None
         except ClusterError:
             raise
