@@ -34,7 +34,7 @@ from stemwatch.models.fit_window import (
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
@@ -474,10 +474,5 @@ def _on_whole_clock(mismatch: Mismatch | None, fitted: _Fitted) -> Mismatch | No
     """The mismatch with its free runs on the clock of the whole recording."""
     if mismatch is None or mismatch.runs is None or fitted.stretch is None:
         return mismatch
-    first, samples, runs = fitted.stretch.first, len(fitted.case.recording), mismatch.runs
-    on_clock = FreeRuns(
-        naive=on_whole_clock(runs.naive, first, samples),
-        extended=on_whole_clock(runs.extended, first, samples),
-        heldout_from=first + runs.heldout_from,
-    )
-    return replace(mismatch, runs=on_clock)
+    runs = mismatch.runs.within(fitted.stretch.first, len(fitted.case.recording))
+    return replace(mismatch, runs=runs)

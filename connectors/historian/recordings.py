@@ -132,21 +132,21 @@ def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
         )
 
 
-def find_tag(opened: SampleSource, wanted: str) -> str:
+def find_tag(opened: SampleSource, tag_text: str) -> str:
     """The source's tag for what a user wrote. Raises ``UnknownTag`` with the nearest ones."""
     tags = list(opened.names)
-    if wanted in tags:
-        return wanted
-    plain = wanted.strip().lower()
+    if tag_text in tags:
+        return tag_text
+    plain = tag_text.strip().lower()
     folded = [tag for tag in tags if tag.lower() == plain]
     if len(folded) == 1:
         return folded[0]
     with_unit = [tag for tag in tags if plain.startswith((tag.lower() + " ", tag.lower() + "["))]
     if len(with_unit) == 1:
         return with_unit[0]
-    near = difflib.get_close_matches(wanted, tags, n=3, cutoff=0.4) or tags[:5]
+    near = difflib.get_close_matches(tag_text, tags, n=3, cutoff=0.4) or tags[:5]
     raise UnknownTag(
-        f"{opened.source_name}: there is no tag {wanted!r} among {len(tags)}; the nearest are "
+        f"{opened.source_name}: there is no tag {tag_text!r} among {len(tags)}; the nearest are "
         f"{', '.join(repr(tag) for tag in near)}"
     )
 
@@ -197,7 +197,14 @@ def _signal(
     if own is not None:
         notes.append(f"{column.tag} itself changes only each {own:g} s.")
     values, quality, unit = _scaled(role, column, mapping, laid, notes)
-    return Signal(values=values, quality=quality, tag=column.tag, unit=unit, interval_s=own)
+    return Signal(
+        values=values,
+        quality=quality,
+        tag=column.tag,
+        unit=unit,
+        interval_s=own,
+        range=mapping.process_range(column.unit),
+    )
 
 
 def _scaled(

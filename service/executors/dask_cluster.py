@@ -162,9 +162,9 @@ class _HandedOut:
         dask = distributed()
         place = self._out.pop(future.key)
         try:
-            return Answer(place=place, results=future.result())
+            return Answer(index=place, results=future.result())
         except dask.KilledWorker:
-            return Answer(place=place, failure=Failure(reason=DEADLY, lost=True))
+            return Answer(index=place, failure=Failure(reason=DEADLY, lost=True))
         except (dask.CancelledError, dask.comm.CommClosedError) as error:
             # No failure of the work, which would be a result with that reason.
             raise ClusterError(
@@ -175,7 +175,7 @@ class _HandedOut:
         except ClusterError:
             raise
         except Exception as error:
-            return Answer(place=place, failure=failure_of(error))
+            return Answer(index=place, failure=failure_of(error))
 
 
 class _Pulse:

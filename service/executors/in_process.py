@@ -29,7 +29,7 @@ class InProcess:
             if stop.is_set():
                 return
             try:
-                answer = Answer(place=index, results=work(batch))
+                answer = Answer(index=index, results=work(batch))
             except Exception as error:
-                answer = Answer(place=index, failure=failure_of(error))
+                answer = Answer(index=index, failure=failure_of(error))
             yield answer

@@ -64,9 +64,9 @@ def change(before: float | None, after: float | None) -> str:
     return first if first == second else f"{first} → {second}"
 
 
-def _entry(explained: Explained, place: int, taken: Counter[str]) -> ExplainedEntry:
+def _entry(explained: Explained, place: int, used_anchors: Counter[str]) -> ExplainedEntry:
     recording = explained.recording if place < MOST_PLOTTED else None
-    anchor = anchor_of(explained.valve, taken)
+    anchor = anchor_of(explained.valve, used_anchors)
     return ExplainedEntry(
         explained=explained,
         view=mismatch_view(explained.mismatch, recording, anchor, explained.valve),

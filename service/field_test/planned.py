@@ -68,7 +68,7 @@ def question_before(
     return question or OpenQuestion(), chosen.at
 
 
-class KeptPlans:
+class PlanCache:
     """Plans from a store. Each takes seconds, so those that were asked for last are kept; a new
     screening of a valve is planned anew."""
 

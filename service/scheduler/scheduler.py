@@ -98,9 +98,9 @@ class Scheduler:
         until = [(instant - now).total_seconds() for instant in coming if instant is not None]
         return min(max(min(until, default=_LONG_S), _SOON_S), self._look_again_s)
 
-    def _plan(self, kept: StoredSchedule, now: datetime) -> int | None:
-        schedule = kept.schedule
-        since = kept.last_due or kept.created
+    def _plan(self, stored: StoredSchedule, now: datetime) -> int | None:
+        schedule = stored.schedule
+        since = stored.last_due or stored.created
         if since > now + _AHEAD:
             self._begin_anew(schedule.name, since, now)
             since = now
@@ -111,10 +111,10 @@ class Scheduler:
             self._store.schedules.note(schedule.name, now if missed else None, None)
             return None
         if missed is None:
-            if coming != kept.next_due:
+            if coming != stored.next_due:
                 self._store.schedules.note(schedule.name, None, coming)
             return None
-        number = self._store.queue.put(self._wanted(kept, missed), software_version=__version__)
+        number = self._store.queue.put(self._wanted(stored, missed), software_version=__version__)
         self._store.schedules.note(schedule.name, missed.last, coming)
         if number is not None:
             text = "run %d of schedule %s is queued for %s"
@@ -133,8 +133,8 @@ class Scheduler:
         self._store.queue.forget_instants_after(name, now)
         self._store.schedules.note(name, now, None)
 
-    def _wanted(self, kept: StoredSchedule, missed: Missed) -> RunToQueue:
-        schedule, due = kept.schedule, missed.last
+    def _wanted(self, stored: StoredSchedule, missed: Missed) -> RunToQueue:
+        schedule, due = stored.schedule, missed.last
         start = None
         if schedule.window_s is not None:
             start = due - timedelta(seconds=schedule.window_s)

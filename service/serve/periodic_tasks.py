@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.notifiers import notifiers_of
 from stemwatch.service.alerts.sender import Sender
 from stemwatch.service.alerts.silent_sources import watch_sources
@@ -83,4 +83,4 @@ def _old_samples(store: Store, plant: Plant, clock: ClockWatch) -> None:
 
 def _sources(store: Store, plant: Plant, clock: ClockWatch) -> None:
     if watch_sources(store, plant, clock.even_since()):
-        tell(store, plant)
+        queue_messages(store, plant)

@@ -162,12 +162,15 @@ class _Recorded:
 
 
 def play(
-    plan: AlertPlan, folder: Path, executor: Executor, tell: Callable[[int], None] = lambda _: None
+    plan: AlertPlan,
+    folder: Path,
+    executor: Executor,
+    on_progress: Callable[[int], None] = lambda _: None,
 ) -> Played:
     """Play ``plan`` in ``folder``, where plant file, archive, database and reports come to lie.
 
-    Windows are simulated in ``executor``; runs are the service's own. ``tell`` hears how many days
-    are over.
+    Windows are simulated in ``executor``; runs are the service's own. ``on_progress`` hears how
+    many days are over.
     """
     lives = tuple(draw_lives(plan.valves, plan.days, plan.seed))
     folder.mkdir(parents=True, exist_ok=True)
@@ -190,7 +193,7 @@ def play(
             _must_be_done(store, number, len(lives))
             book.note(store, day)
             shutil.rmtree(folder / "parquet" / f"date={_date(day)}", ignore_errors=True)
-            tell(day + 1)
+            on_progress(day + 1)
     return Played(plan=plan, lives=lives, alerts=tuple(book.alerts.values()))
 
 

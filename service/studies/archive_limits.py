@@ -40,7 +40,7 @@ SLOW = ("stored every 5 s", "stored every 10 s", "averages of 10 s")
 
 
 @dataclass(frozen=True)
-class Shown:
+class ArchiveEvidence:
     """What one recording shows; NaN where it shows nothing of the kind."""
 
     way: str
@@ -94,22 +94,22 @@ class Limit:
         return self.nulls_beyond == 0
 
 
-def shown_by(valve: StudiedValve | tuple[PlantLoop, int]) -> list[Shown]:
+def evidence_of_valve(valve: StudiedValve | tuple[PlantLoop, int]) -> list[ArchiveEvidence]:
     """One valve as it is, stored late, and stored slowly; a healthy one also with a noisy PV. A
     loop with its seed, whose valve sticks, as it is."""
     if isinstance(valve, tuple):
         recording = simulate_loop(*valve).recording
-        return [_shown(ALL_LOOPS, True, on_own_clock(recording))]
+        return [_evidence(ALL_LOOPS, True, on_own_clock(recording))]
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording
     stored = {way: WAYS[way].change(recording) for way in ("as it is", LATE, *SLOW)}
     if not valve.sticking:
         loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
         stored[NOISY] = simulate_loop(loud, seed).recording
-    return [_shown(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
+    return [_evidence(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
 
 
-def _shown(way: str, sticking: bool, recording: Recording) -> Shown:
+def _evidence(way: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
     # What the stem says where there is no PV, and what the controller does.
     without_pv: dict[Role, Signal] = {
         role: one for role, one in recording.signals.items() if role is not Role.PV
@@ -117,7 +117,7 @@ def _shown(way: str, sticking: bool, recording: Recording) -> Shown:
     late = late_evidence(replace(recording, signals=without_pv)).gain
     archive, fit = even_archive(recording), fit_stickslip(recording)
     against = _against(fit, archive)
-    return Shown(
+    return ArchiveEvidence(
         way=way,
         sticking=sticking,
         late_mean=late.mean,
@@ -143,27 +143,27 @@ def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
 
 
 def run_archive_limits(
-    each: int, seed: int, executor: Executor, tell: Callable[[int], None]
-) -> list[Shown]:
+    each: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
+) -> list[ArchiveEvidence]:
     """``each`` sticking and as many healthy valves, in all ways, and twice as many sticking ones of
     all kinds of loops as they are."""
-    done: dict[int, list[Shown]] = {}
+    done: dict[int, list[ArchiveEvidence]] = {}
     drawn: list[StudiedValve | tuple[PlantLoop, int]] = [*draw_valves(each, seed)]
     drawn += [(loop, 1000 * seed + place) for place, loop in enumerate(draw_sticky(2 * each, seed))]
-    for place, shown in map_items(executor, shown_by, drawn):
-        done[place] = shown
-        tell(len(done))
-    return [shown for place in sorted(done) for shown in done[place]]
+    for place, evidence in map_items(executor, evidence_of_valve, drawn):
+        done[place] = evidence
+        on_progress(len(done))
+    return [evidence for place in sorted(done) for evidence in done[place]]
 
 
-def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
+def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     """Each limit with the nulls and the recordings that it tells apart."""
-    nulls = [one for one in shown if one.way == "as it is"]
-    late = [one for one in shown if one.way == LATE]
-    slow = [one for one in shown if one.way in SLOW and one.sticking]
-    all_loops = [one for one in shown if one.way == ALL_LOOPS]
+    nulls = [one for one in evidence if one.way == "as it is"]
+    late = [one for one in evidence if one.way == LATE]
+    slow = [one for one in evidence if one.way in SLOW and one.sticking]
+    all_loops = [one for one in evidence if one.way == ALL_LOOPS]
     sticking = [one for one in nulls if one.sticking]
-    noisy = [one for one in shown if one.way == NOISY]
+    noisy = [one for one in evidence if one.way == NOISY]
     b = between_samples
     agree = [*nulls, *noisy, *all_loops]
     yield _limit(
@@ -186,7 +186,7 @@ def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
     evident = _both(noisy, slow, lambda one: one.friction_mean >= b.EVIDENT_MEAN)
     yield _limit("friction evident: t", b.EVIDENT_T, evident[0], evident[1], "friction_t")
     sticking += all_loops
-    nulls, others = _both(sticking, slow, partial(Shown.against_the_fit, but="apart"))
+    nulls, others = _both(sticking, slow, partial(ArchiveEvidence.against_the_fit, but="apart"))
     yield _limit("slips against the fit: S", b.S_APART, nulls, others, "S_apart")
     yield _limit("slips against the fit: J", b.J_APART, nulls, others, "J_apart")
     for name, limit, field, above in (
@@ -195,13 +195,15 @@ def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
         ("slips against the fit: bounds", b.WIDEST, "bounds", False),
         ("slips against the fit: samples to a turn", b.RESOLVED, "samples_per_turn", False),
     ):
-        nulls, others = _both(sticking, slow, partial(Shown.against_the_fit, but=field))
+        nulls, others = _both(sticking, slow, partial(ArchiveEvidence.against_the_fit, but=field))
         yield _limit(name, limit, nulls, others, field, above=above)
 
 
 def _both(
-    nulls: Sequence[Shown], others: Sequence[Shown], where: Callable[[Shown], bool]
-) -> tuple[list[Shown], list[Shown]]:
+    nulls: Sequence[ArchiveEvidence],
+    others: Sequence[ArchiveEvidence],
+    where: Callable[[ArchiveEvidence], bool],
+) -> tuple[list[ArchiveEvidence], list[ArchiveEvidence]]:
     """Those of either group that meet the other limits."""
     return [one for one in nulls if where(one)], [one for one in others if where(one)]
 
@@ -209,8 +211,8 @@ def _both(
 def _limit(
     name: str,
     limit: float,
-    nulls: Sequence[Shown],
-    others: Sequence[Shown],
+    nulls: Sequence[ArchiveEvidence],
+    others: Sequence[ArchiveEvidence],
     field: str,
     *,
     above: bool = True,

@@ -314,7 +314,11 @@ def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -
 
 
 def run_robustness(
-    each: int, seed: int, ways: Sequence[str], executor: Executor, tell: Callable[[int], None]
+    each: int,
+    seed: int,
+    ways: Sequence[str],
+    executor: Executor,
+    on_progress: Callable[[int], None],
 ) -> list[StudyAnswer]:
     """``each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown way."""
     for way in ways:
@@ -324,7 +328,7 @@ def run_robustness(
         RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(ways))
         for first in range(0, len(valves), BATCH)
     ]
-    return map_in_order(executor, answer_batch, batches, tell)
+    return map_in_order(executor, answer_batch, batches, on_progress)
 
 
 @dataclass(frozen=True)

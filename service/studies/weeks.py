@@ -65,18 +65,18 @@ def follow(
     windows: int,
     seed: int,
     executor: Executor,
-    tell: Callable[[int], None] = lambda _: None,
+    on_progress: Callable[[int], None] = lambda _: None,
     effects: Sequence[str] = PHYSICS,
 ) -> list[FollowedValve]:
     """``nulls`` valves with nothing hidden over ``days`` windows, and ``valves`` with each of
-    ``effects`` over ``windows``. ``tell`` hears how many valves are done."""
+    ``effects`` over ``windows``. ``on_progress`` hears how many valves are done."""
     jobs = [WatchedValve(case, days) for case in draw_nulls(nulls, seed)]
     jobs += [
         WatchedValve(case, windows)
         for slug in effects
         for case in (draw_effect(slug, valves, seed) if valves else ())
     ]
-    return map_in_order(executor, _follow, [(job,) for job in jobs], tell)
+    return map_in_order(executor, _follow, [(job,) for job in jobs], on_progress)
 
 
 def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:

@@ -58,7 +58,7 @@ class Workers:
             raise self.error
         for index, batch in enumerate(batches):
             self.asked += batch
-            yield Answer(place=index, results=batch, failure=self.failure)
+            yield Answer(index=index, results=batch, failure=self.failure)
 
 
 def test_a_screening_compiles_nothing_that_was_not_compiled_ahead() -> None:

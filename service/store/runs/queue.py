@@ -60,14 +60,14 @@ class RunQueue:
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
-    def put(self, wanted: RunToQueue, *, software_version: str) -> int | None:
+    def put(self, run: RunToQueue, *, software_version: str) -> int | None:
         """Queue a run and return its number; ``None`` where this instant of the schedule is queued
         already.
 
         Where the schedule's previous run is not over, the new one is stored as skipped.
         """
         with self._transactions.writing("queueing a run") as session:
-            going = _going(session, wanted.schedule)
+            going = _going(session, run.schedule)
             now = database_now(session)
             values: dict[str, object] = {
                 "started": now,
@@ -77,14 +77,14 @@ class RunQueue:
                 "settings_digest": "",
                 "counts": {},
                 "state": (RunState.WAITING if going is None else RunState.SKIPPED).value,
-                "schedule": wanted.schedule,
-                "due": wanted.due,
-                "not_before": wanted.not_before,
-                "window_start": wanted.window[0],
-                "window_stop": wanted.window[1],
-                "asked": list(wanted.valves) or None,
-                "who": wanted.who,
-                "reason": wanted.reason
+                "schedule": run.schedule,
+                "due": run.due,
+                "not_before": run.not_before,
+                "window_start": run.window[0],
+                "window_stop": run.window[1],
+                "asked": list(run.valves) or None,
+                "who": run.who,
+                "reason": run.reason
                 if going is None
                 else f"run {going} of this schedule was not over yet",
             }

@@ -9,7 +9,7 @@ import pytest
 
 from stemwatch.models.mismatch import between_samples
 from stemwatch.models.stickslip import clock_shift
-from stemwatch.service.studies.archive_limits import ALL_LOOPS, Shown, limits
+from stemwatch.service.studies.archive_limits import ALL_LOOPS, ArchiveEvidence, limits
 
 SEED = 8484
 
@@ -56,9 +56,11 @@ def test_every_recording_is_in_the_file(printed) -> None:
     assert printed["seed"] == SEED
 
 
-def shown(per_turn: float, S_apart: float, *, sticking: bool = True) -> Shown:
+def shown(per_turn: float, S_apart: float, *, sticking: bool = True) -> ArchiveEvidence:
     """A valve of any kind of loop whose clear slips answer at once."""
-    return Shown(ALL_LOOPS, sticking, 0.0, 0.0, 0.9, per_turn, 1.0, 3.0, S_apart, 0.0, 0.2, 50, 0.1)
+    return ArchiveEvidence(
+        ALL_LOOPS, sticking, 0.0, 0.0, 0.9, per_turn, 1.0, 3.0, S_apart, 0.0, 0.2, 50, 0.1
+    )
 
 
 def test_nulls_beyond_a_limit_are_counted() -> None:

@@ -135,8 +135,8 @@ def test_record_effects_are_found_or_claimed() -> None:
         marked([], [], record_effects=("frozen_signal",)),
         marked([], []),
     ]
-    marks[0] = replace(marks[0], said=replace(marks[0].said, record_effects=("frozen_signal",)))
-    marks[1] = replace(marks[1], said=replace(marks[1].said, record_effects=("quantisation",)))
+    marks[0] = replace(marks[0], answer=replace(marks[0].answer, record_effects=("frozen_signal",)))
+    marks[1] = replace(marks[1], answer=replace(marks[1].answer, record_effects=("quantisation",)))
     rates = {
         (record_rate.group, record_rate.name): (record_rate.hits, record_rate.of)
         for record_rate in record_rates(marks)
