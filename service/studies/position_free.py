@@ -46,13 +46,15 @@ def example_item(item: LoopToDraw) -> list[LoopExample | None]:
     return [example(item.seed, item.place)]
 
 
-def run_training(loops: int, seed: int, executor: Executor, tell: Callable[[int], None]) -> Judge:
+def run_training(
+    loops: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
+) -> Judge:
     """Train on ``loops`` loops of ``seed``; half as many of the next seed give the limits."""
     from stemwatch.models.studies.loops.training import train  # torch takes two seconds to import
 
     items = [LoopToDraw(seed, place) for place in range(loops)]
     items += [LoopToDraw(seed + 1, place) for place in range(loops // 2)]
-    shown = map_in_order(executor, example_item, items, tell)
+    shown = map_in_order(executor, example_item, items, on_progress)
     network = train([one for one in shown[:loops] if one is not None], seed=seed)
     judged = [one for one in shown[loops:] if one is not None]
     answers = [network.answer(one.values, one.windows.astype(np.float64)) for one in judged]
@@ -166,11 +168,13 @@ FAMILIES: Mapping[str, Callable[[LoopToDraw], tuple[Recording, float, str]]] = {
 
 
 def run_position_free(
-    judge: Judge, loops: int, seed: int, executor: Executor, tell: Callable[[int], None]
+    judge: Judge, loops: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[StudiedLoop]:
     """What ``judge`` says of ``loops`` loops of each family, every other one sticking."""
     items = [LoopToDraw(seed, place, family) for family in FAMILIES for place in range(loops)]
-    return [_answer(judge, shown) for shown in map_in_order(executor, look_item, items, tell)]
+    return [
+        _answer(judge, shown) for shown in map_in_order(executor, look_item, items, on_progress)
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -186,7 +186,8 @@ class WatchedFolder:
                 continue
             stat = path.stat()
             states[path] = _FileState(stat.st_size, stat.st_mtime_ns)
-            quiet = now - datetime.fromtimestamp(stat.st_mtime, UTC) >= self._quiet
+            # In the future where the clock was set back, or that of the writing machine is ahead.
+            quiet = abs(now - datetime.fromtimestamp(stat.st_mtime, UTC)) >= self._quiet
             if quiet and self._before.get(path) == states[path]:
                 yield path
         self._before = states
@@ -252,8 +253,8 @@ class WatchedFolder:
             written.write_text(note + "\n", encoding="utf-8", errors="replace")
         os.replace(path, target)
 
-    def _store_state(self, fault: str, taken: list[TakenFile]) -> None:
-        for file in taken:
+    def _store_state(self, fault: str, files: list[TakenFile]) -> None:
+        for file in files:
             self._counts["taken" if file.accepted else "rejected"] += 1
             self._counts["samples"] += file.samples
             if file.accepted:

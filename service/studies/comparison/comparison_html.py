@@ -59,7 +59,7 @@ def _data(comparison: Comparison) -> dict[str, Any]:
         mv = _points(recording.mv.values, grid)
         traces.append({"label": "MV", "values": mv, "shown": True})
     drawn = [row for row in comparison.ranked() if row.simulated is not None]
-    traces += [_trace(row, grid, place < SHOWN_FIRST) for place, row in enumerate(drawn)]
+    traces += [_trace(row, grid, index < SHOWN_FIRST) for index, row in enumerate(drawn)]
     return {
         "first": grid.first * recording.interval_s,
         "step": grid.step * recording.interval_s,
@@ -68,9 +68,9 @@ def _data(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _trace(row: ModelRow, grid: ThinningGrid, shown: bool) -> dict[str, Any]:
+def _trace(row: ModelRow, grid: ThinningGrid, is_visible: bool) -> dict[str, Any]:
     assert row.simulated is not None
-    return {"label": row.model, "values": _points(row.simulated, grid), "shown": shown}
+    return {"label": row.model, "values": _points(row.simulated, grid), "shown": is_visible}
 
 
 def _points(values: Floats, grid: ThinningGrid) -> list[float | None]:

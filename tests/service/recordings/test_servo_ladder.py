@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.benchmarks.bench_servo_ladder import CLEAR_LOAD, NO_LOAD, Row, row
+from stemwatch.service.explain.explained import explain_recording
+from stemwatch.service.report.charts.effect_pictures import effect_pictures
+from tests.benchmarks.bench_servo_ladder import CLEAR_LOAD, NO_LOAD, Row, read, row
 
 pytestmark = [pytest.mark.recordings, pytest.mark.long]
 
@@ -29,26 +31,44 @@ def rows(recordings: Path) -> list[Row]:
 def explained(place: Path) -> list[Row]:
     with (place / "conditions.csv").open(encoding="utf-8", newline="") as text:
         conditions = list(csv.DictReader(text))[::EVERY]
-    return [row(place / f"{one['file']}.gz", one) for one in conditions]
+    return [row(place / f"{condition['file']}.gz", condition) for condition in conditions]
 
 
 def test_the_motor_is_named_at_every_gain(rows: list[Row]) -> None:
     """One machine, one name."""
-    assert [one.file for one in rows if "motor_drive" not in one.names] == []
+    assert [row.file for row in rows if "motor_drive" not in row.names] == []
 
 
 def test_a_load_is_named_where_it_is_clear_and_nowhere_where_it_is_slight(rows: list[Row]) -> None:
     """Two percent of a turn and more, and less than half a percent."""
-    assert [one.file for one in rows if one.law_load >= CLEAR_LOAD and not one.loaded] == []
-    assert [one.file for one in rows if one.law_load < NO_LOAD and one.loaded] == []
+    assert [row.file for row in rows if row.law_load >= CLEAR_LOAD and not row.loaded] == []
+    assert [row.file for row in rows if row.law_load < NO_LOAD and row.loaded] == []
 
 
 def test_s_is_near_the_law_and_the_fit_gains_on_unseen_samples(rows: list[Row]) -> None:
     """Within 0.3 % of a turn, the law inside the interval."""
-    assert max(one.error for one in rows) <= 0.3
-    assert all(one.holds for one in rows)
+    assert max(row.error for row in rows) <= 0.3
+    assert all(row.holds for row in rows)
     # Where the encoder misread while the fit was judged, both errors are mostly that reading's.
-    left = [(one.rmse_extended or 0.0) / (one.rmse_naive or 1.0) for one in rows]
+    left = [(row.rmse_extended or 0.0) / (row.rmse_naive or 1.0) for row in rows]
     assert 0.0 < min(left)
     assert max(left) < 1.0
     assert float(np.median(left)) < 0.6
+
+
+def test_the_page_of_a_servo_has_its_pictures(recordings: Path) -> None:
+    """Three strokes, both loops, and what shows each effect, of a drive sampled every 10 ms: times
+    in the pictures are those of its clock."""
+    file = recordings / "servo_ladder" / "kp08_m1.168_l0.15_r1.csv.gz"
+    if not file.is_file():
+        pytest.skip(f"THE SERVO LADDER IS NOT TESTED: no {file.name}")
+    explained = explain_recording(read(file), file.name, narx=False)
+    pictures = effect_pictures(explained.recording, explained.mismatch)
+    titles = [picture.title for picture in pictures]
+    assert titles[:3] == ["Stroke 1", "Stroke 2", "Stroke 3"]
+    assert sum(title.startswith("MV against OP") for title in titles) == 2
+    shown = {title for title in titles if title.startswith("What shows it")}
+    assert len(shown) == len(explained.mismatch.effects)
+    for stroke in pictures[:3]:
+        times = np.concatenate([line.x for line in stroke.plot.drawn])
+        assert float(np.ptp(times)) < 5.0  # the drive needs tenths of a second

@@ -293,7 +293,12 @@ def test_what_cannot_be_done_with_users_is_refused(admin: Browser, path, fields,
 def test_a_link_can_be_withdrawn_from_the_page(admin: Browser, live: Site) -> None:
     """It stands in the list until then, without its secret."""
     secret, link = make_link(
-        live.store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="A", now=NOW, note="for Bob"
+        live.store,
+        OneTimeLinkKind.INVITATION,
+        UserRole.VIEWER,
+        made_by="A",
+        now=NOW,
+        note="for Bob",
     )
     page = admin.client.get("/users").text
     assert "for Bob" in page
@@ -314,7 +319,7 @@ def test_the_audit_page_filters_and_pages(admin: Browser, live: Site) -> None:
     assert "No entry matches" in admin.client.get("/audit?start=2026-03-31").text
     assert "<b>Eve" not in page
     lines = admin.client.get("/api/v1/audit?limit=5").json()
-    assert [one["who"] for one in lines] == [NAMES[UserRole.ADMIN]] * 5
+    assert [line["who"] for line in lines] == [NAMES[UserRole.ADMIN]] * 5
 
 
 def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of) -> None:
