@@ -57,3 +57,4 @@ def calibrate_archives(
             "recordings": [asdict(one) for one in shown],
         }
         json_file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("method.md")

@@ -42,6 +42,7 @@ def miswiring(
         answers = run_miswiring(loops, seed, kinds, choose_executor(workers), tell)
     _print(list(rows(answers)))
     views.write_answers(answers, json_file)
+    views.say_read_on("miswiring.md")
 
 
 def _print(rows: Sequence[WiringRow]) -> None:

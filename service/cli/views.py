@@ -104,6 +104,14 @@ def say_next(text: str) -> None:
     err.print(f"[bold]Next:[/] {escape(text)}", highlight=False, soft_wrap=True)
 
 
+def say_read_on(page: str) -> None:
+    """Print where the counts of a study are explained, and what to do with valves of one's own."""
+    say_next(
+        f"docs/{page} says what was simulated and how to read these figures; valves of your own: "
+        "`stemwatch screen FILE`."
+    )
+
+
 def say_result(text: str) -> None:
     """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)

@@ -8,7 +8,7 @@ NaN and infinities never appear: they become null.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime, tzinfo
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
@@ -202,11 +202,12 @@ def to_contract(
     *,
     stands: bool | None = None,
     by_window: EvidenceOfWeeks | None = None,
+    zone: tzinfo = UTC,
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together.
+    windows of the last weeks say together. Days in sentences are those of ``zone``, as in a report.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
@@ -238,7 +239,7 @@ def to_contract(
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
         "over_weeks": []
         if by_window is None
-        else [_lasting(finding) for finding in by_window.findings],
+        else [_lasting(finding, zone) for finding in by_window.findings],
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
@@ -304,11 +305,11 @@ def _direction(step: StepFigures, figures: ResponseFigures) -> str:
     return "rising" if step.rising else "falling"
 
 
-def _lasting(finding: LastingFinding) -> dict[str, Any]:
+def _lasting(finding: LastingFinding, zone: tzinfo) -> dict[str, Any]:
     return {
         "slug": printable(finding.slug),
         "state": finding.state.value,
-        "sentence": printable(finding_sentence(finding)),
+        "sentence": printable(finding_sentence(finding, zone)),
         "first_seen": _instant(finding.first_seen),
         "confirmed": _instant(finding.confirmed),
         "last_seen": _instant(finding.last_seen),

@@ -6,7 +6,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
+from stemwatch.connectors.historian.options import given_options
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
@@ -272,13 +273,7 @@ def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
     base = (
         ReadOptions(**plant.read_options(sources[0])) if sources else ReadOptions(zone=plant.zone)
     )
-    default = ReadOptions()
-    overrides = {
-        field.name: getattr(given, field.name)
-        for field in fields(given)
-        if getattr(given, field.name) != getattr(default, field.name)
-    }
-    return replace(base, **overrides)
+    return replace(base, **given_options(given))
 
 
 def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:
