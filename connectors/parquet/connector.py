@@ -75,7 +75,7 @@ class ParquetSettings(ArchiveSettings):
     )
 
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
-        """Of the files."""
+        """The address of the archive's files; a relative path counts from ``folder``."""
         path = self.path if "://" in self.path else str(folder / self.path)
         return ParquetAddress(path, self.read_options(zone), before_s=self.before_s or 0.0)
 

@@ -54,7 +54,7 @@ def _print(rows: Sequence[WiringRow]) -> None:
     table.add_column("the recording has ...")
     for name in ("wrong", "undetermined", "right", "said"):
         table.add_column(name, justify="right")
-    table.add_column("what the undetermined are told")
+    table.add_column("why the undetermined have no verdict")
     for row in rows:
         table.add_row(
             row.kind,

@@ -1,4 +1,4 @@
-"""``stemwatch screen``: the main job."""
+"""``stemwatch screen``: a verdict on every valve of an export or a plant file, and the report."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from stemwatch.models.mismatch.findings import (
     Mismatch,
     RecordEffect,
     Stiction,
-    Tried,
+    TriedEffect,
 )
 from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
@@ -70,7 +70,7 @@ def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[s
             "before": _hot(mismatch.before.hot),
             "after": _hot(mismatch.after.hot),
         },
-        "tried": [_tried(one) for one in mismatch.tried],
+        "tried": [_tried(tried_effect) for tried_effect in mismatch.tried],
         "together": _gain(mismatch.together),
         "p_value": finite(mismatch.p_value),
         "stands": stands,
@@ -141,12 +141,12 @@ def _gain(gain: Gain | None) -> dict[str, float | None] | None:
     return None if gain is None else {"mean": finite(gain.mean), "t": finite(gain.t)}
 
 
-def _tried(one: Tried) -> dict[str, Any]:
+def _tried(tried: TriedEffect) -> dict[str, Any]:
     return {
-        "slug": printable(one.slug),
-        "alone": _gain(one.alone),
-        "beside": _gain(one.beside),
-        "outcome": one.outcome.value,
+        "slug": printable(tried.slug),
+        "alone": _gain(tried.alone),
+        "beside": _gain(tried.beside),
+        "outcome": tried.outcome.value,
     }
 
 

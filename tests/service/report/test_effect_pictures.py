@@ -73,5 +73,5 @@ def test_a_gap_is_in_no_stroke() -> None:
     found = pictures(op, mv)
     assert len(found) == 1
     drawn = found[0].plot.drawn[0]
-    assert re.match("One of 1 ", found[0].says)
+    assert re.match("The only stroke on which ", found[0].says)
     assert drawn.y.max() <= 60.0
