@@ -25,13 +25,13 @@ def study_wear_forecast(
 
     from stemwatch.service.cli import views
     from stemwatch.service.cli.prove_tables import plain_table
-    from stemwatch.service.studies.wear import Wear, run_wear_study
+    from stemwatch.service.studies.wear import WearKind, run_wear_study
 
     cases = list(run_wear_study(valves, seed))
     columns = ("valves", "trend claimed", "with weeks", "interval holds", "half open", "error")
     table = plain_table(f"Forecast of wear, seed {seed}", ("wear",), columns)
-    kinds: list[tuple[str, tuple[Wear, ...]]] = [(wear.value, (wear,)) for wear in Wear]
-    for name, wears in [*kinds, ("all that wear", tuple(Wear)[1:])]:
+    kinds: list[tuple[str, tuple[WearKind, ...]]] = [(wear.value, (wear,)) for wear in WearKind]
+    for name, wears in [*kinds, ("all that wear", tuple(WearKind)[1:])]:
         chosen = [case for case in cases if case.wear in wears]
         foreseen = [case for case in chosen if case.holds is not None]
         errors = [

@@ -25,7 +25,7 @@ SHARE, OWN, LASTING, LASTS_DAYS = 0.04, 0.06, 0.05, 10.0
 LIMIT = Limits().sticky_S_percent
 
 
-class Wear(StrEnum):
+class WearKind(StrEnum):
     """How a valve wears."""
 
     NONE = "none"
@@ -39,7 +39,7 @@ class ForecastCase:
     """One valve on one day: what was foreseen, and the ``weeks`` until S truly reaches the limit
     (infinite where it never does within the months that were drawn)."""
 
-    wear: Wear
+    wear: WearKind
     forecast: WearForecast
     weeks: float
 
@@ -61,14 +61,14 @@ class ForecastCase:
 
 def run_wear_study(valves: int, seed: int) -> Iterator[ForecastCase]:
     """``valves`` of each kind of wear, one after the other."""
-    for wear in Wear:
+    for wear in WearKind:
         for place in range(valves):
-            rng = np.random.default_rng([seed, place, list(Wear).index(wear)])
+            rng = np.random.default_rng([seed, place, list(WearKind).index(wear)])
             if (case := _case(wear, rng)) is not None:
                 yield case
 
 
-def _case(wear: Wear, rng: np.random.Generator) -> ForecastCase | None:
+def _case(wear: WearKind, rng: np.random.Generator) -> ForecastCase | None:
     S = true_S(wear, rng)
     measured, there = estimated_S(S, rng)
     beyond = S >= LIMIT
@@ -85,18 +85,18 @@ def _case(wear: Wear, rng: np.random.Generator) -> ForecastCase | None:
     return ForecastCase(wear=wear, forecast=forecast, weeks=float(weeks))
 
 
-def true_S(wear: Wear, rng: np.random.Generator) -> Floats:
+def true_S(wear: WearKind, rng: np.random.Generator) -> Floats:
     """(DAYS,) S of a valve, percent of OP span: it begins to wear, or was repaired, some time in
     the first third."""
     well = rng.uniform(0.1, 0.6)
-    if wear is Wear.NONE:
+    if wear is WearKind.NONE:
         return np.full(DAYS, rng.uniform(0.1, 1.3))
     day = np.arange(DAYS)
     begins, worn = rng.uniform(0.0, 0.3) * DAYS, rng.uniform(1.5, 6.0)
     share = np.clip((day - begins) / (DAYS - begins), 0.0, None)
-    if wear is Wear.ACCELERATING:
+    if wear is WearKind.ACCELERATING:
         share = share ** rng.uniform(1.5, 3.0)
-    if wear is Wear.STEPWISE:
+    if wear is WearKind.STEPWISE:
         at = rng.uniform(begins, DAYS, rng.integers(4, 12))
         size = rng.exponential(size=at.size)
         share = (size * (day[:, None] >= at)).sum(axis=1) / size.sum()
