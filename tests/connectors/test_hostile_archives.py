@@ -20,9 +20,9 @@ from stemwatch.connectors.connector import Connector, ConnectorError, ValveTags
 from stemwatch.connectors.historian import HistorianFile
 from stemwatch.connectors.opcua.connector import OpcUaAddress
 from stemwatch.connectors.parquet import ParquetArchive
-from tests.connectors import made_archives as made
+from tests.connectors import example_archives as made
 from tests.connectors.faulty_line import faulty_line
-from tests.connectors.opcua.served import serving
+from tests.connectors.opcua.loopback_server import serving
 from tests.connectors.opcua.test_opcua_archive import PREFIX
 from tests.connectors.opcua.test_opcua_archive import history as opcua_history
 from tests.connectors.sql.conftest import address, fill
