@@ -16,8 +16,8 @@ import numpy as np
 from stemwatch.models.oscillation_groups.limits import GroupLimits
 from stemwatch.models.oscillation_groups.loop_spectra import (
     Complexes,
+    LoopOscillation,
     LoopSpectra,
-    Oscillation,
     oscillations,
 )
 from stemwatch.models.recording import Bools, Floats
@@ -53,7 +53,7 @@ class FoundGroup:
 
 
 def find_groups(
-    spectra: LoopSpectra, limits: GroupLimits, alone: Sequence[Oscillation] | None = None
+    spectra: LoopSpectra, limits: GroupLimits, alone: Sequence[LoopOscillation] | None = None
 ) -> list[FoundGroup]:
     """The groups, the strongest first. ``alone``: ``oscillations(spectra)`` where it is known."""
     seen = [one for one in alone or oscillations(spectra) if _counts(one, limits)]
@@ -77,7 +77,7 @@ def find_groups(
     return sorted(groups, key=lambda group: -sum(group.shares))
 
 
-def _counts(one: Oscillation, limits: GroupLimits) -> bool:
+def _counts(one: LoopOscillation, limits: GroupLimits) -> bool:
     return (
         one.regularity >= limits.regularity
         and one.prominence >= limits.prominence
@@ -90,10 +90,10 @@ def _near(a: float, b: float, relative: float) -> bool:
 
 
 def _around(
-    first: Oscillation,
+    first: LoopOscillation,
     spectra: LoopSpectra,
     left: Complexes,
-    seen: Sequence[Oscillation],
+    seen: Sequence[LoopOscillation],
     limits: GroupLimits,
 ) -> FoundGroup | None:
     """The group of an oscillation; ``None`` where fewer than two loops show it by themselves."""

@@ -25,7 +25,7 @@ _SHORTEST = 128  # samples of a record that shows a period
 
 
 @dataclass(frozen=True)
-class Oscillation:
+class LoopOscillation:
     """What one loop shows by itself at one frequency.
 
     ``share`` of the variance within 15 % of the frequency; ``prominence`` of the power there over
@@ -104,7 +104,7 @@ def _without_spikes(values: Floats) -> Floats:
     return np.clip(values, middle - spread, middle + spread)
 
 
-def oscillations(spectra: LoopSpectra) -> list[Oscillation]:
+def oscillations(spectra: LoopSpectra) -> list[LoopOscillation]:
     """The oscillations of each loop, up to three, whether or not they are regular."""
     power = np.abs(spectra.spectra) ** 2
     lowest = FEWEST_CYCLES * 1.2 / (spectra.size * spectra.interval_s)
@@ -122,12 +122,12 @@ def oscillations(spectra: LoopSpectra) -> list[Oscillation]:
     background = median_filter(density, size=(1, reach), mode="nearest")
     prominence = density / np.maximum(background, 1e-12)
     found = [
-        Oscillation(int(i), float(grid[k]), float(share[i, k]), float(prominence[i, k]), 0.0)
+        LoopOscillation(int(i), float(grid[k]), float(share[i, k]), float(prominence[i, k]), 0.0)
         for i, k in _peaks(density, share)
     ]
     regular = _regularity(spectra, power, found)
     return [
-        Oscillation(one.loop, one.frequency, one.share, one.prominence, float(r))
+        LoopOscillation(one.loop, one.frequency, one.share, one.prominence, float(r))
         for one, r in zip(found, regular, strict=True)
     ]
 
@@ -153,7 +153,7 @@ def _is_top(share: Floats, at: int) -> bool:
     return bool(share[at] >= near.max())
 
 
-def _regularity(spectra: LoopSpectra, power: Floats, found: list[Oscillation]) -> Floats:
+def _regularity(spectra: LoopSpectra, power: Floats, found: list[LoopOscillation]) -> Floats:
     """T / (3 s) of the periods between zero crossings of the autocorrelation of what lies within
     half an octave (Thornhill, Huang and Zhang 2003)."""
     out = np.zeros(len(found))

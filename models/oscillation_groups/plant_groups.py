@@ -21,7 +21,7 @@ from stemwatch.models.oscillation_groups.non_linearity import non_linearity
 from stemwatch.models.oscillation_groups.sources import (
     NAMES,
     MemberEvidence,
-    Ranking,
+    SourceRanking,
     compared,
     member_evidence,
     rank_sources,
@@ -257,7 +257,7 @@ def _told(
     )
 
 
-def _said(evidence: MemberEvidence, ranking: Ranking) -> dict[int, tuple[str, ...]]:
+def _said(evidence: MemberEvidence, ranking: SourceRanking) -> dict[int, tuple[str, ...]]:
     """What speaks for each of the first two, the weightiest first."""
     weighed = compared(evidence) * np.array(WEIGHTS.member)
     out = {}

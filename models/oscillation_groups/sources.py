@@ -39,7 +39,7 @@ class MemberEvidence:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ranking:
+class SourceRanking:
     """``members``, the likeliest source first, with the ``probability`` of each; ``none`` of the
     oscillation coming from outside these loops."""
 
@@ -110,7 +110,7 @@ def _lead(spectra: LoopSpectra, group: FoundGroup, at: Sequence[int]) -> Floats:
     return np.asarray(np.median(delay) - delay)
 
 
-def rank_sources(evidence: MemberEvidence, weights: SourceWeights) -> Ranking:
+def rank_sources(evidence: MemberEvidence, weights: SourceWeights) -> SourceRanking:
     """The members in the order of their probability of being the source, beside none of them.
 
     Probabilities are those of a multinomial logit over the members and "none".
@@ -121,7 +121,7 @@ def rank_sources(evidence: MemberEvidence, weights: SourceWeights) -> Ranking:
     odds = np.exp(utility - utility.max())
     odds /= odds.sum()
     order = np.argsort(-odds[:-1], kind="stable")
-    return Ranking(
+    return SourceRanking(
         members=tuple(evidence.members[i] for i in order),
         probability=tuple(float(odds[i]) for i in order),
         none=float(odds[-1]),

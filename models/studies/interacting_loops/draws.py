@@ -50,7 +50,7 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plant:
+class DrawnPlant:
     """A drawn plant, before it runs. Arrays as ``run_plant`` takes them."""
 
     loops: Floats
@@ -84,14 +84,14 @@ class RunPlant:
     label: tuple[int, ...]
 
 
-def draw_plant(rng: np.random.Generator, sources: int | None = None) -> Plant:
+def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPlant:
     """A plant of 10 to 40 loops with 0 to 3 sources, or as many as ``sources`` says."""
     m = int(rng.integers(10, 41))
     wanted = int(rng.integers(0, 4)) if sources is None else sources
     units = np.sort(rng.integers(0, max(2, m // 6), m))
     loops = np.stack([_loop(rng) for _ in range(m)])
     links = _damped(loops, _links(rng, units, loops))
-    plant = Plant(
+    plant = DrawnPlant(
         loops=loops,
         links=links,
         set_points=_set_points(rng, m),
@@ -105,7 +105,7 @@ def draw_plant(rng: np.random.Generator, sources: int | None = None) -> Plant:
     return plant
 
 
-def run_drawn(plant: Plant) -> RunPlant:
+def run_drawn(plant: DrawnPlant) -> RunPlant:
     """The plant as it is recorded, without each of its sources, and, with a third of its noise and
     loads, with none and with each of them by itself."""
     everything = range(len(plant.sources))
@@ -178,7 +178,7 @@ def _moving(values: Floats) -> Floats:
     return np.asarray(values - (total[:, width:] - total[:, :-width]) / width)
 
 
-def _run(plant: Plant, active: range | list[int]) -> tuple[Floats, Floats]:
+def _run(plant: DrawnPlant, active: range | list[int]) -> tuple[Floats, Floats]:
     loops, loads = plant.loops.copy(), plant.loads.copy()
     for at, source in enumerate(plant.sources):
         if at in active:
@@ -277,7 +277,7 @@ def _loads(rng: np.random.Generator, loops: Floats) -> Floats:
     return out
 
 
-def _with_source(rng: np.random.Generator, plant: Plant) -> Plant:
+def _with_source(rng: np.random.Generator, plant: DrawnPlant) -> DrawnPlant:
     """One source more, in a loop that has none and that acts on others."""
     taken = {source.loop for source in plant.sources}
     out = np.bincount(plant.links[:, 0].astype(np.int64), minlength=plant.loops.shape[0])
@@ -326,7 +326,7 @@ def _present(rng: np.random.Generator) -> Floats:
     return out
 
 
-def _wave(rng: np.random.Generator, plant: Plant) -> Floats:
+def _wave(rng: np.random.Generator, plant: DrawnPlant) -> Floats:
     """A sine, square or triangle from outside, its phase wandering, into one loop or several."""
     m = plant.loops.shape[0]
     period = np.exp(rng.uniform(np.log(60.0), np.log(900.0)))  # 2 to 30 min
