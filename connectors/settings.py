@@ -42,16 +42,16 @@ def contradiction(key: tuple[str, ...], found: str, expected: str) -> PydanticCu
     return PydanticCustomError(CONTRADICTION, "found {found}; expected {expected}", context)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
+def nearest(word: str, known_names: Iterable[str]) -> str:
     """``" (did you mean 'zone'?)"``, or nothing where no known word comes close."""
-    by_lower = {name.lower(): name for name in sorted(known)}
+    by_lower = {name.lower(): name for name in sorted(known_names)}
     close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
     return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
 
 
-def either_of(known: Iterable[str]) -> str:
+def either_of(known_names: Iterable[str]) -> str:
     """``"one of area, id, source"``."""
-    return "one of " + ", ".join(sorted(known))
+    return "one of " + ", ".join(sorted(known_names))
 
 
 class TomlTable(BaseModel):

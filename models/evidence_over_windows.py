@@ -193,22 +193,22 @@ def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | 
     """The effect from its first window to the last one that could have shown it."""
     shown = [window for window in windows if window.looked_for(slug)]
     names = [window.names(slug) for window in shown]
-    first = next((place for place, named in enumerate(names) if named), None)
+    first = next((index for index, named in enumerate(names) if named), None)
     if first is None:
         return None
     confirmed: int | None = None
     state = FindingState.FIRST_SEEN
-    for place in range(first, len(shown)):
-        begin = max(place + 1 - MEMORY, 0)
-        agreed = _confirms(slug, shown[begin : place + 1], names[begin : place + 1])
+    for index in range(first, len(shown)):
+        begin = max(index + 1 - MEMORY, 0)
+        agreed = _confirms(slug, shown[begin : index + 1], names[begin : index + 1])
         if state in (FindingState.FIRST_SEEN, FindingState.GONE):
-            if agreed and (state is FindingState.FIRST_SEEN or names[place]):
-                state, confirmed = FindingState.CONFIRMED, place
-        elif _is_gone(slug, shown[: place + 1], names[: place + 1]):
+            if agreed and (state is FindingState.FIRST_SEEN or names[index]):
+                state, confirmed = FindingState.CONFIRMED, index
+        elif _is_gone(slug, shown[: index + 1], names[: index + 1]):
             state = FindingState.GONE
         else:
             state = FindingState.STANDING
-    last = max(place for place, named in enumerate(names) if named)
+    last = max(index for index, named in enumerate(names) if named)
     if confirmed is None and len(shown) - 1 - last >= MEMORY:
         return None  # one window alone said so, and none of the many since
     recent = shown[-MEMORY:]

@@ -57,23 +57,62 @@ def choose_fit_window(recording: Recording, samples: int) -> FitWindow | None:
     n = len(recording)
     if samples < 2 or n <= CHOOSE_BEYOND * samples:
         return None
-    op, usable = recording.op.values, recording.usable
-    known = np.flatnonzero(np.isfinite(op))
-    if known.size < 3:
+    movement = _Movement.of(recording)
+    if movement is None:
         return None
-    span = swing(op)
-    threshold = max(TURN_SHARE * span, NOISES * noise_sigma(op), SMALLEST_TURN_PERCENT)
-    turns = known[reversals(op[known], threshold)]
-    path = np.zeros(n + 1)
-    path[turns[1:] + 1] = np.minimum(np.abs(np.diff(op[turns])), span)
-    path = np.cumsum(path)
-    good = np.concatenate(([0], np.cumsum(usable)))
     step = max(samples // STARTS_PER_STRETCH, 1)
     first = np.unique(np.append(np.arange(0, n - samples, step), n - samples))
-    worth = _worth(path, first, samples) * (good[first + samples] - good[first]) / samples
-    begin = int(first[int(np.argmax(worth))])
-    inside = int(np.count_nonzero((turns >= begin) & (turns < begin + samples)))
-    return FitWindow(begin, begin + samples, inside, float(threshold))
+    return movement.window(int(first[int(np.argmax(movement.worth(first, samples)))]), samples)
+
+
+def telling_windows(recording: Recording, samples: int, most: int) -> tuple[FitWindow, ...]:
+    """The record cut into equal windows of ``samples`` samples and a little more, in order of time;
+    of more than ``most`` those with the most useful movement of OP, as ``choose_fit_window`` counts
+    it. None where OP is not known."""
+    count = len(recording) // max(samples, 2)
+    movement = _Movement.of(recording)
+    if movement is None or count < 1:
+        return ()
+    length = len(recording) // count
+    first = np.arange(count) * length
+    chosen = np.argsort(-movement.worth(first, length), kind="stable")[:most]
+    return tuple(movement.window(int(begin), length) for begin in np.sort(first[chosen]))
+
+
+@dataclass(frozen=True)
+class _Movement:
+    """The legs of OP's way: ``turns`` the samples where it turns by ``threshold`` percent, ``path``
+    (n + 1,) the way so far, ``good`` (n + 1,) usable samples so far."""
+
+    turns: NDArray[np.intp]
+    threshold: float
+    path: Floats
+    good: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, recording: Recording) -> _Movement | None:
+        """Of a recording; ``None`` where hardly any OP is known."""
+        op, usable = recording.op.values, recording.usable
+        known = np.flatnonzero(np.isfinite(op))
+        if known.size < 3:
+            return None
+        span = swing(op)
+        threshold = max(TURN_SHARE * span, NOISES * noise_sigma(op), SMALLEST_TURN_PERCENT)
+        turns = known[reversals(op[known], threshold)]
+        path = np.zeros(len(recording) + 1)
+        path[turns[1:] + 1] = np.minimum(np.abs(np.diff(op[turns])), span)
+        good = np.concatenate(([0], np.cumsum(usable)))
+        return cls(turns, float(threshold), np.cumsum(path), good)
+
+    def worth(self, first: NDArray[np.intp], samples: int) -> Floats:
+        """(m,) what stretches of ``samples`` samples are worth that begin at ``first`` (m,)."""
+        usable = (self.good[first + samples] - self.good[first]) / samples
+        return np.asarray(_worth(self.path, first, samples) * usable)
+
+    def window(self, begin: int, samples: int) -> FitWindow:
+        """The stretch that begins at ``begin``."""
+        inside = np.count_nonzero((self.turns >= begin) & (self.turns < begin + samples))
+        return FitWindow(begin, begin + samples, int(inside), self.threshold)
 
 
 def _worth(path: Floats, first: NDArray[np.intp], samples: int) -> Floats:
@@ -103,4 +142,10 @@ def on_whole_clock(trace: Floats, first: int, samples: int) -> Floats:
     return whole
 
 
-__all__ = ["FitWindow", "choose_fit_window", "on_whole_clock", "window_sentence"]
+__all__ = [
+    "FitWindow",
+    "choose_fit_window",
+    "on_whole_clock",
+    "telling_windows",
+    "window_sentence",
+]

@@ -30,7 +30,9 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "S_of_swing_percent": ("S in percent of OP's own swing", "up"),
     "S_of_travel_percent": ("S in percent of travel, where OP strokes by a curve", "up"),
     "J_of_travel_percent": ("J in percent of travel, where OP strokes by a curve", "up"),
-    "dead_band_percent": ("Dead band, S - J", "up"),
+    "S_minus_J_percent": ("S - J: what a stroke stays behind after a reversal", "up"),
+    # Its name until contract version 3: a reader of the valve standards takes S for the dead band.
+    "dead_band_percent": ("Former name of S_minus_J_percent", "none"),
     "breakaway_scatter_percent": ("Scatter of the breakaways about their mean level", "none"),
     "naive_S_percent": ("S of S and J alone", "none"),
     "naive_J_percent": ("J of S and J alone", "none"),

@@ -120,11 +120,13 @@ def of_friction(
     naive_S, naive_J = (op_per_travel * number for number in S_and_J(fit.naive))
     scatter = 100.0 * fit.breakaways.scatter if fit.breakaways else None
     zero = float(fit.candidate[coordinate.ZERO])
+    left_behind = max(fit.S - fit.J, 0.0) * op_per_travel
     indicators = [
         *_estimated("S_percent", S),
         *_estimated("J_percent", J),
         *_one("S_of_swing_percent", share, "%"),
-        *_one("dead_band_percent", max(fit.S - fit.J, 0.0) * op_per_travel, "%"),
+        *_one("S_minus_J_percent", left_behind, "%"),
+        *_one("dead_band_percent", left_behind, "%"),
         *_one("breakaway_scatter_percent", scatter, "%"),
         *_one("naive_S_percent", naive_S, "%"),
         *_one("naive_J_percent", naive_J, "%"),

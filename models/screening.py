@@ -34,7 +34,7 @@ from stemwatch.models.fit_window import (
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
@@ -46,7 +46,7 @@ from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
+from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidence
 from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
@@ -168,13 +168,16 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
         look = FirstLook.at(masked)
-        late_s = find_op_late(masked, look)
+        late = late_evidence(masked, look)
+        late_s = late.late_s(masked.interval_s)
         as_stored, masked = masked, brought_forward(masked, late_s)
         curve, changed = stroke_curve_of(masked, case.known_curve)
         found = [] if curve else reversed_obstacles(masked)
         commanded = in_travel(masked, curve)
         look = look if commanded is as_stored else FirstLook.at(commanded)
-        found = found or wiring_obstacles(commanded, as_stored if late_s else None, look)
+        # An OP that answers PV as a controller does is no position, however late it is.
+        may_be_swapped = late_s > 0.0 and not late.by_controller
+        found = found or wiring_obstacles(commanded, as_stored if may_be_swapped else None, look)
         assessment = with_obstacles(assessment, found)
     if not assessment.obstacles:
         fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0, look)
@@ -214,8 +217,8 @@ def _to_fit(
 def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[NarxFit | None]:
     """A network for each case that has a fit, all trained together."""
     ready = [
-        (place, valve.fit, valve)
-        for place, valve in enumerate(fitted)
+        (index, valve.fit, valve)
+        for index, valve in enumerate(fitted)
         if isinstance(valve, _Fitted) and valve.fit is not None
     ]
     trained: list[NarxFit | None] = [None] * len(fitted)
@@ -225,10 +228,10 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
         NarxExample.of(valve.masked, fit.first_heldout, network_start(fit, valve.curve))
         for _, fit, valve in ready
     ]
-    for (place, _, valve), fit in zip(
+    for (index, _, valve), fit in zip(
         ready, _trained(examples, options.narx_settings), strict=True
     ):
-        trained[place] = fit.in_seconds(valve.recording.unit_s)
+        trained[index] = fit.in_seconds(valve.recording.unit_s)
     return trained
 
 
@@ -333,7 +336,10 @@ def _screening(
         J=J,
         residuals=residuals,
         quality=fitted.assessment.quality,
-        indicators={one.name: one for one in indicators.in_seconds(numbers, fitted.recording)},
+        indicators={
+            indicator.name: indicator
+            for indicator in indicators.in_seconds(numbers, fitted.recording)
+        },
         still_seen=still_seen(recording) if seen else (),
         baseline_note=fitted.case.baseline_note,
         recording=recording,
@@ -478,10 +484,5 @@ def _on_whole_clock(mismatch: Mismatch | None, fitted: _Fitted) -> Mismatch | No
     """The mismatch with its free runs on the clock of the whole recording."""
     if mismatch is None or mismatch.runs is None or fitted.stretch is None:
         return mismatch
-    first, samples, runs = fitted.stretch.first, len(fitted.case.recording), mismatch.runs
-    on_clock = FreeRuns(
-        naive=on_whole_clock(runs.naive, first, samples),
-        extended=on_whole_clock(runs.extended, first, samples),
-        heldout_from=first + runs.heldout_from,
-    )
-    return replace(mismatch, runs=on_clock)
+    runs = mismatch.runs.within(fitted.stretch.first, len(fitted.case.recording))
+    return replace(mismatch, runs=runs)

@@ -15,7 +15,7 @@ from stemwatch.connectors.archive.valve_columns import (
     inside,
     local_instants,
     need_op,
-    nothing_in,
+    no_samples_error,
 )
 from stemwatch.connectors.connector import (
     WHOLE,
@@ -88,7 +88,7 @@ class DataFrameSource:
         """
         need_op(self.where, valve)
         bounds = bounds_of(window)
-        if bounds != (None, None) and not self._instants.known:
+        if bounds != (None, None) and not self._instants.in_utc:
             raise ConnectorError(
                 f"{self.where}: start or stop was given, but the times have no zone; say zone, "
                 "such as 'Europe/Berlin', or cut the frame yourself"
@@ -99,15 +99,15 @@ class DataFrameSource:
             tag = find_tag(everything, mapping.tag)
             columns[tag] = inside(self._column(tag, as_mode=role is Role.MODE), bounds)
             if role is Role.OP and not columns[tag].file_ns.size:
-                raise nothing_in(self.where, tag, window, self._holds())
+                raise no_samples_error(self.where, tag, window, self._holds())
         return assemble(self._loaded(columns), valve, window)
 
     def _loaded(self, columns: Mapping[str, Column]) -> ValveColumns:
         return ValveColumns(
-            where=self.where,
+            source_name=self.where,
             layout="a table in memory, a column for each tag",
             columns=columns,
-            known=self._instants.known,
+            in_utc=self._instants.in_utc,
             zone=self._instants.zone,
             decisions=self._notes.decisions,
             problems=self._notes.problems,
@@ -118,7 +118,9 @@ class DataFrameSource:
         unit, ns, ok = split_unit(tag)[1], self._instants.ns, self._instants.ok
         if pd.api.types.is_numeric_dtype(series.dtype):
             values = series.to_numpy(dtype=np.float64, na_value=np.nan)
-            return number_column(tag, ns, ok, values, where=self.where, unit=unit, as_mode=as_mode)
+            return number_column(
+                tag, ns, ok, values, source_name=self.where, unit=unit, as_mode=as_mode
+            )
         cells = ["" if pd.isna(cell) else str(cell) for cell in series]
         raw = RawColumn(tag=tag, cells=cells, unit=unit)
         return convert(raw, self._instants, decimal=".", good=(), name=self.where, as_mode=as_mode)
@@ -141,7 +143,7 @@ class DataFrameSource:
             return undated(ns, ok, self._notes)
         if index.tz is None:
             return local_instants(ns, ok, self._options, self._notes)
-        return Instants(ns=ns, ok=ok, known=True, zone="The times are instants in UTC.")
+        return Instants(ns=ns, ok=ok, in_utc=True, zone="The times are instants in UTC.")
 
     def _counted(self, index: pd.Index, interval_s: float) -> Instants:
         if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
@@ -152,7 +154,7 @@ class DataFrameSource:
             )
         self._notes.decide(f"There is no time column; the rows are {interval_s:g} s apart.")
         ns = np.round(np.arange(len(index)) * interval_s * 1e9).astype(np.int64)
-        return Instants(ns=ns, ok=np.ones(len(index), dtype=np.bool_), known=False, zone="")
+        return Instants(ns=ns, ok=np.ones(len(index), dtype=np.bool_), in_utc=False, zone="")
 
     def _cure(self) -> str:
         """What to do about an index without times."""
@@ -180,7 +182,7 @@ def _places(frame: pd.DataFrame, where: str) -> dict[str, int]:
         raise ValueError(f"{where}: each column needs a name of its own; twice: {twice}")
     if not names:
         raise ValueError(f"{where}: the frame has no columns; expected one for OP at least")
-    return {name: place for place, name in enumerate(names)}
+    return {name: index for index, name in enumerate(names)}
 
 
 def _described(index: pd.Index) -> str:

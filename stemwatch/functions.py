@@ -14,7 +14,7 @@ from stemwatch.inputs import (
     InputOptions,
     OneValve,
     SignalInput,
-    asked,
+    checked_options,
     is_several,
     one_recording,
     several,
@@ -267,7 +267,8 @@ def explain(
 ) -> ExplainedValve | ExplainedValves:
     """Where S and J fail a recording, which physics they leave out, and S and J restated with it.
 
-    The whole record is fitted; ``screen`` fits the stretch that tells most of a long one.
+    A long record (from four times ``fitted_samples`` on) is explained as the windows that tell
+    most, and what they agree on counts; ``screen`` fits the one stretch that tells most.
 
     Args:
         data: As ``screen`` takes it.
@@ -357,7 +358,7 @@ def _asked(
     stop: datetime | None,
     options: Mapping[str, Any],
 ) -> InputOptions:
-    return asked(
+    return checked_options(
         signals,
         valve=valve,
         ranges=ranges,
@@ -379,10 +380,10 @@ def _explained(recording: Recording | Screening, narx: bool) -> Explained:
     return Explained(source=source, valve=recording.valve, mismatch=mismatch)
 
 
-def _limits(given: Mapping[str, float] | None) -> Limits:
+def _limits(limits: Mapping[str, float] | None) -> Limits:
     known = [field.name for field in fields(Limits)]
-    for name in given or {}:
+    for name in limits or {}:
         if name not in known:
             near = nearest(name, known)
             raise ValueError(f"limits: {name!r} is no limit{near}; expected some of {known}")
-    return Limits(**{name: float(value) for name, value in (given or {}).items()})
+    return Limits(**{name: float(value) for name, value in (limits or {}).items()})

@@ -20,7 +20,7 @@ from stemwatch.service.report.html_page import environment, template
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 
 
-def screened_card(screening: Screening, said: PresentedFinding, remark: str) -> str:
+def screened_card(screening: Screening, finding: PresentedFinding, remark: str) -> str:
     """The sentence, S and J with intervals, the picture of the loop, and the mismatch.
 
     ``remark`` says why its named effects are held back; empty where they stand.
@@ -31,7 +31,7 @@ def screened_card(screening: Screening, said: PresentedFinding, remark: str) -> 
     return _rendered(
         "card.html",
         screening=screening,
-        said=said,
+        finding=finding,
         picture=None if drawing is None else svg_of(drawing),
         why=why,
         view=_view(screening.mismatch, screening.valve, remark),

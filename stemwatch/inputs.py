@@ -75,7 +75,7 @@ class InputOptions:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def named(self) -> dict[Role, str]:
+    def tags(self) -> dict[Role, str]:
         """The signals given as names of columns or tags, by role."""
         return {role: signal for role, signal in self.signals.items() if isinstance(signal, str)}
 
@@ -96,18 +96,18 @@ class InputOptions:
         low, high = self.ranges.get(role.value, (None, None))
         return TagMapping(tag=tag, unit=unit, low=low, high=high)
 
-    def _aware(self, name: str, when: datetime | None) -> datetime | None:
-        if when is None or when.tzinfo is not None:
-            return when
+    def _aware(self, name: str, moment: datetime | None) -> datetime | None:
+        if moment is None or moment.tzinfo is not None:
+            return moment
         if self.zone is None:
             raise ValueError(
-                f"{name}={when} has no zone; hand over an aware time, such as "
+                f"{name}={moment} has no zone; hand over an aware time, such as "
                 "datetime(2026, 3, 2, 6, tzinfo=UTC), or say zone='Europe/Berlin'"
             )
-        return when.replace(tzinfo=ZoneInfo(self.zone))
+        return moment.replace(tzinfo=ZoneInfo(self.zone))
 
 
-def asked(
+def checked_options(
     signals: Mapping[str, SignalInput | None],
     *,
     valve: str,
@@ -179,11 +179,11 @@ def several(data: object, inputs: InputOptions) -> list[Recording | Screening]:
         return _of_path(os.fsdecode(data), inputs)
     named = data.items() if isinstance(data, Mapping) else [("", item) for item in _listed(data)]
     recordings: list[Recording | Screening] = []
-    for place, (name, item) in enumerate(named):
+    for index, (name, item) in enumerate(named):
         if isinstance(item, str | os.PathLike):
             recordings += [_renamed(each, name) for each in _of_path(os.fsdecode(item), inputs)]
         else:
-            recordings.append(_one_or_reason(item, str(name), inputs, place))
+            recordings.append(_one_or_reason(item, str(name), inputs, index))
     return recordings
 
 
@@ -235,7 +235,7 @@ def _tasks(path: str, inputs: InputOptions) -> list[Task]:
             f"{', '.join(array.value for array in inputs.arrays)}: beside a path expected the name "
             "of a tag; leave the path out to hand over arrays"
         )
-    tags = inputs.named
+    tags = inputs.tags
     request = Request(
         sources=(path,),
         tags=tags,
@@ -256,7 +256,7 @@ def _tasks(path: str, inputs: InputOptions) -> list[Task]:
 
 def _one_of_file(path: str, inputs: InputOptions) -> Recording:
     tasks = _tasks(path, inputs)
-    if inputs.valve and not inputs.named:
+    if inputs.valve and not inputs.tags:
         chosen = [task for task in tasks if task.tags.valve == inputs.valve]
     else:
         chosen = tasks
@@ -298,7 +298,7 @@ def _of_frame(frame: pd.DataFrame, inputs: InputOptions) -> Recording:
 def _valve_tags(table: DataFrameSource, inputs: InputOptions) -> ValveTags:
     """The named columns; else those called op, mv, ...; else those recognised by their names."""
     columns = {info.tag: info for info in table.tags()}
-    named = inputs.named or {role: role.value for role in Role if role.value in columns}
+    named = inputs.tags or {role: role.value for role in Role if role.value in columns}
     if Role.OP in named:
         units = {tag: info.unit for tag, info in columns.items()}
         tags = {role: inputs.mapping(role, tag, units.get(tag, "")) for role, tag in named.items()}
@@ -328,9 +328,9 @@ def _of_arrays(inputs: InputOptions) -> Recording:
     """The recording in arrays: a Series has its index as times, arrays need ``interval_s``."""
     if not inputs.signals:
         raise TypeError(f"received nothing; {EXPECTED}")
-    if inputs.named:
+    if inputs.tags:
         raise ValueError(
-            f"{', '.join(f'{r.value}={n!r}' for r, n in inputs.named.items())} names a column or a "
+            f"{', '.join(f'{r.value}={n!r}' for r, n in inputs.tags.items())} names a column or a "
             "tag, but no frame and no file was given; hand it over as the first argument"
         )
     signals = {role: _vector(role, array) for role, array in inputs.arrays.items()}
@@ -413,8 +413,8 @@ def _some(names: Sequence[str], most: int = 12) -> str:
     return f"{shown} and {len(names) - most} more" if len(names) > most else shown or "none"
 
 
-def _described(given: object) -> str:
-    kind = type(given)
+def _described(value: object) -> str:
+    kind = type(value)
     name = kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
-    shape = getattr(given, "shape", None)
+    shape = getattr(value, "shape", None)
     return f"a {name} of shape {shape}" if isinstance(shape, tuple) else f"a {name}"

@@ -50,7 +50,7 @@ class ScreenedValve:
     """Why they do not, in a sentence."""
 
     @cached_property
-    def _said(self) -> PresentedFinding:
+    def _finding(self) -> PresentedFinding:
         return present(self.screening, stands=self.stands)
 
     @property
@@ -62,17 +62,17 @@ class ScreenedValve:
     def verdict(self) -> Verdict:
         """``sticky``, ``defective``, ``watch``, ``undetermined`` or ``healthy``; equal to its
         text."""
-        return self._said.decision.verdict
+        return self._finding.decision.verdict
 
     @property
     def reason(self) -> str:
         """What was found, a sentence or two."""
-        return self._said.reason
+        return self._finding.reason
 
     @property
     def advice(self) -> str:
         """What to do next, one sentence."""
-        return self._said.next_step
+        return self._finding.next_step
 
     @property
     def S(self) -> Estimate:
@@ -92,12 +92,12 @@ class ScreenedValve:
     @property
     def severity(self) -> float:
         """0 to 100, for ranking."""
-        return self._said.decision.severity
+        return self._finding.decision.severity
 
     @property
     def confidence(self) -> float | None:
         """0 to 1; ``None`` where the verdict is ``undetermined`` or ``defective``."""
-        return self._said.decision.confidence
+        return self._finding.decision.confidence
 
     @property
     def mismatch(self) -> Mismatch | None:
@@ -139,7 +139,7 @@ class ScreenedValve:
     def _repr_html_(self) -> str:
         from stemwatch.html import screened_card
 
-        return screened_card(self.screening, self._said, self.remark)
+        return screened_card(self.screening, self._finding, self.remark)
 
 
 @dataclass(frozen=True, repr=False)
@@ -315,7 +315,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
     def _repr_html_(self) -> str:
         from stemwatch.html import screened_table
 
-        ranked = [(valve.screening, valve._said, valve.stands) for valve in self.ranked()]
+        ranked = [(valve.screening, valve._finding, valve.stands) for valve in self.ranked()]
         return screened_table(ranked, self.discoveries.sentence)
 
 

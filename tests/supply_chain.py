@@ -56,12 +56,12 @@ def look_up(answer: str, said: str, packages: int) -> Looked:
     except (ValueError, KeyError, TypeError):
         why = next((line for line in reversed(said.splitlines()) if line.strip()), "no answer")
         return Looked([], 0, {f"package {n + 1}": why for n in range(packages)})
-    skipped = {one["name"]: one["skip_reason"] for one in entries if "skip_reason" in one}
+    skipped = {entry["name"]: entry["skip_reason"] for entry in entries if "skip_reason" in entry}
     found = [
-        f"{one['name']} {one['version']}: {known['id']}, mended in "
+        f"{entry['name']} {entry['version']}: {known['id']}, mended in "
         f"{', '.join(known['fix_versions']) or 'no version yet'}"
-        for one in entries
-        for known in one.get("vulns", ())
+        for entry in entries
+        for known in entry.get("vulns", ())
     ]
     return Looked(found, len(entries) - len(skipped), skipped)
 
@@ -74,7 +74,7 @@ def refused_licences(licences: Mapping[str, str]) -> list[str]:
         choices = re.split(r"\s+OR\s+|;", licence)
         if not licence.strip() or licence.strip().upper() == "UNKNOWN":
             said.append(f"{name}: no licence is stated")
-        elif all(_REFUSED.search(one) and not _LESSER.search(one) for one in choices):
+        elif all(_REFUSED.search(choice) and not _LESSER.search(choice) for choice in choices):
             said.append(f"{name}: {licence}")
     return said
 
@@ -97,7 +97,7 @@ def _licences(tools: Path) -> dict[str, str]:
     done = _answer([*command, "--format=json"])
     if done.returncode:
         raise SystemExit(f"pip-licenses failed: {done.stderr}")
-    return {one["Name"]: one["License"] for one in json.loads(done.stdout)}
+    return {load["Name"]: load["License"] for load in json.loads(done.stdout)}
 
 
 def _write_bill(tools: Path, folder: Path) -> int:

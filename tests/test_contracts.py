@@ -195,7 +195,9 @@ def _functions(path: Path) -> Iterator[Function]:
 def _is_overload(node: ast.stmt) -> bool:
     """One of several signatures of a function; what they say stands under the function."""
     decorators = getattr(node, "decorator_list", [])
-    return any(isinstance(one, ast.Name) and one.id == "overload" for one in decorators)
+    return any(
+        isinstance(decorator, ast.Name) and decorator.id == "overload" for decorator in decorators
+    )
 
 
 def _length(function: Function) -> int:

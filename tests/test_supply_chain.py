@@ -97,4 +97,8 @@ def test_licences_that_ask_for_our_source_or_say_nothing_are_refused() -> None:
         "e": "GNU Affero General Public License v3", "f": "GPL-2.0-only OR MIT",
         "g": "GNU Lesser General Public License v3 or later (LGPLv3+)",
     }  # fmt: skip
-    assert [one.split(":")[0] for one in refused_licences(licences)] == ["b", "c", "e"]
+    assert [refused_licence.split(":")[0] for refused_licence in refused_licences(licences)] == [
+        "b",
+        "c",
+        "e",
+    ]

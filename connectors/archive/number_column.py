@@ -35,7 +35,7 @@ def number_column(
     ok: Bools,
     values: Floats,
     *,
-    where: str,
+    source_name: str,
     unit: str = "",
     codes: Codes | None = None,
     bad: Bools | None = None,
@@ -59,7 +59,7 @@ def number_column(
     if as_mode:
         quality[(quality == Quality.GOOD) & (values != 0.0) & (values != 1.0)] = Quality.CODE
     if codes is not None:
-        bad, counted = bad_by_code(codes, quality == Quality.GOOD, where, notes)
+        bad, counted = bad_by_code(codes, quality == Quality.GOOD, source_name, notes)
         why.update(counted)
     if bad is not None:
         quality[bad & (quality <= Quality.MISSING)] = Quality.BAD
@@ -67,7 +67,7 @@ def number_column(
 
 
 def bad_by_code(
-    codes: Codes, has_value: Bools, where: str, notes: ReadingNotes
+    codes: Codes, has_value: Bools, source_name: str, notes: ReadingNotes
 ) -> tuple[Bools, Mapping[str, int]]:
     """(n,) True where the code is not good, and how often each bad code occurs."""
     count = len(codes.words)
@@ -79,7 +79,7 @@ def bad_by_code(
         column=codes.name,
         good=codes.good,
         family=codes.family,
-        name=where,
+        name=source_name,
         notes=notes,
     )
     bad_words = verdict == Quality.BAD

@@ -27,10 +27,10 @@ Bounds = tuple[int | None, int | None]
 class ValveColumns:
     """Columns by tag, and whether their dates and zone are known. A ``SampleSource``."""
 
-    where: str
+    source_name: str
     layout: str
     columns: Mapping[str, Column]
-    known: bool = True
+    in_utc: bool = True
     zone: str = ""
     decisions: Sequence[str] = ()
     problems: Sequence[str] = ()
@@ -72,23 +72,25 @@ def bounds_of(window: Window, before_s: float = 0.0) -> Bounds:
     return None if start is None else start - round(before_s * 1e9), ns_of(window.stop)
 
 
-def need_op(where: str, valve: ValveTags) -> None:
+def need_op(source_name: str, valve: ValveTags) -> None:
     """Raise ``MappingNeeded`` where no tag is given for OP."""
     if Role.OP not in valve.tags:
         raise MappingNeeded(
-            f"{where}: {valve.valve}: no tag is given for OP, the controller output; a recording "
-            "needs one"
+            f"{source_name}: {valve.valve}: no tag is given for OP, the controller output; a "
+            "recording needs one"
         )
 
 
-def nothing_in(where: str, tag: str, window: Window, holds: str) -> ConnectorError:
+def no_samples_error(
+    source_name: str, tag: str, window: Window, what_is_there: str
+) -> ConnectorError:
     """The error for a controller output that has no sample in the window."""
     span = (
         "no samples at all"
         if window.start is None and window.stop is None
         else f"no samples between {window.start} and {window.stop}"
     )
-    return ConnectorError(f"{where}: {tag}: {span}; {holds}")
+    return ConnectorError(f"{source_name}: {tag}: {span}; {what_is_there}")
 
 
 def empty_column(tag: str) -> Column:
@@ -132,6 +134,7 @@ def local_instants(ns: Ints, ok: Bools, options: ReadOptions, notes: ReadingNote
     """
     if options.zone is None:
         return undated(ns, ok, notes)
+    notes.use("zone")
     ns, ok = to_utc(
         ns,
         ok,
@@ -143,4 +146,4 @@ def local_instants(ns: Ints, ok: Bools, options: ReadOptions, notes: ReadingNote
     )
     sentence = f"Times without offset are local times of {options.zone}."
     notes.decide(sentence)
-    return Instants(ns=ns, ok=ok, known=True, zone=sentence)
+    return Instants(ns=ns, ok=ok, in_utc=True, zone=sentence)

@@ -21,6 +21,7 @@ from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.connectors.historian.times.time_column import Instants, read_instants
+from stemwatch.connectors.historian.unused_options import say_unused, why_not_in_text
 from stemwatch.connectors.historian.values.columns import Column, convert, own_interval_s
 from stemwatch.connectors.historian.values.decimal_mark import decide_decimal
 from stemwatch.connectors.historian.values.stored_text import StoredText, has_been_read
@@ -47,7 +48,7 @@ class OpenedFile:
     _roles: list[Candidate] | None = None
 
     @property
-    def where(self) -> str:
+    def source_name(self) -> str:
         """The path, for messages."""
         return str(self.path)
 
@@ -57,9 +58,9 @@ class OpenedFile:
         return [column.tag for column in self.table.columns]
 
     @property
-    def known(self) -> bool:
+    def in_utc(self) -> bool:
         """Whether the times are instants in UTC."""
-        return self.instants.known
+        return self.instants.in_utc
 
     @property
     def zone(self) -> str:
@@ -107,7 +108,7 @@ class OpenedFile:
 
     @cached_property
     def _place(self) -> dict[str, int]:
-        return {column.tag: place for place, column in enumerate(self.table.columns)}
+        return {column.tag: index for index, column in enumerate(self.table.columns)}
 
     @cached_property
     def _by_tag(self) -> dict[str, RawColumn]:
@@ -133,8 +134,8 @@ class OpenedFile:
 
     def _read(self, columns: Sequence[RawColumn]) -> None:
         """Numbers, quality codes and marks of held values of these in one pass."""
-        numbers = [one.cells for one in columns if isinstance(one.cells, StoredText)]
-        beside = [cells for one in columns for cells in (one.quality_codes, one.held)]
+        numbers = [column.cells for column in columns if isinstance(column.cells, StoredText)]
+        beside = [cells for column in columns for cells in (column.quality_codes, column.held)]
         texts = [cells for cells in beside if isinstance(cells, StoredText)]
         if numbers:
             numbers[0].columns.read(numbers, texts, self.decimal)
@@ -198,13 +199,28 @@ def _opened(source: LayoutInput, table: RawTable) -> OpenedFile:
         decimal=decimal,
         notes=notes,
     )
+    _mark_used(opened, source.options)
+    say_unused(options, notes, why_not_in_text(table, opened.instants))
     if not any(np.isfinite(opened.column(c.tag).values).any() for c in table.columns):
         _refuse_empty(opened)
     return opened
 
 
+def _mark_used(opened: OpenedFile, options: ReadOptions) -> None:
+    """The options whose use shows in what was read."""
+    table, used = opened.table, opened.notes.used
+    used.add("encoding")
+    if any(column.quality_codes is not None for column in table.columns):
+        used.add("good_quality")
+    if options.separator == table.separator:
+        used.add("separator")
+    if (options.time_column or "").strip().lower() == table.times.name.strip().lower():
+        used.add("time_column")
+
+
 def _decimal(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> str:
     if options.decimal is not None:
+        notes.use("decimal")
         return options.decimal
     if table.decimal is not None:
         return table.decimal

@@ -43,18 +43,18 @@ from stemwatch.models.recording import (
 class SampleSource(Protocol):
     """Tags with their samples, from a file or from an archive.
 
-    ``where`` names the source in messages. ``known`` says whether times are instants in UTC; else
-    durations are right and dates are not.
+    ``source_name`` names the source in messages. ``in_utc`` says whether times are instants in UTC;
+    else durations are right and dates are not.
     """
 
     @property
-    def where(self) -> str: ...
+    def source_name(self) -> str: ...
 
     @property
     def names(self) -> Sequence[str]: ...
 
     @property
-    def known(self) -> bool: ...
+    def in_utc(self) -> bool: ...
 
     @property
     def zone(self) -> str: ...
@@ -96,7 +96,7 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
     )
     _check_samples(opened, columns[Role.OP])
     op = columns[Role.OP]
-    grid = make_grid(_clock(op), op.tag, opened.where, _window_ns(opened, window))
+    grid = make_grid(_clock(op), op.tag, opened.source_name, _window_ns(opened, window))
     if grid.size == 0:
         raise ConnectorError(_outside_window(opened, op, window))
     notes: list[str] = []
@@ -109,7 +109,9 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
         valve=valve.valve,
         signals=signals,
         interval_s=grid.interval_s,
-        start=EPOCH + timedelta(microseconds=round(grid.start_ns / 1000)) if opened.known else None,
+        start=EPOCH + timedelta(microseconds=round(grid.start_ns / 1000))
+        if opened.in_utc
+        else None,
         clock=clock_facts(op.file_ns, opened.zone),
         provenance=_provenance(opened, columns, notes),
     )
@@ -118,33 +120,33 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
 def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
     if Role.OP not in valve.tags:
         raise MappingNeeded(
-            f"{opened.where}: {valve.valve}: no tag is given for OP, the controller output; a "
-            "recording needs one"
+            f"{opened.source_name}: {valve.valve}: no tag is given for OP, the controller output; "
+            "a recording needs one"
         )
     mv = valve.tags.get(Role.MV)
     if mv is not None and find_tag(opened, mv.tag) == find_tag(opened, valve.tags[Role.OP].tag):
         raise ConnectorError(
-            f"{opened.where}: {valve.valve}: {mv.tag!r} is given for both OP and MV; a valve that "
-            "is compared with its own command looks perfect. Give the tag of the measured "
+            f"{opened.source_name}: {valve.valve}: {mv.tag!r} is given for both OP and MV; a valve "
+            "that is compared with its own command looks perfect. Give the tag of the measured "
             "position, or none"
         )
 
 
-def find_tag(opened: SampleSource, wanted: str) -> str:
+def find_tag(opened: SampleSource, tag_text: str) -> str:
     """The source's tag for what a user wrote. Raises ``UnknownTag`` with the nearest ones."""
     tags = list(opened.names)
-    if wanted in tags:
-        return wanted
-    plain = wanted.strip().lower()
+    if tag_text in tags:
+        return tag_text
+    plain = tag_text.strip().lower()
     folded = [tag for tag in tags if tag.lower() == plain]
     if len(folded) == 1:
         return folded[0]
     with_unit = [tag for tag in tags if plain.startswith((tag.lower() + " ", tag.lower() + "["))]
     if len(with_unit) == 1:
         return with_unit[0]
-    near = difflib.get_close_matches(wanted, tags, n=3, cutoff=0.4) or tags[:5]
+    near = difflib.get_close_matches(tag_text, tags, n=3, cutoff=0.4) or tags[:5]
     raise UnknownTag(
-        f"{opened.where}: there is no tag {wanted!r} among {len(tags)}; the nearest are "
+        f"{opened.source_name}: there is no tag {tag_text!r} among {len(tags)}; the nearest are "
         f"{', '.join(repr(tag) for tag in near)}"
     )
 
@@ -153,7 +155,7 @@ def _check_samples(opened: SampleSource, op: Column) -> None:
     if not np.isfinite(op.values).any():
         why = ", ".join(f"{text!r} {n} times" for text, n in list(op.reasons.items())[:4])
         raise ConnectorError(
-            f"{opened.where}: {op.tag}: no sample of the controller output can be used"
+            f"{opened.source_name}: {op.tag}: no sample of the controller output can be used"
             f"{f' ({why})' if why else ''}; check the tag"
         )
 
@@ -167,10 +169,10 @@ def _clock(op: Column) -> Timeline:
 def _window_ns(opened: SampleSource, window: Window) -> tuple[int | None, int | None]:
     if window.start is None and window.stop is None:
         return None, None
-    if not opened.known:
+    if not opened.in_utc:
         raise ConnectorError(
-            f"{opened.where}: a window was asked for, but the file's times have no zone; give the "
-            "zone, such as 'Europe/Berlin', or read the whole file"
+            f"{opened.source_name}: a window was asked for, but the file's times have no zone; "
+            "give the zone, such as 'Europe/Berlin', or read the whole file"
         )
     return ns_of(window.start), ns_of(window.stop)
 
@@ -178,8 +180,8 @@ def _window_ns(opened: SampleSource, window: Window) -> tuple[int | None, int | 
 def _outside_window(opened: SampleSource, op: Column, window: Window) -> str:
     first, last = (EPOCH + timedelta(seconds=int(ns) // 10**9) for ns in (op.ns[0], op.ns[-1]))
     return (
-        f"{opened.where}: {op.tag}: no samples between {window.start} and {window.stop}; the file "
-        f"covers {first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
+        f"{opened.source_name}: {op.tag}: no samples between {window.start} and {window.stop}; the "
+        f"file covers {first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
     )
 
 
@@ -195,7 +197,14 @@ def _signal(
     if own is not None:
         notes.append(f"{column.tag} itself changes only each {own:g} s.")
     values, quality, unit = _scaled(role, column, mapping, laid, notes)
-    return Signal(values=values, quality=quality, tag=column.tag, unit=unit, interval_s=own)
+    return Signal(
+        values=values,
+        quality=quality,
+        tag=column.tag,
+        unit=unit,
+        interval_s=own,
+        range=mapping.process_range(column.unit),
+    )
 
 
 def _scaled(
@@ -273,7 +282,7 @@ def _provenance(opened: SampleSource, columns: dict[Role, Column], notes: list[s
     said += notes
     said += [f"Problem: {problem}." for problem in opened.problems]
     return Provenance(
-        source=opened.where,
+        source=opened.source_name,
         digest=opened.digest,
         layout=opened.layout,
         decisions=tuple(dict.fromkeys(said)),

@@ -146,7 +146,7 @@ class Connection:
             raise no_connection(self._why)
         holding = request.table is Table.HOLDING
         ask = client.read_holding_registers if holding else client.read_input_registers
-        self._unanswered.sent(request)
+        self._unanswered.note_sent(request)
         self._heard, self._request = 0, request
         try:
             reply = await ask(request.first, count=request.count, device_id=request.unit_id)
@@ -168,7 +168,7 @@ class Connection:
             open_ones = self._unanswered.counts(request.unit_id, request.table)
             if not numbered and len(open_ones) > 1:
                 raise nonsense("a refusal that may be the answer to an earlier request")
-            self._unanswered.answered(request)
+            self._unanswered.note_answer(request)
             raise refused(reply.exception_code)
         if reply.function_code != FUNCTION[request.table]:
             raise nonsense("an answer to another function")
@@ -176,7 +176,7 @@ class Connection:
             raise nonsense("an answer of another length than asked for")
         if alike and not numbered:
             raise nonsense("an answer without a number that may be to an earlier request")
-        self._unanswered.answered(request)
+        self._unanswered.note_answer(request)
         return list(reply.registers)
 
     def _no_answer(self) -> ReadFault:
@@ -208,7 +208,7 @@ class Connection:
             answered = self._unanswered.answered_by(frame)
             if answered is None or (self._request and answered.looks_alike(self._request)):
                 break
-            self._unanswered.answered(answered)
+            self._unanswered.note_answer(answered)
             taken += len(frame)
         return taken
 

@@ -146,7 +146,7 @@ class DevicePoller:
         self._line = Connection(device.link)
         self._block_plan = BlockPlan(device.blocks())
         self._tags = device.tags
-        self._place_of = {tag: place for place, tag in enumerate(self._tags)}
+        self._place_of = {tag: index for index, tag in enumerate(self._tags)}
         self._readers: WeakKeyDictionary[Block, BlockReader] = WeakKeyDictionary()
         self._units: dict[int, _Unit] = {}
         self._backoff = Backoff(0.2, LONGEST_WAIT_S, self._rng)
@@ -301,8 +301,8 @@ class DevicePoller:
         """Deliver marked samples for the instants missed before ``slot``."""
         if slot.clock_went_back:
             log.warning(
-                "device %s: the computer's clock was set back; samples of times that are in the "
-                "store already are not taken again",
+                "device %s: the computer's clock was set back; samples whose time comes a second "
+                "time are bad, since either clock may have been the wrong one",
                 self.device.name,
                 extra={"device": self.device.name},
             )

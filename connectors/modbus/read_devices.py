@@ -45,11 +45,11 @@ class _Reader:
     folder: Path = Path()  # that names of files are relative to
     problems: list[Problem] = field(default_factory=list)
 
-    def at(self, file: str, line: int | None) -> _Reader:
+    def at_line(self, file: str, line: int | None) -> _Reader:
         """A reader of ``line`` of ``file`` that adds to the problems of this one."""
         return _Reader(file, lambda path: line, self.folder, self.problems)
 
-    def say(self, path: KeyPath, label: str, found: str, expected: str) -> None:
+    def add_problem(self, path: KeyPath, label: str, found: str, expected: str) -> None:
         """Add a problem at ``path``, which messages call ``label``."""
         line = self.line_of(path)
         problem = Problem(file=self.file, line=line, key=label, found=found, expected=expected)
@@ -78,11 +78,13 @@ class _Reader:
         where, name = (*path, key), f"{label}.{key}"
         fields = {field.alias or name: field for name, field in model.model_fields.items()}
         if details["type"] == "extra_forbidden":
-            self.say(where, name, "an unknown key", either_of(fields) + nearest(key, fields))
+            self.add_problem(
+                where, name, "an unknown key", either_of(fields) + nearest(key, fields)
+            )
             return
         found = "nothing" if details["type"] == "missing" else _described(details["input"])
         expected = fields[key].description if key in fields else None
-        self.say(where, name, found, expected or details["msg"])
+        self.add_problem(where, name, found, expected or details["msg"])
 
 
 def read_devices(
@@ -102,16 +104,16 @@ def read_devices(
     """
     reader = _Reader(file, line_of, folder or Path())
     devices: dict[str, Device] = {}
-    for place, table in enumerate(tables):
-        path = (*at, place)
+    for index, table in enumerate(tables):
+        path = (*at, index)
         name = table.get("name")
-        label = f"{at[-1]}[{name if isinstance(name, str) and name.strip() else place + 1}]"
+        label = f"{at[-1]}[{name if isinstance(name, str) and name.strip() else index + 1}]"
         device = _device(reader, table, path, label)
         if device is None:
             continue
         if device.name in devices:
             found = f"{device.name!r}, which an earlier device has already"
-            reader.say((*path, "name"), f"{label}.name", found, "a name of its own")
+            reader.add_problem((*path, "name"), f"{label}.name", found, "a name of its own")
             continue
         devices[device.name] = device
     return DeviceMap(tuple(devices.values()), tuple(reader.problems))
@@ -129,11 +131,13 @@ def _device(reader: _Reader, table: Mapping[str, Any], path: KeyPath, label: str
     try:
         link = link_of(read)
     except TableMistake as mistake:
-        reader.say((*path, mistake.key), f"{label}.{mistake.key}", mistake.found, mistake.expected)
+        reader.add_problem(
+            (*path, mistake.key), f"{label}.{mistake.key}", mistake.found, mistake.expected
+        )
         return None
     registers = _registers(rows, read)
     if not registers:
-        reader.say(path, label, "no register that can be read", "at least one")
+        reader.add_problem(path, label, "no register that can be read", "at least one")
         return None
     device = Device(
         name=read.name,
@@ -167,9 +171,9 @@ def _rows(
     tables = registers if isinstance(registers, list) else []
     return [
         _Row(
-            table, reader, (*path, "registers", place), f"{label}.registers[{_name(table, place)}]"
+            table, reader, (*path, "registers", index), f"{label}.registers[{_name(table, index)}]"
         )
-        for place, table in enumerate(tables)
+        for index, table in enumerate(tables)
         if isinstance(table, Mapping)
     ]
 
@@ -180,19 +184,23 @@ def _listed(reader: _Reader, name: str, path: KeyPath, label: str) -> list[_Row]
     except ListUnusable as mistake:
         if mistake.line is None:
             key = f"{label}.registers"
-            reader.say((*path, "registers"), key, f"{name!r}: {mistake.found}", mistake.expected)
+            reader.add_problem(
+                (*path, "registers"), key, f"{name!r}: {mistake.found}", mistake.expected
+            )
         else:
             key = f"column {mistake.key}" if mistake.key else "row"
-            reader.at(name, mistake.line).say((), key, mistake.found, mistake.expected)
+            reader.at_line(name, mistake.line).add_problem((), key, mistake.found, mistake.expected)
         return None
     for line, what, expected in register_list.faulty:
-        reader.at(name, line).say((), "row", what, expected)
+        reader.at_line(name, line).add_problem((), "row", what, expected)
     if not register_list.rows:
-        reader.say((*path, "registers"), f"{label}.registers", f"no row in {name!r}", "one or more")
+        reader.add_problem(
+            (*path, "registers"), f"{label}.registers", f"no row in {name!r}", "one or more"
+        )
         return None
     return [
-        _Row(row.table, reader.at(name, row.line), (), f"registers[{_name(row.table, place)}]")
-        for place, row in enumerate(register_list.rows)
+        _Row(row.table, reader.at_line(name, row.line), (), f"registers[{_name(row.table, index)}]")
+        for index, row in enumerate(register_list.rows)
     ]
 
 
@@ -206,7 +214,9 @@ def _registers(rows: Sequence[_Row], device: DeviceTable) -> tuple[Register, ...
     for register, row in _each(rows, device):
         if register.tag in registers:
             found = f"{register.tag!r}, which an earlier register of this device has already"
-            row.reader.say((*row.path, "tag"), f"{row.label}.tag", found, "a tag of its own")
+            row.reader.add_problem(
+                (*row.path, "tag"), f"{row.label}.tag", found, "a tag of its own"
+            )
         else:
             registers[register.tag] = register
     return tuple(registers.values())
@@ -215,7 +225,7 @@ def _registers(rows: Sequence[_Row], device: DeviceTable) -> tuple[Register, ...
 def _each(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register, _Row]]:
     """Each register that is right, with its row."""
     for row in rows:
-        say, inner, label = row.reader.say, row.path, row.label
+        say, inner, label = row.reader.add_problem, row.path, row.label
         read: RegisterTable | None = row.reader.table(RegisterTable, row.table, inner, label)
         if read is None:
             continue
@@ -237,7 +247,7 @@ def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, label: str) -
         return True
     found = f"{device.every_s:g} s, while one poll occupies the line for at least {needed_s:.2f} s"
     expected = f"more than {needed_s:.2f} s, a higher baudrate, or fewer registers"
-    reader.say((*path, "every_s"), f"{label}.every_s", found, expected)
+    reader.add_problem((*path, "every_s"), f"{label}.every_s", found, expected)
     return False
 
 

@@ -12,6 +12,9 @@ from stemwatch.models.recording import Floats, QualityCodes
 
 Instants = NDArray[np.int64]
 
+# A sample with this reason takes the place of the one that is there: neither is certain.
+CAME_TWICE = "the computer's clock was set back: this time came twice"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleBatch:

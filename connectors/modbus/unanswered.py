@@ -52,15 +52,15 @@ class Unanswered:
         self._sent = [(at_s, request) for at_s, request in self._sent if at_s > oldest_s]
         return iter([request for _, request in self._sent])
 
-    def sent(self, request: SentRequest) -> None:
+    def note_sent(self, request: SentRequest) -> None:
         """``request`` goes out now."""
         self._sent.append((self._now_s(), request))
 
-    def answered(self, request: SentRequest) -> None:
+    def note_answer(self, request: SentRequest) -> None:
         """One answer to ``request``, or to one that looks alike, has come."""
-        for place, (_, sent) in enumerate(self._sent):
+        for index, (_, sent) in enumerate(self._sent):
             if sent.looks_alike(request):
-                del self._sent[place]
+                del self._sent[index]
                 return
 
     def forget(self) -> None:

@@ -178,7 +178,7 @@ class OpcUaArchive:
             ValveColumns,
             bounds_of,
             need_op,
-            nothing_in,
+            no_samples_error,
         )
         from stemwatch.connectors.historian.recordings import assemble
 
@@ -193,9 +193,9 @@ class OpcUaArchive:
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
             holds = "the server's history has nothing there. Ask for another window"
-            raise nothing_in(where, op, window, holds)
+            raise no_samples_error(where, op, window, holds)
         loaded = ValveColumns(
-            where=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
+            source_name=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
         )
         return assemble(loaded, valve, window)
 
@@ -237,7 +237,7 @@ class OpcUaArchive:
             ns,
             np.ones(ns.size, dtype=bool),
             values,
-            where=str(self.address),
+            source_name=str(self.address),
             bad=bad,
             reasons=reasons,
             as_mode=role is Role.MODE,

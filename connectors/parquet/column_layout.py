@@ -49,17 +49,17 @@ class ColumnLayout:
 
 
 def decide_layout(
-    schema: Any, keys: Mapping[str, str], options: ReadOptions, where: str, stem: str
+    schema: Any, keys: Mapping[str, str], options: ReadOptions, source_name: str, stem: str
 ) -> ColumnLayout:
     """The layout of a file with this Arrow ``schema`` and these folder ``keys``.
 
     Raises ``UnreadableSource`` where no column can be the time, or none holds numbers.
     """
     names = list(schema.names)
-    time = _time_column(schema, options, where)
-    value = _named(names, VALUE_NAMES, options.value_column, where)
-    key = _key(schema, keys, options, where, narrow=value is not None)
-    shared = _named(names, QUALITY_NAMES, options.quality_column, where)
+    time = _time_column(schema, options, source_name)
+    value = _named(names, VALUE_NAMES, options.value_column, source_name)
+    key = _key(schema, keys, options, source_name, narrow=value is not None)
+    shared = _named(names, QUALITY_NAMES, options.quality_column, source_name)
     if value is not None and value != time and (key is not None or _alone(schema, value, time)):
         return ColumnLayout(
             kind="narrow",
@@ -68,7 +68,7 @@ def decide_layout(
             qualities={value: shared} if shared else {},
             units={value: _unit(schema, value)},
             key=key,
-            unit_column=_named(names, UNIT_NAMES, None, where),
+            unit_column=_named(names, UNIT_NAMES, None, source_name),
             fixed=stem,
         )
     measured = _measured(schema, {time, key})
@@ -78,8 +78,8 @@ def decide_layout(
     measured = [name for name in measured if name not in qualities.values()]
     if not measured:
         raise UnreadableSource(
-            f"{where}: no column holds numbers beside the time {time!r}; its columns are "
-            f"{shown(schema)}"
+            f"{source_name}: no column holds numbers beside the time {time!r}; its columns are "
+            f"{columns_text(schema)}"
         )
     return ColumnLayout(
         kind="wide" if key is None else "valves",
@@ -91,51 +91,52 @@ def decide_layout(
     )
 
 
-def shown(schema: Any) -> str:
+def columns_text(schema: Any) -> str:
     """Columns with their types, the first dozen."""
     listed = [f"{field.name} ({field.type})" for field in list(schema)[:12]]
     return ", ".join(listed) + (", ..." if len(schema) > 12 else "")
 
 
-def _time_column(schema: Any, options: ReadOptions, where: str) -> str:
+def _time_column(schema: Any, options: ReadOptions, source_name: str) -> str:
     import pyarrow.types as kinds
 
     names = [str(name) for name in schema.names]
     if options.time_column is not None:
-        return str(_named(names, (), options.time_column, where))
+        return str(_named(names, (), options.time_column, source_name))
     stamps = [str(field.name) for field in schema if kinds.is_timestamp(field.type)]
     named = [name for name in TIME_NAMES for own in names if own.strip().lower() == name]
     by_name = [own for name in named for own in names if own.strip().lower() == name]
     best = [name for name in by_name if name in stamps] or (stamps if len(stamps) == 1 else by_name)
     if not best:
         raise UnreadableSource(
-            f"{where}: none of the columns is the time; expected one of type timestamp, or one "
-            f"called time or timestamp. Say time_column; the columns are {shown(schema)}"
+            f"{source_name}: none of the columns is the time; expected one of type timestamp, or "
+            f"one called time or timestamp. Say time_column; the columns are {columns_text(schema)}"
         )
     return best[0]
 
 
 def _named(
-    names: Sequence[str], known: Sequence[str], option: str | None, where: str
+    names: Sequence[str], usual_names: Sequence[str], option: str | None, source_name: str
 ) -> str | None:
     lower = {name.strip().lower(): name for name in reversed(names)}
     if option is not None:
         if option.strip().lower() not in lower:
             raise UnreadableSource(
-                f"{where}: there is no column {option!r}; the columns are {', '.join(names[:20])}"
+                f"{source_name}: there is no column {option!r}; the columns are "
+                f"{', '.join(names[:20])}"
             )
         return lower[option.strip().lower()]
-    return next((lower[name] for name in known if name in lower), None)
+    return next((lower[name] for name in usual_names if name in lower), None)
 
 
 def _key(
-    schema: Any, keys: Mapping[str, str], options: ReadOptions, where: str, *, narrow: bool
+    schema: Any, keys: Mapping[str, str], options: ReadOptions, source_name: str, *, narrow: bool
 ) -> str | None:
     """The column or folder key that names tag or valve."""
     texts = [field.name for field in schema if is_text(field.type)]
     every = [*(list(schema.names) if options.tag_column else texts), *keys]
     order = (*TAG_NAMES, *VALVE_NAMES) if narrow else VALVE_NAMES
-    return _named(every, order, options.tag_column, where)
+    return _named(every, order, options.tag_column, source_name)
 
 
 def is_text(kind: Any) -> bool:

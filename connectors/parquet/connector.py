@@ -75,9 +75,22 @@ class ParquetSettings(ArchiveSettings):
     )
 
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
-        """Of the files."""
+        """The address of the archive's files; a relative path counts from ``folder``."""
         path = self.path if "://" in self.path else str(folder / self.path)
         return ParquetAddress(path, self.read_options(zone), before_s=self.before_s or 0.0)
+
+
+_WHY_NOT = {
+    "encoding": "Parquet says its own",
+    "separator": "Parquet has columns",
+    "decimal": "the values are numbers",
+    "good_quality": "there are no quality codes",
+    "interval_s": "each row has its time",
+    "day_first": "the times are no texts that can be read both ways",
+    "time_format": "the times are no texts",
+    "ambiguous_hour": "no local time is in the hour that autumn repeats",
+    "missing_hour": "no local time is in the hour that spring skips",
+}
 
 
 class ParquetArchive:
@@ -144,8 +157,13 @@ class ParquetArchive:
         return assemble(self._load(valve, window), valve, window)
 
     def _load(self, valve: ValveTags, window: Window) -> ValveColumns:
-        from stemwatch.connectors.archive.valve_columns import ValveColumns, bounds_of, nothing_in
+        from stemwatch.connectors.archive.valve_columns import (
+            ValveColumns,
+            bounds_of,
+            no_samples_error,
+        )
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
+        from stemwatch.connectors.historian.unused_options import say_unused
         from stemwatch.connectors.parquet.column_layout import WORDS
         from stemwatch.connectors.parquet.reading import column_of, read_pieces
 
@@ -168,17 +186,20 @@ class ParquetArchive:
                 self.path,
                 as_mode=role is Role.MODE,
             )
-            known, zone = known and instants.known, zone or instants.zone
+            known, zone = known and instants.in_utc, zone or instants.zone
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
             holds = ". ".join([self._holds(op), *notes.problems[:1]])
-            raise nothing_in(self.path, op, window, holds)
+            raise no_samples_error(self.path, op, window, holds)
         layouts = {file.layout(self.options).kind for file in files if file.is_open}
+        for option in ("time_column", "tag_column", "value_column", "quality_column"):
+            notes.use(option)  # one that is not there was an error
+        say_unused(self.options, notes, _WHY_NOT | {"zone": zone.rstrip(".") or "no time is local"})
         return ValveColumns(
-            where=self.path,
+            source_name=self.path,
             layout="; ".join(WORDS[kind] for kind in sorted(layouts)),
             columns=columns,
-            known=known,
+            in_utc=known,
             zone=zone,
             decisions=[*notes.decisions, *self._said(notes)],
             problems=notes.problems,

@@ -24,8 +24,8 @@ from stemwatch.connectors.parquet.column_layout import SEPARATORS, ColumnLayout,
 from stemwatch.connectors.parquet.timestamps import (
     Stamps,
     file_bounds,
+    instants_in_utc,
     is_naive,
-    placed,
     read_stamps,
 )
 from stemwatch.models.recording import Bools
@@ -42,7 +42,7 @@ class TagPlace:
 
 
 @dataclass
-class Pieces:
+class TagPieces:
     """Rows of one tag, row group by row group."""
 
     stamps: list[Stamps] = field(default_factory=list)
@@ -50,7 +50,7 @@ class Pieces:
     codes: list[Any] = field(default_factory=list)  # Arrow or None, one for each of ``values``
     quality_name: str = "quality"
     unit: str = ""
-    written: bool = False  # the times were texts or numbers
+    times_were_text: bool = False  # the times were texts or numbers
 
 
 def place_of(tag: str, layout: ColumnLayout) -> TagPlace | None:
@@ -75,13 +75,13 @@ def read_pieces(
     bounds: Bounds,
     options: ReadOptions,
     notes: ReadingNotes,
-) -> dict[str, Pieces]:
+) -> dict[str, TagPieces]:
     """What ``files`` hold of ``tags`` between the bounds, in the files' order.
 
     A file that cannot be read is noted as a problem and costs the others nothing. Raises
     ``UnreadableSource`` where no file at all could be read.
     """
-    pieces: dict[str, Pieces] = {}
+    pieces: dict[str, TagPieces] = {}
     tried, broken = 0, []
     for file in files:
         if not may_hold(file.keys, bounds):
@@ -103,10 +103,10 @@ def _read_file(
     bounds: Bounds,
     options: ReadOptions,
     notes: ReadingNotes,
-    pieces: dict[str, Pieces],
+    pieces: dict[str, TagPieces],
 ) -> None:
     layout = file.layout(options)
-    places = {tag: place for tag in tags if (place := place_of(tag, layout))}
+    places = {tag: tag_place for tag in tags if (tag_place := place_of(tag, layout))}
     if not places:
         return
     naive = is_naive(file.fragment.physical_schema, layout.time)
@@ -118,29 +118,29 @@ def _read_file(
     columns = _columns(layout, places.values(), with_key=bool(mixed), file=file)
     for group, table in file.read(wanted, columns, layout.key if mixed else None):
         stamps = read_stamps(table.column(layout.time), layout.time, options, file.path, notes)
-        for tag, place in places.items():
-            rows = _rows(table, layout, place, groups.only(group))
+        for tag, tag_place in places.items():
+            rows = _rows(table, layout, tag_place, groups.only(group))
             if rows is not False:
-                _add(pieces.setdefault(tag, Pieces()), table, stamps, rows, layout, place)
+                _add(pieces.setdefault(tag, TagPieces()), table, stamps, rows, layout, tag_place)
 
 
 def _columns(layout: ColumnLayout, places: Any, *, with_key: bool, file: ArchiveFile) -> list[str]:
     names = [layout.time]
-    for place in places:
-        names += [place.column, layout.qualities.get(place.column, "")]
+    for tag_place in places:
+        names += [tag_place.column, layout.qualities.get(tag_place.column, "")]
     names.append(layout.unit_column or "")
     if with_key and layout.key is not None and layout.key not in file.keys:
         names.append(layout.key)
     return [name for name in dict.fromkeys(names) if name]
 
 
-def _rows(table: Any, layout: ColumnLayout, place: TagPlace, only: str | None) -> Bools | bool:
+def _rows(table: Any, layout: ColumnLayout, tag_place: TagPlace, only: str | None) -> Bools | bool:
     """Which rows are the place's: all (True), none (False) or a mask."""
-    if place.key is None:
+    if tag_place.key is None:
         return True
     if only is not None:
-        return only == place.key
-    mask = rows_with(table.column(layout.key), place.key)
+        return only == tag_place.key
+    mask = rows_with(table.column(layout.key), tag_place.key)
     return mask if mask.any() else False
 
 
@@ -162,17 +162,17 @@ def rows_with(column: Any, key: str) -> Bools:
 
 
 def _add(
-    pieces: Pieces,
+    pieces: TagPieces,
     table: Any,
     stamps: Stamps,
     rows: Bools | bool,
     layout: ColumnLayout,
-    place: TagPlace,
+    tag_place: TagPlace,
 ) -> None:
     import pyarrow as pa
 
-    value = table.column(place.column)
-    quality = layout.qualities.get(place.column)
+    value = table.column(tag_place.column)
+    quality = layout.qualities.get(tag_place.column)
     code = None if quality is None else table.column(quality)
     if not isinstance(rows, bool):
         keep = pa.array(rows)
@@ -183,8 +183,10 @@ def _add(
     pieces.codes.append(code)
     pieces.stamps.append(stamps)
     pieces.quality_name = quality or pieces.quality_name
-    pieces.written = not str(table.schema.field(layout.time).type).startswith(("timestamp", "date"))
-    pieces.unit = pieces.unit or layout.units.get(place.column, "")
+    pieces.times_were_text = not str(table.schema.field(layout.time).type).startswith(
+        ("timestamp", "date")
+    )
+    pieces.unit = pieces.unit or layout.units.get(tag_place.column, "")
     if not pieces.unit and layout.unit_column and len(value):
         units = table.column(layout.unit_column)
         first = units.filter(pa.array(rows))[0] if not isinstance(rows, bool) else units[0]
@@ -193,11 +195,11 @@ def _add(
 
 def column_of(
     tag: str,
-    pieces: Pieces,
+    pieces: TagPieces,
     bounds: Bounds,
     options: ReadOptions,
     notes: ReadingNotes,
-    where: str,
+    source_name: str,
     *,
     as_mode: bool,
 ) -> tuple[Column, Instants]:
@@ -210,6 +212,8 @@ def column_of(
     if not inside.all():
         instants = replace(instants, ns=instants.ns[inside], ok=instants.ok[inside])
     codes = _codes(pieces, inside, options)
+    if codes is not None:
+        notes.use("good_quality")
     if all(is_number(value.type) for value in pieces.values):
         values = _joined([as_floats(value) for value in pieces.values], inside)
         column = number_column(
@@ -217,7 +221,7 @@ def column_of(
             instants.ns,
             instants.ok,
             values,
-            where=where,
+            source_name=source_name,
             unit=pieces.unit,
             codes=codes,
             as_mode=as_mode,
@@ -231,18 +235,19 @@ def column_of(
         quality_codes=None if codes is None else [codes.words[i] for i in codes.index],
         quality_name=pieces.quality_name,
     )
+    notes.use("decimal")
     decimal, good = options.decimal or ".", options.good_quality
-    column = convert(raw, instants, decimal=decimal, good=good, name=where, as_mode=as_mode)
+    column = convert(raw, instants, decimal=decimal, good=good, name=source_name, as_mode=as_mode)
     return column, instants
 
 
-def _instants(pieces: Pieces, options: ReadOptions, notes: ReadingNotes) -> Instants:
+def _instants(pieces: TagPieces, options: ReadOptions, notes: ReadingNotes) -> Instants:
     stamps = Stamps(
         ns=_joined([stamp.ns for stamp in pieces.stamps]),
         ok=_joined([stamp.ok for stamp in pieces.stamps]),
         naive=any(stamp.naive for stamp in pieces.stamps),
     )
-    return placed(stamps, pieces.written, options, notes)
+    return instants_in_utc(stamps, pieces.times_were_text, options, notes)
 
 
 def _joined(parts: Sequence[NDArray[Number]], keep: Bools | None = None) -> NDArray[Number]:
@@ -261,7 +266,7 @@ def _inside(instants: Instants, bounds: Bounds) -> Bools:
     return inside
 
 
-def _codes(pieces: Pieces, inside: Bools, options: ReadOptions) -> Codes | None:
+def _codes(pieces: TagPieces, inside: Bools, options: ReadOptions) -> Codes | None:
     """Quality codes of all pieces; an empty one where a piece has none."""
     if all(code is None for code in pieces.codes):
         return None

@@ -42,7 +42,7 @@ def is_naive(schema: Any, name: str) -> bool:
 
 
 def read_stamps(
-    array: Any, name: str, options: ReadOptions, where: str, notes: ReadingNotes
+    array: Any, name: str, options: ReadOptions, source_name: str, notes: ReadingNotes
 ) -> Stamps:
     """Times of an Arrow array or chunked array. Texts and plain numbers are understood as in a
     text export; rows outside the years 1678 to 2261 have none."""
@@ -53,19 +53,19 @@ def read_stamps(
     if kinds.is_date(array.type):
         array = pc.cast(array, pa.timestamp("ms"))
     if not kinds.is_timestamp(array.type):
-        return _written(array, name, options, where, notes)
-    each = _UNIT_NS[array.type.unit]
+        return _from_texts(array, name, options, source_name, notes)
+    unit_ns = _UNIT_NS[array.type.unit]
     ok = pc.is_valid(array).to_numpy(zero_copy_only=False)
     counts = pc.fill_null(pc.cast(array, pa.int64()), 0).to_numpy()
-    limit = (2**63 - 1) // each
+    limit = (2**63 - 1) // unit_ns
     ok = ok & (counts <= limit) & (counts >= -limit)
-    ns = np.where(ok, counts, 0) * each
+    ns = np.where(ok, counts, 0) * unit_ns
     naive = array.type.tz is None and "utc" not in name.lower()
     return Stamps(ns=ns, ok=ok, naive=naive)
 
 
-def _written(
-    array: Any, name: str, options: ReadOptions, where: str, notes: ReadingNotes
+def _from_texts(
+    array: Any, name: str, options: ReadOptions, source_name: str, notes: ReadingNotes
 ) -> Stamps:
     texts = ["" if cell is None else str(cell) for cell in array.to_pylist()]
     table = RawTable(
@@ -75,24 +75,26 @@ def _written(
         numbers=range(1, len(texts) + 1),
         separator=",",
     )
-    instants = read_instants(table, options, where, notes)
-    return Stamps(ns=instants.ns, ok=instants.ok, naive=not instants.known)
+    instants = read_instants(table, options, source_name, notes)
+    return Stamps(ns=instants.ns, ok=instants.ok, naive=not instants.in_utc)
 
 
-def placed(stamps: Stamps, written: bool, options: ReadOptions, notes: ReadingNotes) -> Instants:
+def instants_in_utc(
+    stamps: Stamps, were_text: bool, options: ReadOptions, notes: ReadingNotes
+) -> Instants:
     """Instants in UTC, or on a clock of unknown date where local times have no zone.
 
-    ``written``: the times were texts or numbers, and have been through the zone already.
+    ``were_text``: the times were texts or numbers, and have been through the zone already.
     """
     if not stamps.naive:
         sentence = "The times are instants in UTC."
-        return Instants(ns=stamps.ns, ok=stamps.ok, known=True, zone=sentence)
-    if written:
+        return Instants(ns=stamps.ns, ok=stamps.ok, in_utc=True, zone=sentence)
+    if were_text:
         return undated(stamps.ns, stamps.ok, notes)
     return local_instants(stamps.ns, stamps.ok, options, notes)
 
 
-def file_bounds(bounds: Bounds, naive: bool, options: ReadOptions, where: str) -> Bounds:
+def file_bounds(bounds: Bounds, naive: bool, options: ReadOptions, source_name: str) -> Bounds:
     """Bounds in UTC as the file's own times count, wide enough to lose nothing.
 
     Raises ``ConnectorError`` for local times without a zone: nobody knows where a window lies.
@@ -101,8 +103,8 @@ def file_bounds(bounds: Bounds, naive: bool, options: ReadOptions, where: str) -
         return bounds
     if options.zone is None:
         raise ConnectorError(
-            f"{where}: a window was asked for, but the file's times have no zone; give the zone, "
-            "such as 'Europe/Berlin', or read everything"
+            f"{source_name}: a window was asked for, but the file's times have no zone; give the "
+            "zone, such as 'Europe/Berlin', or read everything"
         )
     zone = ZoneInfo(options.zone)
     start, stop = bounds

@@ -28,7 +28,7 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.settings import Name, NotEmpty, contradiction
-from stemwatch.connectors.sql.query_rows import fault_of
+from stemwatch.connectors.sql.query_rows import mistake_in
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class SqlSettings(ArchiveSettings):
     @model_validator(mode="after")
     def _only_reads(self) -> Self:
         for key, query in (("query", self.query), ("tags_query", self.tags_query)):
-            if query is not None and (fault := fault_of(query, with_tag=key == "query")):
+            if query is not None and (fault := mistake_in(query, with_tag=key == "query")):
                 raise contradiction((key,), fault.found, fault.expected)
         return self
 
@@ -155,7 +155,7 @@ class SqlArchive:
     def __init__(self, address: SqlAddress) -> None:
         self.address = address
         for text, with_tag in ((address.query, True), (address.tags_query, False)):
-            if text and (fault := fault_of(text, with_tag=with_tag)):
+            if text and (fault := mistake_in(text, with_tag=with_tag)):
                 raise UnreadableSource(
                     f"{address}: the query cannot be used: found {fault.found}; expected "
                     f"{fault.expected}"
@@ -172,10 +172,10 @@ class SqlArchive:
         no such query was given. No roles are guessed."""
         if not self.address.tags_query:
             return []
-        from stemwatch.connectors.sql.database import ask
+        from stemwatch.connectors.sql.database import run_query
 
         with self._database.reading() as connection:
-            names, parts = ask(connection, self.address.tags_query, {}, self.address.chunk)
+            names, parts = run_query(connection, self.address.tags_query, {}, self.address.chunk)
             lower = [name.lower() for name in names]
             place = {key: lower.index(key) for key in ("tag", "unit", "samples") if key in lower}
             place.setdefault("tag", 0)
@@ -215,7 +215,7 @@ class SqlArchive:
         return assemble(loaded, valve, window)
 
     def _load(self, connection: Connection, valve: ValveTags, window: Window) -> ValveColumns:
-        from stemwatch.connectors.archive.valve_columns import ValveColumns, nothing_in
+        from stemwatch.connectors.archive.valve_columns import ValveColumns, no_samples_error
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
         notes, columns = ReadingNotes(), {}
@@ -224,21 +224,21 @@ class SqlArchive:
             column, instants = self._column(connection, mapping.tag, role, window, notes)
             columns[mapping.tag] = column
             if instants is not None:
-                known, zone = known and instants.known, zone or instants.zone
+                known, zone = known and instants.in_utc, zone or instants.zone
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
             holds = f"the query was asked from {self._shown(window)}"
-            raise nothing_in(str(self.address), op, window, holds)
+            raise no_samples_error(str(self.address), op, window, holds)
         if not self._database.only_reads:
             notes.decide(
                 f"{self._database.dialect} knows no read-only transaction; the query is one "
                 "SELECT, but let the account that asks have no right to write."
             )
         return ValveColumns(
-            where=str(self.address),
+            source_name=str(self.address),
             layout=LAYOUT,
             columns=columns,
-            known=known,
+            in_utc=known,
             zone=zone,
             decisions=notes.decisions,
             problems=notes.problems,
@@ -258,16 +258,16 @@ class SqlArchive:
         options, name = self.address.options, str(self.address)
         instants = instants_of(samples, options, name, notes)
         column = column_of(tag, samples, instants, options, name, "", as_mode=role is Role.MODE)
-        if not instants.known:
+        if not instants.in_utc:
             return column, instants
         return inside(column, bounds_of(window, self.address.before_s)), instants
 
     def _samples(self, connection: Connection, tag: str, window: Window) -> Samples:
-        from stemwatch.connectors.sql.database import ask
+        from stemwatch.connectors.sql.database import run_query
         from stemwatch.connectors.sql.query_rows import gathered
 
         parameters = {"tag": tag, **self._bounds(window)}
-        names, parts = ask(connection, self.address.query, parameters, self.address.chunk)
+        names, parts = run_query(connection, self.address.query, parameters, self.address.chunk)
         samples = gathered(parts, names, str(self.address))
         self._check_texts(samples, parameters["start"])
         return samples
@@ -312,11 +312,11 @@ class SqlArchive:
         """Whether the tag has a row at any time; also checks how times are written."""
         from itertools import islice
 
-        from stemwatch.connectors.sql.database import ask
+        from stemwatch.connectors.sql.database import run_query
         from stemwatch.connectors.sql.query_rows import gathered
 
         parameters = {"tag": tag, **self._bounds(WHOLE)}
-        names, parts = ask(connection, self.address.query, parameters, 1)
+        names, parts = run_query(connection, self.address.query, parameters, 1)
         samples = gathered(islice(parts, 1), names, str(self.address))
         self._check_texts(samples, parameters["start"])
         return bool(samples.times)

@@ -90,7 +90,7 @@ class Database:
         )
 
 
-def ask(
+def run_query(
     connection: Connection, query: str, parameters: Mapping[str, Any], chunk: int
 ) -> tuple[Sequence[str], Iterator[Sequence[Sequence[Any]]]]:
     """Names of the columns, and the rows in parts of at most ``chunk``, as they come in."""

@@ -34,14 +34,14 @@ _WRITING = frozenset(
 )  # fmt: skip
 
 
-class Fault(NamedTuple):
+class QueryMistake(NamedTuple):
     """A mistake in a query template: what was found and what was expected."""
 
     found: str
     expected: str
 
 
-def fault_of(text: str, *, with_tag: bool = True) -> Fault | None:
+def mistake_in(text: str, *, with_tag: bool = True) -> QueryMistake | None:
     """Why ``text`` cannot be used as a template, or ``None``.
 
     It must be one SELECT, which may begin with WITH, without any word that writes; ``with_tag``:
@@ -50,28 +50,28 @@ def fault_of(text: str, *, with_tag: bool = True) -> Fault | None:
     """
     expected_statement = "one statement that begins with SELECT or WITH and only reads"
     if _DOLLAR.search(_QUOTED.sub(" ", text)):
-        return Fault("a dollar-quoted text", "texts between single quotes")
+        return QueryMistake("a dollar-quoted text", "texts between single quotes")
     bare = _bare(text)
     if ";" in bare:
-        return Fault("several statements", expected_statement)
+        return QueryMistake("several statements", expected_statement)
     words = re.findall(r"[a-z_]\w*", bare.lower())
     if not words or words[0] not in ("select", "with"):
-        return Fault(
+        return QueryMistake(
             f"a statement that begins with {repr(words[0]) if words else 'nothing'}",
             expected_statement,
         )
     writing = [word for word in words if word in _WRITING]
     if writing:
         hint = "; put a column of that name in double quotes"
-        return Fault(f"the word {writing[0]!r}", expected_statement + hint)
+        return QueryMistake(f"the word {writing[0]!r}", expected_statement + hint)
     if re.search(r"\bfor\s+(?:no\s+key\s+)?(?:update|share|key)", bare, re.I):
-        return Fault("a lock (FOR UPDATE)", expected_statement)
+        return QueryMistake("a lock (FOR UPDATE)", expected_statement)
     named = set(_PARAMETER.findall(bare))
     needed = set(PARAMETERS) if with_tag else set()
     if named != needed:
         shown = ", ".join(f":{name}" for name in sorted(named)) or "none"
         expected = ", ".join(f":{name}" for name in PARAMETERS) if with_tag else "none"
-        return Fault(f"the parameters {shown}", f"the parameters {expected}, not in quotes")
+        return QueryMistake(f"the parameters {shown}", f"the parameters {expected}, not in quotes")
     return None
 
 
@@ -94,9 +94,9 @@ class Samples:
     words: dict[str, int] = field(default_factory=dict)
     has_quality: bool = False
 
-    def add(self, rows: Sequence[Sequence[Any]], where: tuple[int, int, int | None]) -> None:
-        """Take a chunk; ``where`` are the places of time, value and quality."""
-        time, value, quality = where
+    def add(self, rows: Sequence[Sequence[Any]], source_name: tuple[int, int, int | None]) -> None:
+        """Take a chunk; ``source_name`` are the places of time, value and quality."""
+        time, value, quality = source_name
         self.times += [row[time] for row in rows]
         cells = [row[value] for row in rows]
         if self.texts is None and any(isinstance(value, str) for value in cells):
@@ -152,7 +152,7 @@ def instants_of(samples: Samples, options: ReadOptions, name: str, notes: Readin
     ns = np.fromiter((_ns(time) for time in times), dtype=np.int64, count=len(times))
     ok = np.ones(ns.size, dtype=bool)
     if all(time.tzinfo is not None for time in times):
-        return Instants(ns=ns, ok=ok, known=True, zone="The database gives instants.")
+        return Instants(ns=ns, ok=ok, in_utc=True, zone="The database gives instants.")
     return local_instants(ns, ok, options, notes)
 
 
@@ -198,7 +198,7 @@ def column_of(
         instants.ns,
         instants.ok,
         values,
-        where=name,
+        source_name=name,
         unit=unit,
         codes=codes,
         as_mode=as_mode,
@@ -207,7 +207,7 @@ def column_of(
 
 def gathered(parts: Iterator[Sequence[Sequence[Any]]], names: Sequence[str], name: str) -> Samples:
     """All chunks of one query."""
-    samples, where = Samples(), places(names, name)
+    samples, source_name = Samples(), places(names, name)
     for rows in parts:
-        samples.add(rows, where)
+        samples.add(rows, source_name)
     return samples

@@ -82,16 +82,25 @@ class BreakawayScatter(StemTerm):
         return False
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """Nothing."""
         return {}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """Nothing."""
         return ""
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """Nothing to look for at a valve."""
         return FieldTest(do="", fails="", passes="")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RivalFit:
+    """One rival fitted to an answer.
+
+    ``cost``: half the robust loss in variances of the noise, and what its coordinates cost, as a
+    log likelihood. ``followed`` (n,) MV in percent by a free run of it.
+    """
+
+    cost: float
+    followed: Floats
 
 
 @dataclass(frozen=True)
@@ -203,15 +212,22 @@ class RivalRuns:
         return 0.5 * LOGARITHM_OF_SAMPLES * (layout.size - base_coordinate.N_BASE)
 
     def costs(self, answer: Floats) -> Floats:
-        """(m,) how badly each model follows ``answer`` (n,), fitted to it again: half the robust
-        loss in variances of the noise, and what its coordinates cost, as a log likelihood."""
+        """(m,) how badly each model follows ``answer`` (n,), see ``RivalFit``."""
         evaluator = self._evaluator(answer)
+        return np.array([self._fit(evaluator, model)[1] for model in self.models])
+
+    def fit(self, model: RivalModel, answer: Floats) -> RivalFit:
+        """``model`` fitted to ``answer`` (n,)."""
+        evaluator = self._evaluator(answer)
+        candidate, cost = self._fit(evaluator, model)
+        layout = self.layout(evaluator, model)
+        return RivalFit(cost=cost, followed=evaluator.simulate(layout, candidate))
+
+    def _fit(self, evaluator: Evaluator, model: RivalModel) -> tuple[Floats, float]:
+        layout = self.layout(evaluator, model)
+        middle = 0.5 * (layout.bounds.low + layout.bounds.high)
         everything = np.ones(1, dtype=bool)
+        fit = conclude(evaluator, descend(evaluator, layout, everything, middle, ROUNDS))
         scale = (evaluator.delta / 3.0) ** 2
-        found = []
-        for model in self.models:
-            layout = self.layout(evaluator, model)
-            middle = 0.5 * (layout.bounds.low + layout.bounds.high)
-            fit = conclude(evaluator, descend(evaluator, layout, everything, middle, ROUNDS))
-            found.append(fit.loss * self.travel.size / (2.0 * scale) + self.coordinates_cost(model))
-        return np.array(found)
+        cost = fit.loss * self.travel.size / (2.0 * scale) + self.coordinates_cost(model)
+        return fit.candidate, cost

@@ -41,7 +41,6 @@ from stemwatch.models.mismatch.describe_effect import (
     directions,
     effect,
     residual_map,
-    scores_of,
     sentence_of,
 )
 from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
@@ -67,7 +66,7 @@ from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.mismatch.tried import what_was_tried
+from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws, estimate
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
@@ -99,7 +98,7 @@ SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two el
 
 @dataclass(frozen=True)
 class _Case:
-    """One recording on its way."""
+    """One recording, and what the steps of ``explain`` have settled of it so far."""
 
     recording: Recording
     settled: RecordSettled

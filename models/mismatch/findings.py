@@ -8,6 +8,7 @@ from enum import StrEnum
 from math import exp
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.fit_window import on_whole_clock
 from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
@@ -66,7 +67,7 @@ class TriedOutcome(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tried:
+class TriedEffect:
     """One effect that was tried: its gain alone over S and J, and on top of all that was named,
     ``None`` where that was not tried."""
 
@@ -221,6 +222,15 @@ class FreeRuns:
     extended: Floats
     heldout_from: int
 
+    def within(self, first: int, samples: int) -> FreeRuns:
+        """The runs on the clock of a recording of ``samples`` samples, of which they begin at
+        ``first``; NaN outside."""
+        return FreeRuns(
+            naive=on_whole_clock(self.naive, first, samples),
+            extended=on_whole_clock(self.extended, first, samples),
+            heldout_from=first + self.heldout_from,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Mismatch:
@@ -238,7 +248,7 @@ class Mismatch:
     after: ResidualMap = field(default_factory=ResidualMap)
     runs: FreeRuns | None = None
     # Every effect that was tried term by term, the largest gain first; and what is named, together.
-    tried: tuple[Tried, ...] = ()
+    tried: tuple[TriedEffect, ...] = ()
     together: Gain | None = None
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None

@@ -34,10 +34,13 @@ class OpenQuestion:
 
     Times in units of the own clock, ``unit_s`` seconds; ``sigma`` (noise of MV) and ``scatter``
     (of the breakaway level) in percent. ``op`` is where OP was at the end of the recording, and
-    ``op_low`` to ``op_high`` where it had been. ``duration`` is the record's length.
+    ``op_low`` to ``op_high`` where it had been. ``duration`` is the record's length. ``published``
+    is the model with the effects that were named, where any were: what a step test would show is
+    run on it.
     """
 
     models: tuple[RivalModel, ...] = ()
+    published: RivalModel | None = None
     unit_s: float = 1.0
     interval: float = 1.0
     duration: float = 0.0

@@ -31,6 +31,7 @@ def left_open(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> Op
     problem = evaluator.problem
     return OpenQuestion(
         models=_rivals(evaluator, named, standing)[:MOST_RIVALS],
+        published=_model("", named.fitted) if standing else None,
         unit_s=problem.unit_s,
         interval=problem.interval_s,
         duration=problem.op.size * problem.interval_s,

@@ -49,16 +49,16 @@ def train(batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS) -> li
     """
     fits: dict[int, NarxFit] = {}
     ready: list[_Ready] = []
-    for place, example in enumerate(batch):
+    for index, example in enumerate(batch):
         prepared = prepare(example, settings)
         if isinstance(prepared, str):
-            fits[place] = NarxFit(valve=example.valve, reason=prepared)
+            fits[index] = NarxFit(valve=example.valve, reason=prepared)
         else:
-            ready.append((place, prepared))
+            ready.append((index, prepared))
     for part in _parts(ready, settings.valves_per_batch):
         trained = _train_part([valve for _, valve in part], settings)
-        fits |= {place: fit for (place, _), fit in zip(part, trained, strict=True)}
-    return [fits[place] for place in range(len(batch))]
+        fits |= {index: fit for (index, _), fit in zip(part, trained, strict=True)}
+    return [fits[index] for index in range(len(batch))]
 
 
 def _parts(ready: list[_Ready], most: int) -> Iterator[list[_Ready]]:

@@ -5,9 +5,17 @@ late. Then the position moves before its command, which no valve can do; frictio
 late command comes out too small, by twice what OP moves in that time. A position that is stored
 late looks as a dead time does, and is named so.
 
-The command is brought forward by whole samples and the cheapest stick-slip element is looked for
-at each, then by parts of a sample. It is believed where the blocks of the record agree that it is
-cheaper: a stem that only answers late is made dearer by it.
+Two witnesses tell of it.
+
+**The controller.** OP follows set point and PV at once, by the controller's own law,
+``OP[k] - OP[k - w] = Kp (e[k - n] - e[k - n - w]) + Ki sum of e`` with ``e = SP - PV``: by least
+squares for each delay ``n``, one delay explains OP far better than any other. PV shares its clock
+with the position or with OP; the stem must not contradict that it is OP which is late.
+
+**The stem.** The command is brought forward by whole samples and the cheapest stick-slip element is
+looked for at each, then by parts of a sample. It is believed where the blocks of the record agree
+that it is cheaper: a stem that only answers late is made dearer by it. A lateness and a smaller S
+look much alike to it, so that it tells by how much only where the controller does not.
 """
 
 from __future__ import annotations
@@ -15,9 +23,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stemwatch.models.forensics import repeat_share
-from stemwatch.models.recording import Floats, Quality, Recording, Role
+from stemwatch.models.recording import Bools, Floats, Quality, Recording, Role
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import (
     Advantage,
@@ -35,14 +44,21 @@ WITHIN = np.arange(-2.0, 2.01, 0.25)  # samples about the best of them
 LEAST_MEAN, LEAST_T = 0.1, 1.5
 STEPPED = 0.05  # share of repeats of OP from which it is moved by whole samples
 LEAST = 0.5  # samples; less is within what sampling does
+# By the controller's law: OP's moves over so many samples, and the delays that are tried. A delay
+# is believed where it leaves at most such a share of OP's moves, and of what no delay and that of
+# one scan leave. 80 recordings whose clocks agree (`draw_valves`, seeds 5151, 6161, 8383;
+# `draw_sticky`, `draw_healthy`, 5151, 7171) leave 0.00 to 0.21 at none or one sample; stored 5 s
+# late 0.00 to 0.21 at 5 or 6 samples, at most 0.48 times what they leave at none or one.
+MOVES_OVER, FEWEST_MOVES = 5, 200
+EARLIEST, LATEST = -1, 14  # samples; the first and the last are only neighbours of what is tried
+MOST_LEFT, LEFT_AT_ONCE = 0.35, 0.5
+WHOLE = 0.4  # samples: clocks that differ by whole samples are found this near to them
 
 
 def find_op_late(recording: Recording, look: FirstLook | None = None) -> float:
     """How late OP was stored against the position, seconds of the recording's clock; 0 where it was
     not, or where nothing tells. ``look`` is a first look at it where there was one."""
-    seen = late_evidence(recording, look)
-    told = seen.samples >= LEAST and seen.gain.mean >= LEAST_MEAN and seen.gain.t >= LEAST_T
-    return seen.samples * recording.interval_s if told else 0.0
+    return late_evidence(recording, look).late_s(recording.interval_s)
 
 
 def brought_forward(recording: Recording, late_s: float) -> Recording:
@@ -73,6 +89,19 @@ class LateEvidence:
 
     samples: float
     gain: Advantage
+    by_controller: bool = False
+
+    @property
+    def told(self) -> bool:
+        """Whether OP is believed to be late. Where the controller's law says so, the stem must only
+        not be against it: PV may be what has another clock."""
+        if self.by_controller:
+            return self.gain.mean >= 0.0
+        return self.samples >= LEAST and self.gain.mean >= LEAST_MEAN and self.gain.t >= LEAST_T
+
+    def late_s(self, interval_s: float) -> float:
+        """How late OP is believed to be, seconds of the recording's clock; 0 where it is not."""
+        return self.samples * interval_s if self.told else 0.0
 
 
 _NOTHING = LateEvidence(0.0, Advantage(0.0, 0.0))
@@ -86,15 +115,104 @@ def late_evidence(recording: Recording, look: FirstLook | None = None) -> LateEv
     evaluator, base = look.evaluator, look.base
     grid = sticking_grid(evaluator, base)[1::4]  # the reading's own zero
     plain = _cheapest(evaluator, grid, 0.0)
+
+    def gain(late: _Shifted) -> Advantage:
+        fair = _cheapest(evaluator, np.vstack((grid, _about(plain.candidate))), 0.0)
+        return advantage(fair.losses, late.losses, late.counts, evaluator.delta)
+
+    behind = behind_controller(recording).samples
+    if behind > 0.0:
+        near = np.vstack((grid, _about(_cheapest(evaluator, grid, behind).candidate)))
+        told = LateEvidence(behind, gain(_cheapest(evaluator, near, behind)), by_controller=True)
+        if told.told:
+            return told
     looked = [_cheapest(evaluator, grid, float(at)) for at in LOOKED_AT]
     if min(map(_total, looked)) >= _total(plain):
         return _NOTHING
     best = min(*looked, *(_cheapest(evaluator, grid, float(at)) for at in TRIED), key=_total)
     near, parts = _about(best.candidate), best.samples + WITHIN
     best = min((_cheapest(evaluator, near, float(at)) for at in parts[parts > 0.0]), key=_total)
-    plain = _cheapest(evaluator, np.vstack((grid, _about(plain.candidate))), 0.0)
-    gain = advantage(plain.losses, best.losses, best.counts, evaluator.delta)
-    return LateEvidence(best.samples, gain)
+    return LateEvidence(best.samples, gain(best))
+
+
+@dataclass(frozen=True)
+class BehindController:
+    """By how many ``samples`` OP is stored after the PV and set point that it answers, 0 where it
+    is not or where the law does not tell; the share of OP's moves that the best delay of two
+    samples and more ``left``, and of what is left without one (``of_at_once``). NaN where nothing
+    can be told."""
+
+    samples: float = 0.0
+    left: float = np.nan
+    of_at_once: float = np.nan
+
+
+def behind_controller(recording: Recording) -> BehindController:
+    """How late OP is by the controller's law."""
+    pv, sp = recording.get(Role.PV), recording.get(Role.SP)
+    if pv is None:
+        return BehindController()
+    watched = [pv, *([sp] if sp is not None and sp.usable.any() else [])]
+    followed = [_centred(one.values, one.usable) for one in watched]
+    if np.ptp(followed[0]) == 0.0:
+        return BehindController()
+    followed = [values for values in followed if np.ptp(values) > 0.0]
+    n, over = len(recording), MOVES_OVER
+    at = np.arange(over - EARLIEST + LATEST, n + EARLIEST)
+    if at.size < FEWEST_MOVES:
+        return BehindController()
+    moves = np.zeros((n, 2 * len(followed)))
+    for place, values in enumerate(followed):
+        moves[over:, 2 * place] = values[over:] - values[:-over]
+        total = np.concatenate(([0.0], np.cumsum(values)))
+        moves[over:, 2 * place + 1] = total[over + 1 :] - total[1:-over]
+    op = _centred(recording.op.values, recording.op.usable)
+    known = _whole(recording.op.usable, over)[at]
+    own = np.where(known, op[at] - op[at - over], 0.0)
+    told = np.all([_whole(one.usable, over) for one in watched], axis=0)
+    left = np.array([_left(moves, told, own, known, at - by) for by in range(EARLIEST, LATEST)])
+    if not np.isfinite(left).all():
+        return BehindController()
+    at_once, first = float(left[-EARLIEST : 2 - EARLIEST].min()), 2 - EARLIEST
+    best = int(left[first:-1].argmin()) + first
+    least, share = float(left[best]), float(left[best]) / max(at_once, 1e-12)
+    if least > MOST_LEFT or share > LEFT_AT_ONCE:
+        return BehindController(0.0, least, share)
+    before, after = left[best - 1], left[best + 1]
+    bend = before - 2.0 * least + after
+    off = float(0.5 * (before - after) / bend) if bend > 0.0 else 0.0
+    whole = abs(off) < WHOLE or abs(off) > 1.0
+    return BehindController(best + EARLIEST + (0.0 if whole else off), least, share)
+
+
+def _centred(values: Floats, usable: Bools) -> Floats:
+    """(n,) ``values`` about their mean; 0 where they are not usable."""
+    mean = float(values[usable].mean()) if usable.any() else 0.0
+    return np.where(usable, values - mean, 0.0)
+
+
+def _whole(usable: Bools, over: int) -> Bools:
+    """(n,) whether the last ``over + 1`` samples are all usable."""
+    good = np.concatenate(([0], np.cumsum(usable)))
+    whole = np.zeros(usable.size, dtype=bool)
+    whole[over:] = good[over + 1 :] - good[: -over - 1] == over + 1
+    return whole
+
+
+def _left(moves: Floats, told: Bools, own: Floats, known: Bools, at: NDArray[np.intp]) -> float:
+    """Share of the squares of OP's ``own`` moves (m,) that those of PV and set point ``at`` so many
+    samples before leave, by least squares; NaN where too few are known."""
+    first, last = int(at[0]), int(at[-1]) + 1
+    both = known & told[first:last]
+    if np.count_nonzero(both) < FEWEST_MOVES:
+        return float("nan")
+    seen, op = np.where(both[:, None], moves[first:last], 0.0), np.where(both, own, 0.0)
+    squares = float(op @ op)
+    if squares <= 0.0:
+        return float("nan")
+    best = np.linalg.lstsq(seen.T @ seen, seen.T @ op, rcond=None)[0]
+    rest = op - seen @ best
+    return float(rest @ rest) / squares
 
 
 @dataclass(frozen=True)

@@ -149,23 +149,23 @@ def _off_the_stops(recording: Recording) -> Bools:
 
 
 def stroke_curve_of(
-    recording: Recording, known: KnownCurve | None = None
+    recording: Recording, known_curve: KnownCurve | None = None
 ) -> tuple[StrokeCurve | None, str]:
     """The curve to read a recording through, and how it changed, one sentence or nothing.
 
     A curve that a person gave is used as it is. One that was found in an earlier window is where
     the search starts, and stands in where OP moves too little to tell its own.
     """
-    if known is None or recording.mv is None or recording.mv.unit != recording.op.unit:
+    if known_curve is None or recording.mv is None or recording.mv.unit != recording.op.unit:
         return find_stroke_curve(recording), ""
-    if known.given:
-        return _given(recording, known.curve)
-    curve = find_stroke_curve(recording, known.curve)
-    if known.curve is None:
+    if known_curve.given:
+        return _given(recording, known_curve.curve)
+    curve = find_stroke_curve(recording, known_curve.curve)
+    if known_curve.curve is None:
         if curve is None or not curve.slope_known:
             return curve, ""
         return _changed(curve, CHANGED_FROM_PLAIN)
-    return _since(recording, known.curve, curve)
+    return _since(recording, known_curve.curve, curve)
 
 
 def _given(recording: Recording, curve: StrokeCurve | None) -> tuple[StrokeCurve | None, str]:

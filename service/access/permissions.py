@@ -79,7 +79,7 @@ class CurrentUser:
 
     name: str
     role: UserRole
-    how: str
+    signed_in_by: str
     user: int = 0
     scopes: frozenset[Scope] | None = None
     session: str = ""

@@ -52,7 +52,7 @@ def user_of_cookie(
     return CurrentUser(
         name=user.name,
         role=user.role,
-        how=SESSION,
+        signed_in_by=SESSION,
         user=user.id,
         session=digest,
         form_token=form_token_of(cookie),

@@ -72,7 +72,7 @@ def user_of_token(store: Store, secret: str, now: datetime) -> CurrentUser | Non
     return CurrentUser(
         name=token.user.name,
         role=token.user.role,
-        how=f"token {token.name}",
+        signed_in_by=f"token {token.name}",
         user=token.user.id,
         scopes=frozenset(token.scopes),
     )
@@ -88,6 +88,6 @@ def user_of_environment(secret: str, expected: str) -> CurrentUser | None:
     return CurrentUser(
         name=ENVIRONMENT,
         role=UserRole.ENGINEER,
-        how="token of the environment",
+        signed_in_by="token of the environment",
         scopes=frozenset((Scope.READ, Scope.ACT)),
     )

@@ -15,7 +15,7 @@ SHOWN = 50
 _LONGEST_SUBJECT = 200
 
 
-def tell(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
+def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
     """Queue messages about the open alerts that nobody was told of; whether there were any."""
     alerts = sorted(store.deliveries.untold(), key=lambda alert: _ORDER.index(alert.severity))
     if not alerts:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
+from datetime import UTC, datetime, tzinfo
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
@@ -39,7 +39,7 @@ class ValveRecord:
     ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id;
     ``worked_at`` when the valve was worked on; ``by_window`` what its windows of the last weeks say
     together of effects beside friction, and ``stands`` whether that is more than chance among all
-    valves of the run.
+    valves of the run. Days are said in ``zone``.
     """
 
     valve: StoredValve
@@ -50,6 +50,7 @@ class ValveRecord:
     worked_at: Sequence[datetime] = ()
     by_window: EvidenceOfWeeks | None = None
     stands: bool = False
+    zone: tzinfo = UTC
 
 
 def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDecision:
@@ -69,39 +70,43 @@ def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDe
     return AlertDecision.LEAVE
 
 
-def apply_rules(seen: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert], list[str]]:
+def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert], list[str]]:
     """What to raise, and the causes to close, of one valve."""
     judged = [
-        screening for screening in seen.screenings if screening.verdict is not Verdict.UNDETERMINED
+        screening
+        for screening in record.screenings
+        if screening.verdict is not Verdict.UNDETERMINED
     ]
     raised: list[RaisedAlert] = []
     closed: list[str] = []
-    for kind, present, text in _findings(seen, rules):
-        told = [None if _worked_on(seen, screening) else present(screening) for screening in judged]
+    for kind, present, text in _findings(record, rules):
+        told = [
+            None if _worked_on(record, screening) else present(screening) for screening in judged
+        ]
         verdict = alert_decision(told, rules)
         if kind is AlertKind.MISMATCH:
-            verdict = _of_physics(seen, told, verdict)
+            verdict = _of_physics(record, told, verdict)
         if verdict is AlertDecision.RAISE:
-            alert = _raised(seen.valve, kind, text(judged[0]), judged[0])
-            if kind is AlertKind.MISMATCH and seen.by_window is not None:
-                effects = [finding.slug for finding in seen.by_window.confirmed]
+            alert = _raised(record.valve, kind, text(judged[0]), judged[0])
+            if kind is AlertKind.MISMATCH and record.by_window is not None:
+                effects = [finding.slug for finding in record.by_window.confirmed]
                 alert = replace(alert, evidence={**alert.evidence, "effects": effects})
             raised.append(alert)
         elif verdict is AlertDecision.CLEAR:
-            closed.append(cause(kind, seen.valve.id))
+            closed.append(cause(kind, record.valve.id))
     return raised, closed
 
 
 def _of_physics(
-    seen: ValveRecord, told: Sequence[bool | None], by_runs: AlertDecision
+    record: ValveRecord, told: Sequence[bool | None], by_runs: AlertDecision
 ) -> AlertDecision:
     """An effect beside friction is raised where the windows of weeks confirm it and it stands among
     all valves of the run; what was only seen once closes nothing either."""
     if not told or told[0] is None:
         return AlertDecision.LEAVE
-    if seen.by_window is not None and seen.by_window.confirmed:
-        return AlertDecision.RAISE if seen.stands else AlertDecision.LEAVE
-    first_seen = seen.by_window is not None and seen.by_window.first_seen
+    if record.by_window is not None and record.by_window.confirmed:
+        return AlertDecision.RAISE if record.stands else AlertDecision.LEAVE
+    first_seen = record.by_window is not None and record.by_window.first_seen
     return (
         AlertDecision.CLEAR
         if by_runs is AlertDecision.CLEAR and not first_seen
@@ -177,12 +182,12 @@ def _with_evidence(alert: RaisedAlert, beside: Sequence[RaisedAlert]) -> RaisedA
     return replace(alert, text=text, evidence=evidence)
 
 
-def _worked_on(seen: ValveRecord, judged: JudgedScreening) -> bool:
+def _worked_on(record: ValveRecord, judged: JudgedScreening) -> bool:
     """True where the window holds two valves: the one before the work and the one after it."""
     start, end = judged.window
     if start is None or end is None:
         return False
-    return any(start < at < end for at in seen.worked_at)
+    return any(start < at < end for at in record.worked_at)
 
 
 def cause(kind: AlertKind, valve: str) -> str:
@@ -195,22 +200,24 @@ _Finding = tuple[
 ]
 
 
-def _findings(seen: ValveRecord, rules: AlertRules) -> list[_Finding]:
+def _findings(record: ValveRecord, rules: AlertRules) -> list[_Finding]:
     return [
         (AlertKind.STICKY, lambda judged: judged.verdict is Verdict.STICKY, _sticky),
         (
             AlertKind.GROWN,
-            lambda judged: has_grown(judged.S, seen.at_baseline, rules.grown_S_percent),
-            lambda judged: f"{stiction_grown(seen.at_baseline, judged.S)} {judged.advice}",
+            lambda judged: has_grown(judged.S, record.at_baseline, rules.grown_S_percent),
+            lambda judged: f"{stiction_grown(record.at_baseline, judged.S)} {judged.advice}",
         ),
         (
             AlertKind.BASELINE,
             lambda judged: (
-                seen.ratios[judged.id] > seen.ratio_limit if judged.id in seen.ratios else None
+                record.ratios[judged.id] > record.ratio_limit
+                if judged.id in record.ratios
+                else None
             ),
-            lambda judged: baseline_left(seen.ratios[judged.id]),
+            lambda judged: baseline_left(record.ratios[judged.id]),
         ),
-        (AlertKind.MISMATCH, lambda judged: judged.named, lambda judged: _mismatch(seen, judged)),
+        (AlertKind.MISMATCH, lambda judged: judged.named, lambda judged: _mismatch(record, judged)),
     ]
 
 
@@ -228,11 +235,11 @@ def _sticky(judged: JudgedScreening) -> str:
     return f"{judged.reason} {judged.advice}".strip()
 
 
-def _mismatch(seen: ValveRecord, judged: JudgedScreening) -> str:
+def _mismatch(record: ValveRecord, judged: JudgedScreening) -> str:
     """What is confirmed, in the words of the newest window where that names it too."""
-    if seen.by_window is None:
+    if record.by_window is None:
         return "Something beside stiction was found."
-    return seen.by_window.in_short(judged.mismatch)
+    return record.by_window.in_short(judged.mismatch, record.zone)
 
 
 def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreening) -> RaisedAlert:

@@ -8,14 +8,15 @@ from datetime import UTC, datetime, timedelta
 
 from stemwatch.connectors.secret import masked
 from stemwatch.service.alerts.notifiers.notifier import Notifier, NotSent
-from stemwatch.service.store.alerts.deliveries import StoredDelivery
+from stemwatch.service.store.alerts.deliveries import LONGEST_WAIT, StoredDelivery
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
 
 FIRST_WAIT = timedelta(minutes=1)
-LONGEST_WAIT = timedelta(hours=1)
 GIVE_UP_AFTER = timedelta(days=3)
+# One attempt is not enough where the clock leapt, or the service was off for a week.
+FEWEST_ATTEMPTS = 24
 
 
 class Sender:
@@ -52,7 +53,8 @@ class Sender:
         words = masked(" ".join(words.split()))[:500]
         now, about = datetime.now(UTC), {"notifier": delivery.notifier}
         final = isinstance(error, NotSent) and error.final
-        if final or now - delivery.created > GIVE_UP_AFTER:
+        tried = delivery.attempts >= FEWEST_ATTEMPTS
+        if final or (tried and now - delivery.created > GIVE_UP_AFTER):
             text = "message %s for %s is given up: %s"
             log.error(text, delivery.key, delivery.notifier, words, extra=about)
             self._store.deliveries.failed(delivery.id, words, None)

@@ -21,7 +21,8 @@ def watch_sources(
     """Raise an alert for each device without a good sample and each valve with a dead tag, close
     those that are over. The numbers of the new ones; raises ``StoreError``.
 
-    ``since`` is when collecting began: before that no source can be blamed. Watched folders are
+    ``since`` is when collecting began, or the clock was set: before that no source can be blamed.
+    A good sample from the future tells nothing, since the clock was set back. Watched folders are
     not looked at: how often somebody drops a file there is nobody's promise.
     """
     now = now or datetime.now(UTC)
@@ -32,10 +33,13 @@ def watch_sources(
     alive: list[str] = []
     for name in plant.devices:
         state = states.get(name)
-        last = max(since, state.last_good) if state and state.last_good else since
+        good = None if state is None else state.last_good
+        if good is not None and good - now > limit:
+            good = None
+        last = since if good is None else max(since, good)
         if now - last > limit:
             raised.append(_silent(plant, name, state, last))
-        elif state is not None and state.last_good is not None and now - state.last_good < limit:
+        elif good is not None and now - good < limit:
             alive.append(name)
     if now - since > limit:
         dead = dead_tags(store, plant, alive, limit, now)

@@ -20,6 +20,7 @@ from stemwatch.service.cli.drift import drift
 from stemwatch.service.cli.explain import explain
 from stemwatch.service.cli.feedback import feedback
 from stemwatch.service.cli.inspect import inspect
+from stemwatch.service.cli.judge_test import judge_test
 from stemwatch.service.cli.maintenance import maintenance
 from stemwatch.service.cli.maintenance_report import maintenance_report
 from stemwatch.service.cli.miswiring import miswiring
@@ -77,6 +78,7 @@ for command in (
     screen,
     explain,
     plan_test,
+    judge_test,
     compare,
     simulate,
     simulate_archive,

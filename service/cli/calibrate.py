@@ -60,6 +60,7 @@ def calibrate_mismatch(
             "scores": scores,
         }
         json_file.write_text(json.dumps(limits, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("method.md")
 
 
 def _table(rows: Sequence[TermNulls]) -> Table:
@@ -67,11 +68,11 @@ def _table(rows: Sequence[TermNulls]) -> Table:
     from stemwatch.service.cli.prove_tables import plain_table
     from stemwatch.service.studies.proof.nulls import QUANTILES
 
-    shown = [place for place, quantile in enumerate(QUANTILES) if quantile >= SHOWN_FROM]
-    names = [f"{QUANTILES[place]:.0%}" for place in shown]
+    shown = [index for index, quantile in enumerate(QUANTILES) if quantile >= SHOWN_FROM]
+    names = [f"{QUANTILES[index]:.0%}" for index in shown]
     title = "Advantage on nulls, mean (t), and the limit of the mean"
     table = plain_table(title, ("term",), (*names, "limit"))
     for row in rows:
-        cells = [f"{row.mean[place]:.2f} ({row.t[place]:.1f})" for place in shown]
+        cells = [f"{row.mean[index]:.2f} ({row.t[index]:.1f})" for index in shown]
         table.add_row(row.slug, *cells, f"{row.limit:.2f}")
     return table

@@ -21,28 +21,34 @@ def calibrate_archives(
 ) -> None:
     """Print the limits of a late clock and a slow archive beside recordings that have neither.
 
-    Sticking and healthy valves are simulated as `robustness` does. Kept every second by one clock
-    they are the nulls: no limit may be reached by any of them, nor may a healthy valve with a noisy
-    PV, whose OP turns at every sample, show friction. Stored 5 s late, every 5 or 10 s or
-    as averages they show how many each limit finds.
+    Sticking and healthy valves are simulated as `robustness` does, and twice as many sticking ones
+    of all kinds of loops, as `trial` does. Kept every second by one clock they are the nulls, of
+    which none should reach a limit, nor should a healthy valve with a noisy PV, whose OP turns at
+    every sample, show friction. Stored 5 s late, every 5 or 10 s or as averages they show how many
+    each limit finds. What is printed of the stem's lateness is what it says without a PV.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.cli.prove_tables import plain_table
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.archive_limits import limits, run_archive_limits
 
-    with views.progress("valves", 2 * valves, transient=True) as tell:
+    with views.progress("valves", 4 * valves, transient=True) as tell:
         shown = run_archive_limits(valves, seed, choose_executor(workers), tell)
     found = list(limits(shown))
-    columns = ("limit", "nearest null", "nulls", "late or slow beyond it")
+    columns = ("limit", "nearest null", "nulls beyond it", "late or slow beyond it")
     table = plain_table(f"{valves} sticking and healthy valves, seed {seed}", ("what",), columns)
     for one in found:
+        worst = f"{one.worst:.2f}" if one.nulls else "no null"
+        of_nulls = f"{one.nulls_beyond} of {one.nulls}"
         beyond = f"{one.beyond} of {one.of}"
-        table.add_row(one.name, f"{one.limit:g}", f"{one.worst:.2f}", str(one.nulls), beyond)
+        table.add_row(one.name, f"{one.limit:g}", worst, of_nulls, beyond)
     views.out.print(table)
-    over = [one.name for one in found if not one.holds]
+    over = [one.name for one in found if one.nulls_beyond]
     if over:
         views.say(f"Nulls lie beyond: {'; '.join(over)}.")
+    untold = [one.name for one in found if not one.nulls]
+    if untold:
+        views.say(f"Draw more valves: too few without the effect for {'; '.join(untold)}.")
     if json_file is not None:
         report = {
             "seed": seed,
@@ -51,3 +57,4 @@ def calibrate_archives(
             "recordings": [asdict(one) for one in shown],
         }
         json_file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("method.md")

@@ -51,6 +51,7 @@ def drift(
     if json_file is not None:
         report = {"valves": valves, "seed": seed, **as_json(followed, calibration)}
         json_file.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    views.say_read_on("networks.md")
 
 
 def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
@@ -189,10 +190,10 @@ def _alarm_table(followed: Sequence[Followed], named: dict[str, float]) -> Table
     for name in ("alarms", "share", "95 % interval"):
         table.add_column(name, justify="right")
     for limit_name, limit in named.items():
-        for place, (group, count, of) in enumerate(alarms(followed, limit)):
+        for index, (group, count, of) in enumerate(alarms(followed, limit)):
             low, high = wilson(count, of)
             share = f"{count / of:.1%}" if of else "-"
-            first = f"{limit_name}: {limit:g}" if place == 0 else ""
+            first = f"{limit_name}: {limit:g}" if index == 0 else ""
             table.add_row(first, group, f"{count} of {of}", share, f"{low:.1%} to {high:.1%}")
         table.add_section()
     return table

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import asked_for, given_by
+from stemwatch.service.cli.reading import given_by, requested, say_unused_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,7 @@ MOST_REASONS = 5  # of a run in which nothing could be read
 TITLE = "Where simulation and recording differ"
 
 
-@given_by(asked_for, name="request")
+@given_by(requested, name="request")
 def explain(
     request: Request,
     narx: Annotated[
@@ -60,13 +60,13 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
 
 
 def _worked(
-    wanted: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
+    recordings: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
 ) -> list[Explained]:
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
     from stemwatch.service.explain.explained import Job, explain_one
 
-    jobs = [Job(asked=task, narx=narx, limits=limits) for task in wanted]
+    jobs = [Job(to_explain=task, narx=narx, limits=limits) for task in recordings]
     done: dict[int, Explained] = {}
     with views.progress("explaining", len(jobs), transient=True) as tell:
         for place, explained in map_items(choose_executor(workers), explain_one, jobs):
@@ -85,6 +85,7 @@ def _report(
         from stemwatch.service.explain.explain_json import to_json
 
         json_file.write_text(to_json(valves), encoding="utf-8")
+    say_unused_options(one.recording.provenance for one in valves if one.recording is not None)
     if not any(explained.recording is not None for explained in valves):
         reasons = dict.fromkeys(explained.mismatch.sentence.rstrip(".") for explained in valves)
         said = "; ".join([*reasons][:MOST_REASONS]) or "no source holds a recording"
@@ -97,6 +98,11 @@ def _report(
     if out is not None:
         where = str(_write(valves, request, out).resolve())
         views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
+    first = "open the page" if out is not None else "see strokes, loops and maps, with --out FOLDER"
+    views.say_next(
+        f"{first}; what to check stands under each effect. `stemwatch plan-test` plans the test "
+        "that tells what was left open."
+    )
 
 
 def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:

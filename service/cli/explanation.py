@@ -22,10 +22,10 @@ from stemwatch.service.presenter.physics_words import (
     left_to_tell,
 )
 from stemwatch.service.presenter.wording import (
-    beyond,
     figure,
     finite,
     interval,
+    not_yet_said,
     span_percent,
 )
 from stemwatch.service.report.mismatch_view import left_over_bars
@@ -93,7 +93,7 @@ def _sentences(mismatch: Mismatch) -> Iterator[str]:
 
 def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
     name = views.escape(effect.name.capitalize())
-    sentence = " ".join(beyond([effect.sentence], finding_sentence))
+    sentence = " ".join(not_yet_said([effect.sentence], finding_sentence))
     yield f"[bold magenta]{name}[/]  {views.escape(sentence)}".rstrip()
     if effect.check:
         yield f"[dim]Check[/]  {views.escape(effect.check)}"

@@ -30,7 +30,7 @@ def feedback(
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     with open_existing_store(db or (loaded.storage if loaded else db)) as store:
         labels = store.feedback()
-    counts = {said: sum(one.judgement is said for one in labels) for said in Judgement}
+    counts = {said: sum(label.judgement is said for label in labels) for said in Judgement}
     said = ", ".join(f"{many} {word.value}" for word, many in counts.items())
     views.say_result(f"{len(labels)} findings were judged: {said}.")
     if out is not None:

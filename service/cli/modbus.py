@@ -56,16 +56,23 @@ def read(
     value; a value that looks misread is shown in the other byte orders too. With HOST and
     --register the words are shown in every type and byte order. Nothing is ever written.
     """
+    from stemwatch.service.cli import views
+
     if map_file is not None:
         if host:
             raise typer.BadParameter("give HOST or --map, not both: the map names its own hosts")
         _try_maps(map_file, device)
+        views.say_next("where every value is right, `stemwatch serve --plant FILE` polls them.")
         return
     if not host:
         raise typer.BadParameter("give HOST, or --map plant.toml", param_hint="HOST")
     link = _link(host, timeout_s, rtu, baudrate, parity, stopbits)
     for written in register or ["holding:0"]:
         _show_words(link, unit, written, count)
+    views.say_next(
+        "write the type and byte order whose value is right into [[devices.registers]] of the "
+        "plant file; `stemwatch modbus read --map plant.toml` then reads by it."
+    )
 
 
 def _link(

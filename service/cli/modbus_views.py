@@ -37,8 +37,8 @@ def words_table(where: str, at: RegisterAddress, words: Sequence[int]) -> Grid:
     grid = Grid(title=escape(where), title_justify="left")
     for name in ("address", "Modicon", "word", "UINT16", "INT16"):
         grid.add_column(name, justify="right")
-    for place, word in enumerate(words):
-        register_address = RegisterAddress(at.table, at.offset + place)
+    for index, word in enumerate(words):
+        register_address = RegisterAddress(at.table, at.offset + index)
         signed = word - 65_536 if word >= 32_768 else word
         grid.add_row(
             str(register_address), register_address.modicon, f"0x{word:04X}", str(word), str(signed)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.reading import RecordingOptions, given_by, recording_options
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -21,15 +22,19 @@ if TYPE_CHECKING:
     from stemwatch.service.explain.explained import Explained
     from stemwatch.service.field_test.sheet import TestSheet
     from stemwatch.service.run.plan import Request
+    from stemwatch.service.store.store import Store
 
 LIMITS = "Limits of the test"
 
 
+@given_by(recording_options, name="recording")
 def plan_test(
-    valve: Annotated[
-        str, typer.Argument(help="The valve's id in the store, or a file as explain takes it.")
+    id_or_file: Annotated[
+        str,
+        typer.Argument(
+            metavar="VALVE", help="The valve's id in the store, or a file as explain takes it."
+        ),
     ],
-    plant: o.PlantFile = None,
     db: Annotated[str, typer.Option(help="Database URL, instead of the plant's.")] = "",
     amplitude: Annotated[
         float,
@@ -57,13 +62,8 @@ def plan_test(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the sheet, HTML and PDF.")] = None,
     json_file: o.JsonFile = None,
-    op: o.OpTag = "",
-    mv: o.MvTag = "",
-    pv: o.PvTag = "",
-    from_: o.From = "",
-    to: o.To = "",
-    zone: o.Zone = "",
-    interval_s: o.Interval = None,
+    *,
+    recording: RecordingOptions,
 ) -> None:
     """Plan the test that would tell what a recording left open, within limits.
 
@@ -82,31 +82,57 @@ def plan_test(
         op_low=op_low,
         op_high=op_high,
     )
-    if Path(valve).is_file():
-        from stemwatch.service.cli.reading import read_options, request_of, tags_of
-
-        options = read_options(zone, "", "", "", None, "", "", interval_s)
-        tags = tags_of(op=op, mv=mv, pv=pv)
-        request = request_of([valve], plant, tags, "", from_, to, options)
-        name, plan, loaded = _of_file(request, limits, op_now)
+    if Path(id_or_file).is_file():
+        name, plan, loaded = _of_file(recording.request([id_or_file]), limits, op_now)
     else:
-        name, plan, loaded = _of_store(valve, plant, db, limits, op_now)
+        if db or recording.plant is not None:
+            _refuse_of_file(id_or_file, recording)
+        name, plan, loaded = _of_store(id_or_file, recording.plant, db, limits, op_now)
     sheet = sheet_of(plan, name)
     views.out.print(_on_terminal(sheet), highlight=False)
     if json_file is not None:
         text = json.dumps(to_object(sheet), indent=1, ensure_ascii=False, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
     if out is not None:
-        _write(sheet, loaded, zone, out)
+        _write(sheet, loaded, recording.read_options.zone or "", out)
     elif sheet.test is not None:
         views.say_next("the sheet to print, with --out FOLDER.")
+
+
+def _refuse_of_file(valve: str, given: RecordingOptions) -> None:
+    """Wrong usage where options that say what is read of a file come with a valve of the store;
+    the zone is that of the sheet's times, too."""
+    from stemwatch.connectors.historian.options import given_options
+
+    window = {"from": given.start, "to": given.stop, "valve": given.valve}
+    said = [role.value for role in given.tags]
+    said += [name for name, value in window.items() if value]
+    said += [name for name in given_options(given.read_options) if name != "zone"]
+    if said:
+        option = "--" + said[0].replace("_", "-")
+        raise typer.BadParameter(
+            f"{option} says what is read of a file, and {valve} is none; leave it out for a valve "
+            "of the store, or give the path of its export",
+            param_hint=option,
+        )
 
 
 def _of_store(
     valve: str, plant: Path | None, db: str, limits: TestLimits, op_now: float | None
 ) -> tuple[str, FieldTestPlan, Plant | None]:
     from stemwatch.service.config import load_plant
-    from stemwatch.service.field_test.planned import KeptPlans
+    from stemwatch.service.field_test.planned import PlanCache
+
+    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
+    with known_store(valve, loaded, db) as store:
+        plan = PlanCache().plan(store, valve, limits, op_now)
+        if plan is None:
+            raise not_screened(valve, store)
+    return valve, plan, loaded
+
+
+def known_store(valve: str, plant: Plant | None, db: str) -> Store:
+    """The store that should know ``valve``; wrong usage where none is named."""
     from stemwatch.service.store.store import open_existing_store
 
     if not db and plant is None:
@@ -114,17 +140,17 @@ def _of_store(
             f"there is no file {valve}; for a valve of the store give --plant FILE or --db URL",
             param_hint="VALVE",
         )
-    loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
-    with open_existing_store(db or (loaded.storage if loaded else db)) as store:
-        plan = KeptPlans().plan(store, valve, limits, op_now)
-        if plan is None:
-            known = ", ".join(one.id for one in store.valves()[:5]) or "none"
-            raise typer.BadParameter(
-                f"{valve} was not screened into this store; it has {known}. Run `stemwatch "
-                "screen`, or give a file",
-                param_hint="VALVE",
-            )
-    return valve, plan, loaded
+    return open_existing_store(db or (plant.storage if plant else db))
+
+
+def not_screened(valve: str, store: Store) -> typer.BadParameter:
+    """That the store has no screening of ``valve``, and which valves it has."""
+    known = ", ".join(one.id for one in store.valves()[:5]) or "none"
+    return typer.BadParameter(
+        f"{valve} was not screened into this store; it has {known}. Run `stemwatch screen`, or "
+        "give a file",
+        param_hint="VALVE",
+    )
 
 
 def _of_file(
@@ -132,12 +158,12 @@ def _of_file(
 ) -> tuple[str, FieldTestPlan, Plant | None]:
     from stemwatch.service.field_test.planned import plan_of
 
-    explained = _explained(request)
+    explained = explained_file(request)
     plan = plan_of(explained.mismatch, limits, judged=False, op=op_now)
     return explained.valve, plan, request.plant
 
 
-def _explained(request: Request) -> Explained:
+def explained_file(request: Request) -> Explained:
     """The one recording of a file, explained."""
     from stemwatch.service.explain.explained import Job, explain_one
     from stemwatch.service.explain.to_explain import what_to_explain
@@ -149,9 +175,12 @@ def _explained(request: Request) -> Explained:
             f"a test is planned for one valve; the file has {len(wanted)} ({names}): give its tags "
             "with --op and --mv, or screen the file and name the valve with --db"
         )
-    explained = explain_one(Job(asked=wanted[0], narx=False))
+    from stemwatch.service.cli.reading import say_unused_options
+
+    explained = explain_one(Job(to_explain=wanted[0], narx=False))
     if explained.recording is None:
         raise ValueError(explained.mismatch.sentence)
+    say_unused_options([explained.recording.provenance])
     return explained
 
 

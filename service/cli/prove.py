@@ -64,6 +64,7 @@ def prove(
         if keep is not None:
             (keep / TRUTH_FILE).write_text(sealed.text, encoding="utf-8", newline="\n")
     _report(marks, sealed, seed, json_file)
+    views.say_read_on("proof.md")
 
 
 @contextmanager
@@ -83,7 +84,7 @@ def _folder(keep: Path | None) -> Iterator[Path]:
 
 
 def _trial(
-    drawn: Sequence[HiddenCase],
+    cases: Sequence[HiddenCase],
     seed: int,
     folder: Path,
     executor: Executor,
@@ -95,10 +96,10 @@ def _trial(
     from stemwatch.service.studies.proof.draw import write_cases
     from stemwatch.service.studies.proof.rates import score
 
-    with views.progress("simulating", len(drawn)) as tell:
-        sealed = write_cases(drawn, seed, folder, executor, tell)
+    with views.progress("simulating", len(cases)) as tell:
+        sealed = write_cases(cases, seed, folder, executor, tell)
     views.out.print(
-        f"Truth of {len(drawn)} cases sealed, SHA-256 {sealed.digest}",
+        f"Truth of {len(cases)} cases sealed, SHA-256 {sealed.digest}",
         highlight=False,
         soft_wrap=True,
     )

@@ -42,6 +42,7 @@ def robustness(
         answers = run_robustness(valves, seed, ways, choose_executor(workers), tell)
     _print(list(rows(answers)))
     views.write_answers(answers, json_file)
+    views.say_read_on("robustness.md")
 
 
 def _print(rows: Sequence[Row]) -> None:
@@ -58,16 +59,23 @@ def _print(rows: Sequence[Row]) -> None:
             row.way,
             f"{row.called_sticky}, {row.healthy_undetermined} of {row.healthy}",
             f"{row.missed} of {row.sticking}",
-            f"{row.S_error:.2f}, {row.S_held} of {row.with_numbers}, {row.S_width:.2f}",
-            f"{row.at_least_held} of {row.S_at_least}",
-            f"{row.J_error:.2f}, {row.J_held} of {row.with_numbers}",
+            _numbers("S", row.with_numbers, row.S_error, row.S_held, row.S_width),
+            f"{row.at_least_held} of {row.S_at_least}" if row.S_at_least else "none",
+            _numbers("J", row.with_numbers, row.J_error, row.J_held),
             f"{row.named} of {row.healthy + row.sticking}",
         )
     views.out.print(table)
     views.out.print(
         "healthy: called sticky, undetermined; sticking: neither sticky nor watch; S and J: median "
-        "error in percent of OP, intervals that hold the truth (S: median width); at least: valves "
-        "with only a bound of S, and how many bounds hold; named: valves "
-        "of which an effect was named though nothing was hidden",
+        "error in percent of OP, intervals that hold the truth (S: median width), or no S where no "
+        "sticking valve was given one; at least: valves with only a bound of S, and how many "
+        "bounds hold; named: valves of which an effect was named though nothing was hidden",
         highlight=False,
     )
+
+
+def _numbers(name: str, of: int, error: float, held: int, width: float | None = None) -> str:
+    """What S or J came to over the sticking valves that were given one."""
+    if not of:
+        return f"no {name}"
+    return f"{error:.2f}, {held} of {of}" + ("" if width is None else f", {width:.2f}")

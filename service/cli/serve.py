@@ -162,3 +162,7 @@ def _show(run: StoredRun) -> None:
         views.out.print(f"Report: {views.escape(run.report)}", highlight=False, soft_wrap=True)
     if run.finished is None or run.state.value in ("failed", "cancelled"):
         raise typer.Exit(1)
+    views.say_next(
+        "open the report; the work orders lie beside it, and alerts, if any, stand on the pages of "
+        "`stemwatch serve`."
+    )

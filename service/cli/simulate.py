@@ -118,7 +118,7 @@ def simulated(what: What, count: int, seed: int) -> list[SimulatedLoop]:
     from stemwatch.models.studies.simulator import simulate_loop
 
     return [
-        simulate_loop(loop, seed + place) for place, loop in enumerate(_loops(what, count, seed))
+        simulate_loop(loop, seed + index) for index, loop in enumerate(_loops(what, count, seed))
     ]
 
 

@@ -87,17 +87,17 @@ def _repairing(
 
 
 def wear_of(
-    loops: Sequence[PlantLoop], asked: Sequence[str] | None, over_s: float
+    loops: Sequence[PlantLoop], declared: Sequence[str] | None, over_s: float
 ) -> dict[str, Wear]:
     """Which valves wear and how, from ``TAG=S`` or ``TAG=S/J``; by default the first one, with
     ``none`` no valve. Raises ``typer.BadParameter``."""
     from stemwatch.service.modbus_plant import Wear
 
-    if asked and "none" in asked:
+    if declared and "none" in declared:
         return {}
     known = [loop.tag for loop in loops]
     wears: dict[str, Wear] = {}
-    for text in asked or [f"{known[0]}={USUAL}"]:
+    for text in declared or [f"{known[0]}={USUAL}"]:
         read = WEAR.fullmatch(text)
         if read is None:
             raise typer.BadParameter(

@@ -104,6 +104,14 @@ def say_next(text: str) -> None:
     err.print(f"[bold]Next:[/] {escape(text)}", highlight=False, soft_wrap=True)
 
 
+def say_read_on(page: str) -> None:
+    """Print where the counts of a study are explained, and what to do with valves of one's own."""
+    say_next(
+        f"docs/{page} says what was simulated and how to read these figures; valves of your own: "
+        "`stemwatch screen FILE`."
+    )
+
+
 def say_result(text: str) -> None:
     """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)
@@ -155,9 +163,9 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
     with Progress(*columns, console=err) as shown:
         bar = shown.add_task("screening", total=total, rate="")
 
-        def tell(screening: Screening, done: int, of: int) -> None:
+        def tell(screening: Screening, finished: int, total: int) -> None:
             elapsed = shown.tasks[0].elapsed or 1e-9
-            shown.update(bar, completed=done, total=of, rate=f"{done / elapsed:.1f}/s")
+            shown.update(bar, completed=finished, total=total, rate=f"{finished / elapsed:.1f}/s")
             if is_final(screening) and screening.verdict in (Verdict.STICKY, Verdict.WATCH):
                 shown.console.print(verdict_line(screening), highlight=False)
 
@@ -210,7 +218,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
             _number(screening.S),
             _number(screening.J),
             *beside,
-            *([escape(valve.said.reason)] if wide else []),
+            *([escape(valve.finding.reason)] if wide else []),
         )
     return table
 
@@ -235,17 +243,17 @@ def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
         yield f"[cyan]undetermined[/] [bold]{escape(names)}{more}[/]  {escape(reason)}"
 
 
-def inspection_tables(seen: Inspection) -> Iterator[Table]:
+def inspection_tables(inspection: Inspection) -> Iterator[Table]:
     """What was understood of a file, then of each tag."""
-    facts = Table(show_header=False, title=escape(seen.source), title_justify="left")
-    for name, value in _facts(seen):
+    facts = Table(show_header=False, title=escape(inspection.source), title_justify="left")
+    for name, value in _facts(inspection):
         facts.add_row(name, escape(value))
     yield facts
     tags = Table(title="Tags", title_justify="left", box=SIMPLE_HEAD)  # fits 80 columns
-    tag_width = min(LONGEST_TAG, max((len(tag.tag) for tag in seen.tags), default=0))
+    tag_width = min(LONGEST_TAG, max((len(tag.tag) for tag in inspection.tags), default=0))
     for name in ("tag", "role", "unit", "valve", "range", "bad", "every, s", "evidence"):
         tags.add_column(name, overflow="fold", min_width=tag_width if name == "tag" else None)
-    for tag in seen.tags:
+    for tag in inspection.tags:
         low_high = "" if tag.low is None or tag.high is None else f"{tag.low:.4g} to {tag.high:.4g}"
         every = tag.own_interval_s or tag.interval_s
         tags.add_row(
@@ -261,10 +269,10 @@ def inspection_tables(seen: Inspection) -> Iterator[Table]:
     yield tags
 
 
-def inspection_remarks(seen: Inspection) -> Iterator[str]:
+def inspection_remarks(inspection: Inspection) -> Iterator[str]:
     """Remarks on tags and their roles; tags with the same remark share a line."""
     by_remark: dict[str, list[str]] = {}
-    for tag in seen.tags:
+    for tag in inspection.tags:
         if tag.remark:
             by_remark.setdefault(tag.remark, []).append(tag.tag)
     for remark, tags in by_remark.items():
@@ -272,25 +280,32 @@ def inspection_remarks(seen: Inspection) -> Iterator[str]:
         yield f"[bold]{escape(names)}[/]  {escape(remark)}"
 
 
-def _facts(seen: Inspection) -> list[tuple[str, str]]:
-    clock = seen.clock
-    separator = {"\t": "tab"}.get(seen.separator, repr(seen.separator))
-    window = f"{seen.start} to {seen.end}" if seen.start else "dates not known without a time zone"
-    interval = "" if seen.interval_s is None else f"{seen.interval_s:g} s"
+def _facts(inspection: Inspection) -> list[tuple[str, str]]:
+    clock = inspection.clock
+    separator = {"\t": "tab"}.get(inspection.separator, repr(inspection.separator))
+    window = (
+        f"{inspection.start} to {inspection.end}"
+        if inspection.start
+        else "dates not known without a time zone"
+    )
+    interval = "" if inspection.interval_s is None else f"{inspection.interval_s:g} s"
     return [
-        ("layout", seen.layout),
-        ("encoding, separator, decimal mark", f"{seen.encoding}, {separator}, {seen.decimal!r}"),
-        ("time", seen.zone or "counted from a start that the file does not date"),
+        ("layout", inspection.layout),
+        (
+            "encoding, separator, decimal mark",
+            f"{inspection.encoding}, {separator}, {inspection.decimal!r}",
+        ),
+        ("time", inspection.zone or "counted from a start that the file does not date"),
         ("window", window),
-        ("rows", str(seen.rows)),
+        ("rows", str(inspection.rows)),
         ("sampling interval, jitter", f"{interval}, {clock.jitter_s:.3g} s"),
         (
             "clock",
             f"{clock.gaps} gaps (longest {clock.longest_gap_s:g} s), {clock.repeated_times} "
             f"repeated times, {clock.backward_steps} steps backward",
         ),
-        *[("decided", text) for text in seen.decisions],
-        *[("problem", text) for text in seen.problems],
+        *[("decided", text) for text in inspection.decisions],
+        *[("problem", text) for text in inspection.problems],
     ]
 
 

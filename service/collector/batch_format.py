@@ -37,7 +37,7 @@ class SpooledRecord:
 def pack(batch: SampleBatch) -> bytes:
     """The record of ``batch``."""
     reasons = sorted(set(batch.reasons))
-    places = {reason: place for place, reason in enumerate(reasons)}
+    places = {reason: index for index, reason in enumerate(reasons)}
     meta = {"source": batch.source, "tags": batch.tags, "reasons": reasons}
     text = json.dumps(meta, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
     parts = (

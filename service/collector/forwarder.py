@@ -72,10 +72,10 @@ class Forwarder:
         self._backoff.succeeded()
         return True
 
-    def _acknowledge(self, place: Position) -> None:
-        self._place = place
+    def _acknowledge(self, position: Position) -> None:
+        self._place = position
         try:
-            self._spool.acknowledge(place)
+            self._spool.acknowledge(position)
         except OSError as error:
             log.error("the spool cannot record what is stored (%s); storing continues", error)
 
@@ -104,13 +104,13 @@ class Forwarder:
             except SinkRefused:
                 self._one_by_one(run, group[0].next)
 
-    def _one_by_one(self, batches: Iterable[SampleBatch], place: Position) -> None:
+    def _one_by_one(self, batches: Iterable[SampleBatch], position: Position) -> None:
         """Write the batches one by one, to find those that the sink refuses."""
         for number, batch in enumerate(batches):
             try:
                 self._write(batch)
             except SinkRefused as error:
-                self._set_aside(batch, str(error), f"{place.segment}-{place.offset}-{number}")
+                self._set_aside(batch, str(error), f"{position.segment}-{position.offset}-{number}")
 
     def _write(self, batch: SampleBatch) -> None:
         self._sink.write(batch)
@@ -124,10 +124,10 @@ class Forwarder:
             writer = csv.writer(file)
             writer.writerow([f"# the store refused these samples: {why}"])
             writer.writerow(["source", "tag", "at", "value", "quality", "reason"])
-            for place, tag in enumerate(batch.tags):
-                at = _EPOCH + timedelta(microseconds=int(batch.at_us[place]))
-                numbers = (batch.values[place], batch.quality[place])
-                row = (batch.source, tag, at.isoformat(), *numbers, batch.reasons[place])
+            for index, tag in enumerate(batch.tags):
+                at = _EPOCH + timedelta(microseconds=int(batch.at_us[index]))
+                numbers = (batch.values[index], batch.quality[index])
+                row = (batch.source, tag, at.isoformat(), *numbers, batch.reasons[index])
                 writer.writerow(row)
         self.state.refused += len(batch)
         text = "the store refused %d samples for good (%s): see %s"

@@ -1,9 +1,9 @@
 """``Spool``: a queue of samples on disk between polling and the store, safe across crashes.
 
 A folder of files ``0000000001.spool`` and so on, to which records (``batch_format``) are appended,
-and a file ``cursor`` with the position up to which everything is stored. Appended records survive
-SIGKILL of the process; with ``sync`` they survive a power failure as well, at the cost of waiting
-for the disk at each append.
+and a file ``cursor`` with the position up to which everything is stored and the stretches of time
+that were polled. Appended records survive SIGKILL of the process; with ``sync`` they survive a
+power failure as well, at the cost of waiting for the disk at each append.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.service.collector.batch_format import HEAD_BYTES, pack, records
 from stemwatch.service.collector.lock import FolderLock
+from stemwatch.service.collector.polled_times import PolledTimes
 
 log = logging.getLogger(__name__)
 
@@ -74,6 +75,7 @@ class Spool:
         self.folder = Path(folder)
         self.limit_bytes, self.segment_bytes, self.sync = limit_bytes, segment_bytes, sync
         self.lost_samples = 0
+        self.polled = PolledTimes()
         self.damaged_bytes = 0
         self._damaged: set[tuple[int, int]] = set()
         self._guard = threading.Lock()
@@ -100,8 +102,9 @@ class Spool:
             self._lock.release()
 
     def append(self, batch: SampleBatch) -> None:
-        """Append ``batch``. Raises ``OSError`` where the disk is full."""
-        record = pack(batch)
+        """Append ``batch``, whose samples are bad where their instant came before. Raises
+        ``OSError`` where the disk is full."""
+        record = pack(self.polled.checked(batch))
         with self._guard:
             if self._written and self._written + len(record) > self.segment_bytes:
                 self._begin_file()
@@ -224,10 +227,12 @@ class Spool:
         path = self.folder / _CURSOR
         try:
             cursor = json.loads(path.read_bytes())
-            return Position(int(cursor["segment"]), int(cursor["offset"])), int(cursor["lost"])
+            place = Position(int(cursor["segment"]), int(cursor["offset"]))
+            self.polled = PolledTimes(cursor.get("polled"))
+            return place, int(cursor["lost"])
         except FileNotFoundError:
             return Position(), 0
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             # Everything is written again, which the store accepts without duplicates.
             log.error("spool cursor %s cannot be read (%s); beginning at the oldest", path, error)
             return Position(), 0
@@ -238,6 +243,7 @@ class Spool:
                 "segment": self._acknowledged.segment,
                 "offset": self._acknowledged.offset,
                 "lost": self.lost_samples,
+                "polled": self.polled.stretches,
             }
         )
         path = self.folder / _CURSOR

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from stemwatch.models.limits import Limits
 from stemwatch.service.config.load import LimitsTable
 from stemwatch.service.config.plant import Plant
-from stemwatch.service.config.problems import Place, problems_of
+from stemwatch.service.config.problems import TableLocation, problems_of
 from stemwatch.service.config.service_schema import ScheduleTable
 from stemwatch.service.store.runs.browser_settings import SetLimit
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
@@ -26,15 +26,15 @@ class BadSetting(ValueError):
     """What was given on a page cannot hold; the text says what was found and what is expected."""
 
 
-def limits_in_force(plant: Plant | None, given: Mapping[str, SetLimit]) -> Limits:
-    """The plant file's limits, with those ``given`` on the pages where the file names none.
+def limits_in_force(plant: Plant | None, limits_set: Mapping[str, SetLimit]) -> Limits:
+    """The plant file's limits, with those ``limits_set`` on the pages where the file names none.
 
     Where both contradict one another, those of the file alone.
     """
     limits = plant.limits if plant is not None else Limits()
     named = plant.named_limits if plant is not None else frozenset()
     known = {limit.name for limit in fields(Limits)}
-    more = {name: one.value for name, one in given.items() if name in known - named}
+    more = {name: one.value for name, one in limits_set.items() if name in known - named}
     try:
         return replace(limits, **more)
     except ValueError as error:
@@ -43,7 +43,7 @@ def limits_in_force(plant: Plant | None, given: Mapping[str, SetLimit]) -> Limit
 
 
 def checked_limits(
-    plant: Plant | None, given: Mapping[str, SetLimit], changes: Mapping[str, str]
+    plant: Plant | None, limits_set: Mapping[str, SetLimit], changes: Mapping[str, str]
 ) -> dict[str, float | None]:
     """``changes`` of limits as they were typed, as numbers; ``None`` takes one back.
 
@@ -61,7 +61,7 @@ def checked_limits(
                 f"{name} stands in the plant file, which is its source: change it there"
             )
         read[name] = _number(name, text) if text else None
-    kept = {name: one.value for name, one in given.items() if name in known - named}
+    kept = {name: one.value for name, one in limits_set.items() if name in known - named}
     together = {**kept, **{name: value for name, value in read.items() if value is not None}}
     for name, value in read.items():
         if value is None:
@@ -95,9 +95,12 @@ def checked_schedule(
     try:
         schedule = ScheduleTable.model_validate(table).schedule()
     except ValidationError as error:
-        place = Place("", "schedule", lambda path: None)
+        place = TableLocation("", "schedule", lambda path: None)
         problems = problems_of(error, ScheduleTable, place)
-        said = (f"{one.key}: found {one.found}; expected {one.expected}" for one in problems)
+        said = (
+            f"{problem.key}: found {problem.found}; expected {problem.expected}"
+            for problem in problems
+        )
         raise BadSetting("; ".join(said)) from None
     for what, asked, known in (
         ("area", schedule.areas, set(areas)),
@@ -113,14 +116,14 @@ def as_plant_toml(limits: Mapping[str, SetLimit], schedules: Iterable[ScreeningS
     """What was set on the pages as text for the plant file, where it then has its source."""
     parts = []
     if limits:
-        lines = [f"{name} = {one.value!r}" for name, one in sorted(limits.items())]
+        lines = [f"{name} = {field.value!r}" for name, field in sorted(limits.items())]
         parts.append("\n".join(["[limits]", *lines]))
     for schedule in schedules:
         plain = ScreeningSchedule(name="")
         lines = [
-            f"{one.name} = {_toml(getattr(schedule, one.name))}"
-            for one in fields(schedule)
-            if getattr(schedule, one.name) != getattr(plain, one.name)
+            f"{field.name} = {_toml(getattr(schedule, field.name))}"
+            for field in fields(schedule)
+            if getattr(schedule, field.name) != getattr(plain, field.name)
         ]
         parts.append("\n".join(["[[schedules]]", *lines]))
     return "\n\n".join(parts) + ("\n" if parts else "")

@@ -21,8 +21,8 @@ from stemwatch.connectors.settings import Problem, SourceSettings, TomlTable, ei
 from stemwatch.models.limits import Limits
 from stemwatch.service.config.plant import Plant
 from stemwatch.service.config.problems import (
-    Place,
     PlantFileError,
+    TableLocation,
     described,
     problems_of,
 )
@@ -74,15 +74,15 @@ class TopTable(TomlTable):
     )
 
 
-def read_top(data: dict[str, Any], place: Place) -> tuple[TopTable, list[Problem]]:
+def read_top(data: dict[str, Any], location: TableLocation) -> tuple[TopTable, list[Problem]]:
     """The tables that concern the whole plant; with mistakes, an empty ``TopTable`` and them."""
     try:
         return TopTable.model_validate(data), []
     except ValidationError as error:
-        return TopTable(), problems_of(error, TopTable, place)
+        return TopTable(), problems_of(error, TopTable, location)
 
 
-def read_limits(table: Any, place: Place) -> tuple[Limits, list[Problem]]:
+def read_limits(table: Any, location: TableLocation) -> tuple[Limits, list[Problem]]:
     """The limits, with defaults for those that are not given."""
     if not isinstance(table, dict):
         return Limits(), []  # reported with the top
@@ -90,11 +90,11 @@ def read_limits(table: Any, place: Place) -> tuple[Limits, list[Problem]]:
         given = LimitsTable.model_validate(table)
         return Limits(**given.model_dump()), []
     except ValidationError as error:
-        return Limits(), problems_of(error, LimitsTable, place)
+        return Limits(), problems_of(error, LimitsTable, location)
     except ValueError as error:
         # Raised by ``Limits``: limits that contradict one another.
         expected = str(error).removeprefix("expected ")
-        return Limits(), [place.problem((), "limits that contradict one another", expected)]
+        return Limits(), [location.problem((), "limits that contradict one another", expected)]
 
 
 @dataclass
@@ -105,8 +105,8 @@ class PlantReading:
     problems: list[Problem] = field(default_factory=list)
     sources: dict[str, TextExportSettings] = field(default_factory=dict)
     valves: dict[str, Valve] = field(default_factory=dict)
-    source_places: dict[str, Place] = field(default_factory=dict)  # also of wrong sources
-    valve_places: dict[str, Place] = field(default_factory=dict)
+    source_places: dict[str, TableLocation] = field(default_factory=dict)  # also of wrong sources
+    valve_places: dict[str, TableLocation] = field(default_factory=dict)
     orphans: dict[str, list[str]] = field(default_factory=dict)  # valves by their wrong source
     devices: dict[str, Device] = field(default_factory=dict)
     archives: dict[str, ArchiveSettings] = field(default_factory=dict)
@@ -122,23 +122,25 @@ def tables(data: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
     return [(i, entry) for i, entry in enumerate(entries) if isinstance(entry, dict)]
 
 
-def place_of(file: str, lines: TomlLines, kind: str, position: int, name: object) -> Place:
+def place_of(file: str, lines: TomlLines, kind: str, position: int, name: object) -> TableLocation:
     """The place of the entry at ``position`` of ``[[kind]]``, shown by its name if it has one."""
     shown = name.strip() if isinstance(name, str) and name.strip() else position + 1
-    return Place(file, f"{kind}[{shown}]", lambda path: lines.of((kind, position, *path)))
+    return TableLocation(file, f"{kind}[{shown}]", lambda path: lines.of((kind, position, *path)))
 
 
-def name_taken(key: str, name: object, place: Place, places: dict[str, Place]) -> list[Problem]:
-    """The problem that ``name`` is taken, if it is; otherwise it is registered for ``place``."""
+def name_taken(
+    key: str, name: object, location: TableLocation, places: dict[str, TableLocation]
+) -> list[Problem]:
+    """The problem that ``name`` is taken, if it is; otherwise it is registered for ``location``."""
     if not isinstance(name, str) or not name.strip():
         return []  # reported when the table is validated
     name = name.strip()
-    first = places.setdefault(name, place)
-    if first is place:
+    first = places.setdefault(name, location)
+    if first is location:
         return []
     found = f"{name!r}, which {first.file}, line {first.line_of((key,))} has already"
     expected = "a name of its own (the first entry counts, this one is left out)"
-    return [place.problem((key,), found, expected)]
+    return [location.problem((key,), found, expected)]
 
 
 def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -> Plant:
@@ -150,8 +152,8 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
     """
     file = Path(path).absolute()
     data, lines = read_toml(file)
-    top, top_problems = read_top(data, Place(file.name, "", lines.of))
-    limits_place = Place(file.name, "limits", lambda path: lines.of(("limits", *path)))
+    top, top_problems = read_top(data, TableLocation(file.name, "", lines.of))
+    limits_place = TableLocation(file.name, "limits", lambda path: lines.of(("limits", *path)))
     limits, limit_problems = read_limits(data.get("limits", {}), limits_place)
     reading = PlantReading(fatal=[*top_problems, *limit_problems])
     _read_sources(data, file.name, lines, reading)
@@ -205,7 +207,7 @@ def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, reading: Pl
 
 
 def _settings_model(
-    table: dict[str, Any], place: Place, reading: PlantReading
+    table: dict[str, Any], location: TableLocation, reading: PlantReading
 ) -> type[SourceSettings] | None:
     """The model of the table, which the connector of its kind defines; ``None`` and a problem where
     there is no such connector or it cannot be used."""
@@ -219,14 +221,14 @@ def _settings_model(
         model = settings_of(kind) if isinstance(kind, str) else None
     except ConnectorError as error:
         expected = "a connector that can be used"
-        reading.problems.append(place.problem(("kind",), f"{kind!r}: {error}", expected))
+        reading.problems.append(location.problem(("kind",), f"{kind!r}: {error}", expected))
         return None
     if model is not None:
         return model
     kinds = installed_connectors()
     expected = either_of(kinds) + "; without kind a source is a text export"
     expected += nearest(kind, kinds) if isinstance(kind, str) else ""
-    reading.problems.append(place.problem(("kind",), described(kind), expected))
+    reading.problems.append(location.problem(("kind",), described(kind), expected))
     return None
 
 
@@ -247,21 +249,23 @@ def _read_list(data: dict[str, Any], file: Path, reading: PlantReading) -> None:
         return
     reading.problems += listed.problems
     for row in listed.rows:
-        _add_valve(row.table, row.place, reading, strict=False)
+        _add_valve(row.table, row.location, reading, strict=False)
 
 
-def _add_valve(table: dict[str, Any], place: Place, reading: PlantReading, *, strict: bool) -> None:
+def _add_valve(
+    table: dict[str, Any], location: TableLocation, reading: PlantReading, *, strict: bool
+) -> None:
     """Add the valve if it is correct. ``strict`` is false for CSV rows, whose numbers are texts."""
-    again = name_taken("id", table.get("id"), place, reading.valve_places)
+    again = name_taken("id", table.get("id"), location, reading.valve_places)
     reading.problems += again
     context = {"sources": reading.source_places}
     try:
         valve = Valve.model_validate(table, strict=strict, context=context)
     except ValidationError as error:
-        reading.problems += problems_of(error, Valve, place)
+        reading.problems += problems_of(error, Valve, location)
         return
     if valve.source in reading.devices:
-        missing = tags_without_register(valve, reading.devices[valve.source], place)
+        missing = tags_without_register(valve, reading.devices[valve.source], location)
         reading.problems += missing
         if not again and not missing:
             reading.valves[valve.id] = valve
@@ -318,7 +322,7 @@ def read_device_tables(
 
 def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:
     """Read schedules and notifiers; a wrong one is left out."""
-    places: dict[str, Place] = {}
+    places: dict[str, TableLocation] = {}
     for position, table in tables(data, "schedules"):
         place = place_of(file, lines, "schedules", position, table.get("name"))
         if read := _named(ScheduleTable, table, place, places, reading):
@@ -331,13 +335,15 @@ def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantR
             reading.notifiers[notifier.name] = notifier
 
 
-def _unknown_valves(read: ScheduleTable, place: Place, reading: PlantReading) -> list[Problem]:
+def _unknown_valves(
+    read: ScheduleTable, location: TableLocation, reading: PlantReading
+) -> list[Problem]:
     """Problems for valves and areas of a schedule that the plant does not have."""
     areas = {valve.area for valve in reading.valves.values()}
     asked = [("valves", name, reading.valves) for name in read.valves]
     asked += [("areas", name, areas) for name in read.areas]  # type: ignore[misc]
     return [
-        place.problem((key,), f"the unknown {key[:-1]} {name!r}", "one that this file describes")
+        location.problem((key,), f"the unknown {key[:-1]} {name!r}", "one that this file describes")
         for key, name, known in asked
         if name not in known
     ]
@@ -346,26 +352,26 @@ def _unknown_valves(read: ScheduleTable, place: Place, reading: PlantReading) ->
 def _named(
     model: type[Read],
     table: dict[str, Any],
-    place: Place,
-    places: dict[str, Place],
+    location: TableLocation,
+    places: dict[str, TableLocation],
     reading: PlantReading,
 ) -> Read | None:
     """``table`` as ``model`` if it is correct and its name is not taken."""
-    again = name_taken("name", table.get("name"), place, places)
+    again = name_taken("name", table.get("name"), location, places)
     reading.problems += again
     try:
         read = model.model_validate(table)
     except ValidationError as error:
-        reading.problems += problems_of(error, model, place)
+        reading.problems += problems_of(error, model, location)
         return None
     return None if again else read
 
 
-def tags_without_register(valve: Valve, device: Device, place: Place) -> list[Problem]:
+def tags_without_register(valve: Valve, device: Device, location: TableLocation) -> list[Problem]:
     """Problems for tags of a valve that no register of its device has."""
     known = set(device.tags)
     return [
-        place.problem(
+        location.problem(
             ("tags", role.value, "tag"),
             f"{tag.tag!r}, which no register of {device.name} has",
             "the tag of one of its registers" + nearest(tag.tag, known),

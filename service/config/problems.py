@@ -28,7 +28,7 @@ class PlantFileError(Exception):
 
 
 @dataclass(frozen=True)
-class Place:
+class TableLocation:
     """Where a table was read, for messages: its file, its name, and how its keys are shown."""
 
     file: str
@@ -55,9 +55,11 @@ class Place:
         return text.removeprefix(".")
 
 
-def problems_of(error: ValidationError, model: type[BaseModel], place: Place) -> list[Problem]:
+def problems_of(
+    error: ValidationError, model: type[BaseModel], location: TableLocation
+) -> list[Problem]:
     """One problem for each mistake in ``error``, which validating ``model`` raised."""
-    return [_problem(details, model, place) for details in error.errors(include_url=False)]
+    return [_problem(details, model, location) for details in error.errors(include_url=False)]
 
 
 def described(value: Any) -> str:
@@ -79,20 +81,20 @@ def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def _problem(details: ErrorDetails, model: type[BaseModel], place: Place) -> Problem:
+def _problem(details: ErrorDetails, model: type[BaseModel], location: TableLocation) -> Problem:
     path: KeyPath = tuple(details["loc"])
     if details["type"] == "extra_forbidden":
         known = _model_at(model, path[:-1]).model_fields
         hint = nearest(str(path[-1]), known)
         if len(path) > 1 and path[-1] in model.model_fields:
             hint = f"; {path[-1]} belongs at the top of the file, before the first [table]"
-        return place.problem(path, "an unknown key", either_of(known) + hint)
+        return location.problem(path, "an unknown key", either_of(known) + hint)
     if details["type"] == CONTRADICTION:
         context = details["ctx"]
-        return place.problem((*path, *context["key"]), context["found"], context["expected"])
+        return location.problem((*path, *context["key"]), context["found"], context["expected"])
     field = _field_at(model, path)
     found = described(None) if details["type"] == "missing" else described(details["input"])
-    return place.problem(path, found, _expected(details, field))
+    return location.problem(path, found, _expected(details, field))
 
 
 def _expected(details: ErrorDetails, field: FieldInfo | None) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from stemwatch.connectors.settings import KeyPath, Problem, either_of, nearest
 from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, separator_of
 from stemwatch.models.recording import Role
-from stemwatch.service.config.problems import Place, PlantFileError
+from stemwatch.service.config.problems import PlantFileError, TableLocation
 
 _FACTS = ("id", "description", "area", "criticality", "source", "stroke", "stroke_curve")
 _NUMBERS = ("low", "high")
@@ -30,7 +30,7 @@ class ListedValve:
     """One row as a ``[[valves]]`` table of texts, and its place for messages."""
 
     table: dict[str, Any]
-    place: Place
+    location: TableLocation
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def _heading(cells: list[str]) -> list[str]:
 
 def _check_heading(heading: list[str], line: int, shown_as: str) -> None:
     """Raise for wrong headings, which would make every valve of the list wrong."""
-    place = Place(shown_as, "", lambda _: line, lambda path: f"column {path[0]}")
+    place = TableLocation(shown_as, "", lambda _: line, lambda path: f"column {path[0]}")
     unknown = [name for name in heading if name not in COLUMNS]
     problems = [
         place.problem((name,), "an unknown column", either_of(COLUMNS) + nearest(name, COLUMNS))
@@ -140,8 +140,8 @@ def _table(cells: dict[str, str], separator: str) -> dict[str, Any]:
     return table
 
 
-def _row_place(shown_as: str, line: int) -> Place:
-    return Place(shown_as, "", lambda _: line, _column)
+def _row_place(shown_as: str, line: int) -> TableLocation:
+    return TableLocation(shown_as, "", lambda _: line, _column)
 
 
 def _column(path: KeyPath) -> str:

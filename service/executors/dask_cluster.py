@@ -156,9 +156,9 @@ class _HandedOut:
         dask = distributed()
         place = self._out.pop(future.key)
         try:
-            return Answer(place=place, results=future.result())
+            return Answer(index=place, results=future.result())
         except dask.KilledWorker:
-            return Answer(place=place, failure=Failure(reason=DEADLY, lost=True))
+            return Answer(index=place, failure=Failure(reason=DEADLY, lost=True))
         except dask.CancelledError as error:
             raise ClusterError(
                 f"the cluster let go of the work ({error}): its scheduler was stopped or started "
@@ -167,7 +167,7 @@ class _HandedOut:
         except ClusterError:
             raise
         except Exception as error:
-            return Answer(place=place, failure=failure_of(error))
+            return Answer(index=place, failure=failure_of(error))
 
 
 def in_worker(

@@ -42,18 +42,18 @@ class Failure:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer(Generic[Result]):
-    """The answer for the batch at ``place``: a result for each of its items, or a failure."""
+    """The answer for the batch at ``index``: a result for each of its items, or a failure."""
 
-    place: int
+    index: int
     results: Sequence[Result] = ()
     failure: Failure | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome(Generic[Item, Result]):
-    """The outcome of the item at ``place`` among all items: its result, or the reason for none."""
+    """The outcome of the item at ``index`` among all items: its result, or the reason for none."""
 
-    place: int
+    index: int
     item: Item
     result: Result | None
     reason: str = ""
@@ -108,7 +108,7 @@ def outcomes(
     again: list[tuple[int, Item]] = []
     with closing(executor.hand_out(work, batches, stop)) as answers:
         for answer in answers:
-            numbered = list(enumerate(batches[answer.place], start=firsts[answer.place]))
+            numbered = list(enumerate(batches[answer.index], start=firsts[answer.index]))
             failure = answer.failure
             if failure is not None and (len(numbered) > 1 or failure.lost):
                 text = "a batch of %d: %s; done again one by one"
@@ -120,7 +120,7 @@ def outcomes(
         singles = [[item] for _, item in again]
         with closing(executor.hand_out(work, singles, stop, alone=True)) as answers:
             for answer in answers:
-                yield _outcomes_of([again[answer.place]], answer)
+                yield _outcomes_of([again[answer.index]], answer)
 
 
 def map_items(
@@ -134,8 +134,8 @@ def map_items(
     out: dict[int, Item] = {}
 
     def singly() -> Iterator[Sequence[Item]]:
-        for place, item in enumerate(items):
-            out[place] = item
+        for index, item in enumerate(items):
+            out[index] = item
             yield [item]
 
     each = partial(_one, work)
@@ -143,11 +143,11 @@ def map_items(
     lost: list[tuple[int, Item]] = []
     with closing(executor.hand_out(each, singly(), never)) as answers:
         for answer in answers:
-            item = out.pop(answer.place)
+            item = out.pop(answer.index)
             if answer.failure is None:
-                yield answer.place, answer.results[0]
+                yield answer.index, answer.results[0]
             elif answer.failure.lost:
-                lost.append((answer.place, item))
+                lost.append((answer.index, item))
             else:
                 raise answer.failure.error or RuntimeError(answer.failure.reason)
     if not lost:
@@ -156,7 +156,7 @@ def map_items(
     again = executor.hand_out(each, [[item] for _, item in lost], never, alone=True)
     with closing(again) as answers:
         for answer in answers:
-            place, item = lost[answer.place]
+            place, item = lost[answer.index]
             if answer.failure is None:
                 yield place, answer.results[0]
             elif answer.failure.lost:
@@ -170,14 +170,14 @@ def map_in_order(
     executor: Executor,
     work: Callable[[Item], Sequence[Result]],
     items: Iterable[Item],
-    tell: Callable[[int], None],
+    on_progress: Callable[[int], None],
 ) -> list[Result]:
-    """All results of ``work``, several for each item, in the order of the items; ``tell`` is given
-    how many there are so far. Raises what ``work`` raises."""
+    """All results of ``work``, several for each item, in the order of the items; ``on_progress`` is
+    given how many there are so far. Raises what ``work`` raises."""
     done: dict[int, Sequence[Result]] = {}
     for place, results in map_items(executor, work, items):
         done[place] = results
-        tell(sum(map(len, done.values())))
+        on_progress(sum(map(len, done.values())))
     return [result for place in sorted(done) for result in done[place]]
 
 
@@ -186,9 +186,9 @@ def _outcomes_of(
 ) -> list[Outcome[Item, Result]]:
     if answer.failure is not None:
         why = answer.failure.reason
-        return [Outcome(place=n, item=item, result=None, reason=why) for n, item in numbered]
+        return [Outcome(index=n, item=item, result=None, reason=why) for n, item in numbered]
     pairs = zip(numbered, answer.results, strict=True)
-    return [Outcome(place=n, item=item, result=result) for (n, item), result in pairs]
+    return [Outcome(index=n, item=item, result=result) for (n, item), result in pairs]
 
 
 def failure_of(error: Exception) -> Failure:

@@ -25,11 +25,11 @@ class InProcess:
         alone: bool = False,
     ) -> Generator[Answer[Result]]:
         """An answer for each batch, in order; an exception is a failure of its batch."""
-        for place, batch in enumerate(batches):
+        for index, batch in enumerate(batches):
             if stop.is_set():
                 return
             try:
-                answer = Answer(place=place, results=work(batch))
+                answer = Answer(index=index, results=work(batch))
             except Exception as error:
-                answer = Answer(place=place, failure=failure_of(error))
+                answer = Answer(index=index, failure=failure_of(error))
             yield answer

@@ -85,7 +85,7 @@ class _Worker:
     process: BaseProcess
     pipe: Connection
     until: float  # deadline on the clock of time.monotonic()
-    place: int = 0
+    batch_index: int = 0
     batch: Sequence[Any] = ()
     ready: bool = False  # it has reported that it is
     fresh: bool = True  # it has had no batch yet
@@ -129,7 +129,7 @@ class _Pool(Generic[Item, Result]):
 
     def _employ(self, place: int, batch: Sequence[Item]) -> None:
         worker = self._idle.pop() if self._idle else self._start()
-        worker.place, worker.batch = place, batch
+        worker.batch_index, worker.batch = place, batch
         self._busy.append(worker)
         if worker.ready:
             self._send(worker)
@@ -187,18 +187,18 @@ class _Pool(Generic[Item, Result]):
         if message is not None:
             self._idle.append(worker)
             results, failure = message
-            return Answer(place=worker.place, results=results, failure=failure)
+            return Answer(index=worker.batch_index, results=results, failure=failure)
         failure = self._failure_of(worker)
         _end(worker)
         if worker.ready:
-            return Answer(place=worker.place, failure=failure)
+            return Answer(index=worker.batch_index, failure=failure)
         self._failed_starts += 1
         if self._failed_starts >= _MOST_STARTS:
             raise ExecutorUnavailable(
                 f"{self._failed_starts} worker processes in a row ended before they could begin "
                 f"({failure.reason}); look for a limit on memory or processes"
             )
-        self._employ(worker.place, worker.batch)
+        self._employ(worker.batch_index, worker.batch)
         return None
 
     def _failure_of(self, worker: _Worker) -> Failure:

@@ -9,7 +9,7 @@ from typing import Any
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.wording import printable
-from stemwatch.service.report.json_contract import mismatch_object
+from stemwatch.service.report.json_contract import by_window_object, mismatch_object
 
 VERSION = 1
 
@@ -24,6 +24,7 @@ def to_object(explained: Explained, *, stands: bool | None = None) -> dict[str, 
         "recording": printable(explained.source),
         "valve": printable(explained.valve),
         **mismatch_object(explained.mismatch, stands=stands),
+        "by_window": None if explained.by_window is None else by_window_object(explained.by_window),
     }
 
 

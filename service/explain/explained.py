@@ -17,7 +17,8 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.service.explain.to_explain import ToExplain
-from stemwatch.service.run.task import Task, open_file
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
+from stemwatch.service.run.task import recording_of
 
 if TYPE_CHECKING:
     from stemwatch.models.stickslip.fit import StickSlipFit
@@ -26,30 +27,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Explained:
-    """One valve's recording and what was found; ``recording`` is ``None`` where none was read."""
+    """One valve's recording and what was found; ``recording`` is ``None`` where none was read.
+
+    ``by_window`` is there where a long recording was explained as several windows.
+    """
 
     source: str  # the path as it was given
     valve: str
     mismatch: Mismatch
     recording: Recording | None = None
+    by_window: EvidenceOfWeeks | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """What travels to a worker."""
+    """One recording to be explained, as it is sent to a worker."""
 
-    asked: ToExplain
+    to_explain: ToExplain
     narx: bool = True  # train the network that says how much is systematic at all
     limits: Limits = field(default_factory=Limits)
 
 
 def explain_one(job: Job) -> Explained:
     """The explanation of one valve in one source; never raises for what the source holds."""
-    asked = job.asked
+    asked = job.to_explain
     if asked.task is None or asked.reason:
         return _without(asked, asked.reason)
     try:
-        recording = _read(asked.task)
+        recording = recording_of(asked.task)
     except ConnectorError as error:
         return _without(asked, str(error))
     except (OSError, ValueError, MemoryError) as error:
@@ -73,18 +78,27 @@ def explain_recording(
 ) -> Explained:
     """The explanation of a recording that was read; never raises for what it holds.
 
-    ``known_curve`` is how OP strokes the valve, where the plant file says it.
+    A long one is explained as several windows (``models.explained_windows``), each of as many
+    samples as a screening fits. ``known_curve`` is how OP strokes the valve, where the plant file
+    says it.
     """
     from stemwatch.models.stickslip.stored_range import in_percent
 
+    by_window = None
     try:
-        mismatch = _mismatch(recording, narx, limits or Limits(), known_curve)
+        mismatch, by_window = _explained(recording, narx, limits or Limits(), known_curve)
         # What is drawn beside the runs is in percent, as they are.
         recording = in_percent(recording)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
         mismatch = not_testable(reason)
-    return Explained(source=source, valve=recording.valve, mismatch=mismatch, recording=recording)
+    return Explained(
+        source=source,
+        valve=recording.valve,
+        mismatch=mismatch,
+        recording=recording,
+        by_window=by_window,
+    )
 
 
 def not_testable(reason: str) -> Mismatch:
@@ -94,17 +108,43 @@ def not_testable(reason: str) -> Mismatch:
     return Mismatch(finding=Finding.NOT_TESTABLE, sentence=reason, naive=nothing, restated=nothing)
 
 
-def _without(asked: ToExplain, reason: str) -> Explained:
+def _without(to_explain: ToExplain, reason: str) -> Explained:
     mismatch = not_testable(reason or "there is nothing to explain")
-    return Explained(source=asked.source, valve=asked.valve, mismatch=mismatch)
+    return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
 
 
-def _read(task: Task) -> Recording:
-    return open_file(task.path, task.read_options).read(task.tags, task.window)
+def _explained(
+    recording: Recording, narx: bool, limits: Limits, known: KnownCurve | None
+) -> tuple[Mismatch, EvidenceOfWeeks | None]:
+    """The mismatch of a recording, and what its windows say together where it is a long one."""
+    from stemwatch.models.explained_windows import explain_windows
+
+    def alone(part: Recording) -> Mismatch:
+        return _mismatch(part, False, limits, known)
+
+    def shown(part: Recording) -> Mismatch:
+        return _mismatch(part, True, limits, known)
+
+    samples = round(limits.fitted_samples)
+    told = explain_windows(recording, samples, alone, shown if narx else None)
+    if told is None:
+        return _mismatch(recording, narx, limits, known), None
+    evidence = EvidenceOfWeeks(
+        windows=told.windows,
+        findings=told.findings,
+        pooled=told.pooled,
+        recording_began=told.began,
+    )
+    begin = told.shown.first * recording.interval_s / 3600.0
+    hours = told.shown.length * recording.interval_s / 3600.0
+    said = " ".join(evidence.sentences())
+    where = f"What follows is of the window of {hours:.3g} h that begins after {begin:.3g} h."
+    sentence = f"{said} {where} {told.mismatch.sentence}"
+    return replace(told.mismatch, sentence=sentence), evidence
 
 
 def _mismatch(
-    recording: Recording, narx: bool, limits: Limits, known: KnownCurve | None
+    recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
 ) -> Mismatch:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.own_clock import on_own_clock
@@ -120,11 +160,11 @@ def _mismatch(
     assessment = assess(recording, limits)
     masked, ceiling, curve = assessment.recording, None, None
     if not assessment.obstacles:
-        curve, _ = stroke_curve_of(masked, known)
+        curve, _ = stroke_curve_of(masked, known_curve)
         if narx:
             ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
     # As it was read: record effects come first.
-    mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known is None)
+    mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known_curve is None)
     return replace(mismatch, seconds=time.perf_counter() - began)
 
 

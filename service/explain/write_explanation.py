@@ -38,7 +38,7 @@ class ExplainedEntry:
 def entries(valves: Sequence[Explained]) -> list[ExplainedEntry]:
     """The explanations in their order, each with an anchor that no other has."""
     taken: Counter[str] = Counter()
-    return [_entry(explained, place, taken) for place, explained in enumerate(valves)]
+    return [_entry(explained, index, taken) for index, explained in enumerate(valves)]
 
 
 def html_bytes(shown: Sequence[ExplainedEntry], context: ReportContext) -> bytes:
@@ -64,9 +64,9 @@ def change(before: float | None, after: float | None) -> str:
     return first if first == second else f"{first} → {second}"
 
 
-def _entry(explained: Explained, place: int, taken: Counter[str]) -> ExplainedEntry:
+def _entry(explained: Explained, place: int, used_anchors: Counter[str]) -> ExplainedEntry:
     recording = explained.recording if place < MOST_PLOTTED else None
-    anchor = anchor_of(explained.valve, taken)
+    anchor = anchor_of(explained.valve, used_anchors)
     return ExplainedEntry(
         explained=explained,
         view=mismatch_view(explained.mismatch, recording, anchor, explained.valve),

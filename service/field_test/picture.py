@@ -1,9 +1,13 @@
-"""The picture of a planned test: OP as it is set, and MV as each rival would show it."""
+"""The pictures of a test: planned, with OP as it is set and MV as each rival would show it; and
+played, with what was recorded."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from stemwatch.models.recording import Floats
 from stemwatch.service.field_test.sheet import TestSheet
 from stemwatch.service.maintenance.drawing import (
     Drawing,
@@ -18,8 +22,9 @@ WIDTH, HEIGHT = 515.0, 190.0
 LEFT, TOP, FOOT = 26.0, 24.0, 24.0
 OP_DASH = (4.0, 2.0)
 Legend = tuple[str, float, tuple[float, ...], float]  # name, width, dash, grey
-# Width, dash and grey of each rival.
-LOOKS_OF_RIVALS: tuple[tuple[float, tuple[float, ...], float], ...] = (
+Look = tuple[float, tuple[float, ...], float]  # width, dash, grey
+RECORDED: Look = (2.4, (), 0.8)
+LOOKS_OF_RIVALS: tuple[Look, ...] = (
     (1.2, (), 0.0),
     (1.2, (1.0, 1.6), 0.0),
     (1.6, (), 0.55),
@@ -33,8 +38,36 @@ def picture_of_test(sheet: TestSheet) -> Drawing | None:
     if test is None:
         return None
     op = sheet.plan.op + test.change
-    minutes = np.asarray(np.arange(op.size) * test.interval_s / 60.0, dtype=np.float64)
-    low, high = span(op, *test.predicted)
+    panel, marks = _traces(op, test.interval_s, sheet.rivals, test.predicted)
+    for number, look in enumerate(sheet.looks, start=1):
+        x = panel.x(look.at_s / 60.0)
+        marks.append(
+            DrawnLine(((x, panel.top), (x, panel.top + panel.height)), width=0.3, grey=0.6)
+        )
+        marks.append(DrawnText((x, panel.top - 2.0), str(number), 6.5, "middle", bold=True))
+    says = f"OP of the test over time, and MV for {', '.join(sheet.rivals)}."
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says)
+
+
+def picture_of_result(
+    op: Floats, mv: Floats, interval_s: float, rivals: Sequence[str], followed: Sequence[Floats]
+) -> Drawing:
+    """OP dashed, the recorded MV in grey, and MV as each rival follows it."""
+    _, marks = _traces(op, interval_s, rivals, followed, mv)
+    says = f"OP and MV of the test as recorded, and MV as {', '.join(rivals)} would follow."
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says)
+
+
+def _traces(
+    op: Floats,
+    interval_s: float,
+    rivals: Sequence[str],
+    runs: Sequence[Floats] | Floats,
+    mv: Floats | None = None,
+) -> tuple[Panel, list[Mark]]:
+    """OP, the recorded MV where there is one, and the run of each rival, with axes and legend."""
+    minutes = np.asarray(np.arange(op.size) * interval_s / 60.0, dtype=np.float64)
+    low, high = span(op, *runs, *([] if mv is None else [mv]))
     panel = Panel(
         left=LEFT,
         top=TOP,
@@ -46,25 +79,16 @@ def picture_of_test(sheet: TestSheet) -> Drawing | None:
         y1=high,
     )
     marks: list[Mark] = [*panel.frame("minutes from the start", "%")]
-    marks += panel.lines(minutes, op, 0.6, OP_DASH)
-    names: list[Legend] = [("OP", 0.6, OP_DASH, 0.0)]
-    for name, predicted, (width, dash, grey) in zip(
-        sheet.rivals, test.predicted, LOOKS_OF_RIVALS, strict=False
-    ):
-        marks += panel.lines(minutes, predicted, width, dash, grey)
-        names.append((f"MV, {name}", width, dash, grey))
-    for number, look in enumerate(sheet.looks, start=1):
-        x = panel.x(look.at_s / 60.0)
-        marks.append(
-            DrawnLine(((x, panel.top), (x, panel.top + panel.height)), width=0.3, grey=0.6)
-        )
-        marks.append(DrawnText((x, panel.top - 2.0), str(number), 6.5, "middle", bold=True))
-    return Drawing(
-        width=WIDTH,
-        height=HEIGHT,
-        marks=(*marks, *_legend(names)),
-        says=f"OP of the test over time, and MV for {', '.join(sheet.rivals)}.",
-    )
+    drawn: list[tuple[str, Floats, Look]] = [("OP", op, (0.6, OP_DASH, 0.0))]
+    if mv is not None:
+        drawn.append(("MV recorded", mv, RECORDED))
+    named = [f"MV, {name}" for name in rivals]
+    drawn += [*zip(named, runs, LOOKS_OF_RIVALS, strict=False)]
+    names: list[Legend] = []
+    for name, values, (width, dash, grey) in drawn:
+        marks += panel.lines(minutes, values, width, dash, grey)
+        names.append((name, width, dash, grey))
+    return panel, [*marks, *_legend(names)]
 
 
 def _legend(names: list[Legend]) -> list[Mark]:

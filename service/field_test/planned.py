@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import replace
+from datetime import datetime
 from threading import Lock
 
 from stemwatch.models.field_test.plan import FieldTestPlan, PlanKind, plan_test
 from stemwatch.models.field_test.programme import TestLimits
 from stemwatch.models.mismatch import identifiability
 from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.work_decision import NO_POSITION, kinds_of
@@ -17,6 +19,7 @@ from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import Store
 
 KEPT = 64  # plans of a page that is asked for again
+LOOKED_BACK = 50  # screenings, for the one that a test was planned from
 
 
 def plan_of(
@@ -46,7 +49,26 @@ def plan_of_screening(
     return _without_position(plan) if NO_POSITION in kinds else plan
 
 
-class KeptPlans:
+def question_before(
+    store: Store, valve: str, begin: datetime | None
+) -> tuple[OpenQuestion, datetime] | None:
+    """What the last screening of ``valve`` whose window ended before ``begin`` left open, and the
+    end of that window; the last of all where the beginning is not known or none ended before.
+    ``None`` where the valve has no screening.
+
+    One that holds the test itself may have settled what the test was planned for.
+    """
+    known = store.screenings(valve, LOOKED_BACK)
+    if not known:
+        return None
+    before = [one for one in known if begin is not None and one.at <= begin]
+    chosen = (before or known)[0]
+    mismatch = screening_of(chosen).mismatch
+    question = None if mismatch is None else mismatch.open_question
+    return question or OpenQuestion(), chosen.at
+
+
+class PlanCache:
     """Plans from a store. Each takes seconds, so those that were asked for last are kept; a new
     screening of a valve is planned anew."""
 

@@ -161,13 +161,20 @@ def sheet_of(plan: FieldTestPlan, valve: str) -> TestSheet:
         before=tuple(_before(plan, test)),
         legs=legs_of(test.programme, plan.op),
         looks=looks_of(plan, test),
-        outcomes=tuple(_outcome(slug) for slug in plan.rivals),
+        outcomes=tuple(outcome_of(slug) for slug in plan.rivals),
         stop=tuple(_stop(plan, test)),
         passes=_passes(plan),
-        after=(
-            "Export OP, MV and PV with the hour before the test and the test itself, and run "
-            "`stemwatch explain` on it; a valve of the plant file is judged by its next screening."
-        ),
+        after=_after(plan, valve),
+    )
+
+
+def _after(plan: FieldTestPlan, valve: str) -> str:
+    export = "Export OP, MV and PV with the hour before the test and the test itself."
+    if plan.kind is PlanKind.BUMP:
+        return f"{export} `stemwatch screen FILE` gives the verdict, as does the next screening."
+    return (
+        f"{export} `stemwatch judge-test {valve} FILE --from START --to END` says which of them MV "
+        "followed; `stemwatch explain FILE` and a valve's next screening try all effects."
     )
 
 
@@ -280,7 +287,8 @@ def _passes(plan: FieldTestPlan) -> str:
     )
 
 
-def _outcome(slug: str) -> RivalOutcome:
+def outcome_of(slug: str) -> RivalOutcome:
+    """What it means if MV follows the rival ``slug``, and what is done then."""
     name = rival_name(slug)
     if slug in MEANINGS:
         return RivalOutcome(name=name, means=MEANINGS[slug], then="")

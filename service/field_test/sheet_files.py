@@ -1,4 +1,4 @@
-"""The sheet as one HTML page and as PDF; neither loads anything."""
+"""The sheet as one HTML page and as PDF, and the page of a judged test; none loads anything."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from stemwatch.service.field_test.picture import picture_of_test
+from stemwatch.service.field_test.judged import TestResult
+from stemwatch.service.field_test.picture import picture_of_result, picture_of_test
 from stemwatch.service.field_test.sheet import RivalOutcome, TestSheet, clock
 from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.presenter.wording import instant
@@ -18,7 +19,7 @@ from stemwatch.service.report.html_page import environment
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.write_report import put_all
 
-HTML, PDF = "test-plan.html", "test-plan.pdf"
+HTML, PDF, RESULT = "test-plan.html", "test-plan.pdf", "test-result.html"
 SIGNED = ("Done by", "Date, time", "MV followed", "Remarks")
 SIZES = (8.6, 8.0, 7.4, 6.8, 6.2)  # points, the largest that fits one page
 
@@ -65,6 +66,37 @@ def html_of(sheet: TestSheet, context: ReportContext) -> bytes:
     return text.encode()
 
 
+def write_result(result: TestResult, context: ReportContext, folder: Path) -> Path:
+    """Write ``test-result.html``, replaced whole or left as it was. Raises ``ReportNotWritten``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / RESULT
+    put_all({path: html_of_result(result, context)})
+    return path
+
+
+def html_of_result(result: TestResult, context: ReportContext) -> bytes:
+    """The page of a judged test as UTF-8, without a script."""
+    judgement = result.judgement
+    picture = Markup("")
+    if judgement.op is not None and judgement.mv is not None:
+        followed = {
+            model.slug: fit.followed
+            for model, fit in zip(judgement.models, judgement.fits, strict=True)
+        }
+        picture = svg_of(
+            picture_of_result(
+                judgement.op,
+                judgement.mv,
+                judgement.interval_s,
+                [one.name for one in result.rivals],
+                [followed[one.slug] for one in result.rivals],
+            )
+        )
+    page = environment(context, resource).get_template("test_result.html")
+    styles = Markup(resource("test_plan.css"))
+    return page.render(context=context, result=result, picture=picture, styles=styles).encode()
+
+
 @cache
 def resource(name: str) -> str:
     """The text of a file of this folder."""
@@ -99,7 +131,7 @@ def _story(t: Any, sheet: TestSheet, context: ReportContext) -> list[Any]:
         t.text(sheet.title, 1.7, bold=True, spaceAfter=3.0),
         t.text(f"{planned} · {context.software}", 0.86),
         t.text(sheet.headline, bold=True, spaceBefore=3.0, spaceAfter=2.0),
-        *(t.text(f"• {one}", 0.95) for one in sheet.remarks),
+        *(t.text(f"• {remark}", 0.95) for remark in sheet.remarks),
     ]
     picture = picture_of_test(sheet)
     if sheet.test is None or picture is None:

@@ -37,12 +37,12 @@ class LiveDemo:
         timing: DemoTiming,
         port: int,
         *,
-        say: Callable[[str], None],
+        announce: Callable[[str], None],
         ready: Callable[[str], object] = lambda address: None,
         seed: int = 1,
     ) -> None:
         self._out, self._timing, self._port, self._seed = out, timing, port, seed
-        self._say, self._ready = say, ready
+        self._say, self._ready = announce, ready
 
     async def run(self, stop: asyncio.Event) -> None:
         """Run until ``stop`` is set. Raises ``OSError`` where the folder or a port is taken, or
@@ -56,7 +56,7 @@ class LiveDemo:
             folder.release()
 
     async def _run(self, folder: DemoFolder, store: Store, stop: asyncio.Event) -> None:
-        async with MailCatcher(folder.mails, told=self._mail_came) as mails:
+        async with MailCatcher(folder.mails, on_mail=self._mail_came) as mails:
             self._say(f"Mails are kept in {mails.list_file}")
             loops = live_loops()
             # In a thread, since simulating the first minutes takes seconds.

@@ -54,11 +54,11 @@ class MailCatcher:
         self,
         folder: Path,
         port: int = 0,
-        told: Callable[[CaughtMail], object] = lambda mail: None,
+        on_mail: Callable[[CaughtMail], object] = lambda mail: None,
     ) -> None:
         self.folder, self.port = folder, port
         self.caught: list[CaughtMail] = []
-        self._told = told
+        self._told = on_mail
         self._server: asyncio.Server | None = None
 
     @property

@@ -29,8 +29,10 @@ class ServiceProcess:
     """The service for ``plant_file`` on loopback with its log in the file ``log``; use it with
     ``async with``. ``say`` gets each line that it prints: its address, and how to sign in first."""
 
-    def __init__(self, plant_file: Path, port: int, log: Path, say: Callable[[str], None]) -> None:
-        self._file, self._port, self._log, self._say = plant_file, port, log, say
+    def __init__(
+        self, plant_file: Path, port: int, log: Path, announce: Callable[[str], None]
+    ) -> None:
+        self._file, self._port, self._log, self._say = plant_file, port, log, announce
         self._process: asyncio.subprocess.Process | None = None
         self._reading: asyncio.Task[None] | None = None
         self._address: asyncio.Future[str] | None = None

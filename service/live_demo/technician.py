@@ -49,26 +49,26 @@ class Technician:
 
 
 async def repair_what_is_recorded(
-    technician: Technician, server: PlantServer, told: Callable[[str], object]
+    technician: Technician, server: PlantServer, on_news: Callable[[str], object]
 ) -> None:
     """Repair each valve of ``server`` with newly recorded maintenance, without end.
 
-    A repaired valve no longer wears. ``told`` is called with its tag.
+    A repaired valve no longer wears. ``on_news`` is called with its tag.
     """
     async for tag in technician.calls():
         server.repair(tag, lasting=True)
-        told(tag)
+        on_news(tag)
 
 
 async def wear_once_known(
-    store: Store, server: PlantServer, tag: str, wear: Wear, told: Callable[[str], object]
+    store: Store, server: PlantServer, tag: str, wear: Wear, on_news: Callable[[str], object]
 ) -> None:
     """Start the wear of valve ``tag`` once ``store`` has a baseline of it, which the drift is
     measured against.
 
-    ``told`` is called with the tag when the wear starts. Raises ``StoreError``.
+    ``on_news`` is called with the tag when the wear starts. Raises ``StoreError``.
     """
     while await asyncio.to_thread(store.baseline, tag) is None:
         await asyncio.sleep(_LOOK_S)
     server.begin_wear(tag, wear)
-    told(tag)
+    on_news(tag)

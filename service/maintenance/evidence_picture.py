@@ -101,7 +101,7 @@ def _over_time(
         traces.append(DrawnTrace("MV", mv.values[part], 1.2))
     below = None
     if mv is None and pv is not None and np.isfinite(pv.values[part]).any():
-        below = pv
+        below = pv.in_process_unit()
     unit = op.unit if mv is None or mv.unit == op.unit else f"{op.unit}, {mv.unit}"
     height = HEIGHT - TOP - FOOT - (66.0 if below is not None else 0.0)
     marks = _panel_over_time(recording, part, traces, unit, TOP, (width, height))

@@ -67,8 +67,8 @@ def _text(text: str) -> str:
     return f"'{clean}" if clean.startswith(_FORMULA) else clean
 
 
-def _time(when: datetime | None) -> str:
-    return "" if when is None else when.isoformat()
+def _time(moment: datetime | None) -> str:
+    return "" if moment is None else moment.isoformat()
 
 
 def _number(value: float | None) -> str:

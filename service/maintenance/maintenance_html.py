@@ -28,8 +28,8 @@ def book_html(book: WorkList) -> bytes:
     """The page as UTF-8. There is no script in it, and its policy allows none."""
     env = environment(book.context, _resource)
 
-    def day(when: datetime | None) -> str:
-        return NOTHING if when is None else f"{when.astimezone(book.context.tz):%Y-%m-%d}"
+    def day(moment: datetime | None) -> str:
+        return NOTHING if moment is None else f"{moment.astimezone(book.context.tz):%Y-%m-%d}"
 
     env.filters["day"] = day
     env.filters["verdict_before"] = verdict_before

@@ -208,7 +208,7 @@ def _brief(t: TypeSize, valve: ValveWithoutPage) -> list[Any]:
     return [
         t.text(verdict, 0.9),
         t.text(cut(valve.valve, LONGEST_NAME), 0.9, bold=True),
-        t.text(cut(valve.said, LONGEST_CELL), 0.9),
+        t.text(cut(valve.line, LONGEST_CELL), 0.9),
     ]
 
 
@@ -232,7 +232,7 @@ def _sheet(
     story = [
         *_head(t, sheet, context),
         t.heading("What was found"),
-        t.text(sheet.said.in_full),
+        t.text(sheet.finding.in_full),
         t.text(seen, 0.86),
         *([] if picture is None else [Spacer(1, 3.0), PaperPicture(picture)]),
         t.text(note, 0.86),
@@ -324,8 +324,8 @@ def _verdict(verdict: Verdict) -> str:
     return f"{VERDICT_SYMBOL[verdict]} {SHORT.get(verdict, verdict.value)}"
 
 
-def _day(when: datetime | None, context: ReportContext) -> str:
-    return NOTHING if when is None else f"{when.astimezone(context.tz):%Y-%m-%d}"
+def _day(moment: datetime | None, context: ReportContext) -> str:
+    return NOTHING if moment is None else f"{moment.astimezone(context.tz):%Y-%m-%d}"
 
 
 def _steps(t: TypeSize, sheet: WorkSheet) -> list[Any]:
@@ -345,7 +345,7 @@ def _hand(t: TypeSize, sheet: WorkSheet) -> list[Any]:
 
 
 def _doubt(t: TypeSize, sheet: WorkSheet) -> list[Any]:
-    said = " ".join(sheet.said.otherwise) or "Nothing that this recording would show."
+    said = " ".join(sheet.finding.otherwise) or "Nothing that this recording would show."
     reason = t.text(f"{sheet.priority.reason}.")
     return [
         *[t.heading("What else it could be"), t.text(said)],

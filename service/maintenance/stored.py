@@ -63,10 +63,13 @@ def facts_of(
 
 
 def _facts(
-    known: StoredValve | None, plant: Plant | None, valve: str, previous: PreviousFinding | None
+    stored_valve: StoredValve | None,
+    plant: Plant | None,
+    valve: str,
+    previous: PreviousFinding | None,
 ) -> ValveFacts:
     entry = plant.valves.get(valve) if plant is not None else None
-    told = entry or known
+    told = entry or stored_valve
     if told is None:
         return ValveFacts(previous=previous)
     return ValveFacts(

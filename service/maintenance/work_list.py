@@ -20,7 +20,7 @@ class ValveWithoutPage:
 
     valve: str
     verdict: Verdict
-    said: str
+    line: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +68,7 @@ def work_list_of(
         else:
             screening = valve.screening
             brief = ValveWithoutPage(
-                valve=screening.valve, verdict=valve.verdict, said=brief_of(valve)
+                valve=screening.valve, verdict=valve.verdict, line=brief_of(valve)
             )
             others.append(brief)
     sheets.sort(key=_order)

@@ -62,8 +62,8 @@ def short_text(sheet: WorkSheet) -> str:
 def long_text(sheet: WorkSheet) -> str:
     """The page in plain lines."""
     lines = [
-        *sheet.said.found,
-        *sheet.said.still_seen[:MOST_STILL_SEEN],
+        *sheet.finding.found,
+        *sheet.finding.still_seen[:MOST_STILL_SEEN],
         *(_measured(sheet)),
         *sheet.since_said,
         f"Priority {sheet.priority.code} ({sheet.priority.words}): {sheet.priority.reason}.",
@@ -76,7 +76,7 @@ def long_text(sheet: WorkSheet) -> str:
         "Isolation:",
         *[f"- {LEVEL_NAME[level]}: {text}" for level, text in sheet.isolation],
         HINT,
-        *[f"What else it could be: {text}" for text in sheet.said.otherwise],
+        *[f"What else it could be: {text}" for text in sheet.finding.otherwise],
         *sheet.sure,
     ]
     text = "\n".join(lines)
@@ -156,7 +156,8 @@ FIELDS = (
     OrderField("J_high_percent", "95 % interval", _number("J", "high"), 10),
     OrderField("J_travel", "in the stroke's unit", _travel(1), 10),
     OrderField("verdict", "of the screening", lambda s, _: s.valve.verdict.value, 13),
-    OrderField("confidence", "0 to 1", lambda s, _: s.said.decision.confidence, 10),
+    OrderField("ne107", "state by NAMUR NE 107", lambda s, _: s.finding.decision.ne107 or "", 20),
+    OrderField("confidence", "0 to 1", lambda s, _: s.finding.decision.confidence, 10),
     OrderField("seen_since", "first screening in a row that shows it", _seen_from, 20),
     OrderField("screenings_in_a_row", "that show it", lambda s, _: s.since.count, 10),
     OrderField("isolation", "furthest level of the steps", lambda s, _: _level(s), 22),

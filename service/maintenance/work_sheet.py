@@ -99,12 +99,12 @@ class Size:
 class WorkSheet:
     """The page of one valve. Texts are as they came; who draws them makes them printable.
 
-    ``said`` is the finding in words, ``advice`` that of the kind to act on first. ``picture`` is
+    ``finding`` is the finding in words, ``advice`` that of the kind to act on first. ``picture`` is
     ``None`` where there are no samples; ``picture_note`` says what is drawn or why nothing is.
     """
 
     valve: RankedValve
-    said: PresentedFinding
+    finding: PresentedFinding
     advice: FieldAdvice
     sizes: tuple[Size, ...]
     stroke_note: str
@@ -128,24 +128,24 @@ class WorkSheet:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of finding, the one to act on first at the front."""
-        return self.said.decision.kinds
+        return self.finding.decision.kinds
 
     @property
     def title(self) -> str:
         """The finding in at most 30 letters."""
-        return self.said.title
+        return self.finding.title
 
     @property
     def has_order(self) -> bool:
         """Whether it makes a work order."""
-        return self.said.decision.has_order
+        return self.finding.decision.has_order
 
 
 def work_sheet_of(
     valve: RankedValve, discoveries: Discoveries, background: ValveHistory, zone: tzinfo
 ) -> WorkSheet:
     """The page of ``valve``; ``discoveries`` says what stands in the run."""
-    screening, said = valve.screening, valve.said
+    screening, said = valve.screening, valve.finding
     kinds = said.decision.kinds
     earlier = background.earlier(screening)
     seen = s.first_seen(kinds[0], earlier)
@@ -154,7 +154,7 @@ def work_sheet_of(
     sizes, stroke_note = sizes_of(screening, valve.facts.stroke)
     return WorkSheet(
         valve=replace(valve, screening=screening.without_samples()),
-        said=said,
+        finding=said,
         advice=advice.advice_for(kinds[0]),
         sizes=sizes,
         stroke_note=stroke_note,
@@ -228,12 +228,12 @@ def _size(name: str, estimate: Estimate, full: Stroke | None, slope: float, know
 
 
 def _since(
-    seen: s.FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
+    first_seen: s.FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
 ) -> tuple[str, ...]:
     screening, by_window = valve.screening, valve.facts.by_window
-    began = seen.first.at if seen.first is not None else screening.window[1]
+    began = first_seen.first.at if first_seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
-    said: tuple[str, ...] = (s.sentence(seen, zone), s.work_sentence(work, began, zone))
+    said: tuple[str, ...] = (s.sentence(first_seen, zone), s.work_sentence(work, began, zone))
     if by_window is not None:
         said += by_window.sentences(zone)
     return tuple(sentence for sentence in said if sentence)
@@ -246,7 +246,7 @@ def brief_of(valve: RankedValve) -> str:
         return screening.reason
     S = finite(screening.S.value)
     said = "" if S is None else f", S {span_percent(S)} %"
-    return f"{valve.said.meaning}{said}; trend: {valve.trend.words}"
+    return f"{valve.finding.meaning}{said}; trend: {valve.trend.words}"
 
 
 def how_sure(
@@ -254,10 +254,10 @@ def how_sure(
     decision: WorkDecision,
     stands: bool | None,
     discoveries: Discoveries,
-    seen: FirstSeen,
+    first_seen: FirstSeen,
 ) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
-    said = [_confidence(decision), _seen_often(seen), _wrong_of_sticky(screening)]
+    said = [_confidence(decision), _seen_often(first_seen), _wrong_of_sticky(screening)]
     if stands is not None:
         said.append(_standing(stands, discoveries))
         said.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
@@ -272,10 +272,10 @@ def _confidence(decision: WorkDecision) -> str:
     return f"Confidence in the verdict {decision.verdict.value}: {share(decision.confidence)}."
 
 
-def _seen_often(seen: FirstSeen) -> str:
-    if seen.count == 1:
+def _seen_often(first_seen: FirstSeen) -> str:
+    if first_seen.count == 1:
         return "One screening shows it; a second one would make it firmer."
-    return f"{seen.count} screenings on end show it."
+    return f"{first_seen.count} screenings on end show it."
 
 
 def _wrong_of_sticky(screening: Screening) -> str:

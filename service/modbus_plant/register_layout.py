@@ -39,12 +39,12 @@ class ServedRegister:
 
 def registers(loops: Sequence[PlantLoop]) -> Iterator[ServedRegister]:
     """The registers of ``loops``, which stand one behind the other from 0 on."""
-    for place, loop in enumerate(loops):
+    for index, loop in enumerate(loops):
         for role in signals(loop):
             yield ServedRegister(
                 tag=tag(loop, role),
                 role=role,
-                address=STRIDE * place + PLACE[role],
+                address=STRIDE * index + PLACE[role],
                 kind="UINT16" if role is Role.MODE else "FLOAT32",
                 unit=unit(loop, role),
             )

@@ -27,11 +27,13 @@ MOST_SHOWN = 30  # windows of the picture, the newest
 @dataclass(frozen=True, kw_only=True)
 class EvidenceOfWeeks:
     """``windows`` in order of time, those that count; ``findings`` those that hold first;
-    ``pooled`` S and J over the windows that name just what holds."""
+    ``pooled`` S and J over the windows that name just what holds; ``recording_began`` where all
+    windows are parts of one recording: its beginning."""
 
     windows: tuple[WindowEvidence, ...]
     findings: tuple[LastingFinding, ...]
     pooled: Stiction | None = None
+    recording_began: datetime | None = None
 
     @property
     def confirmed(self) -> tuple[LastingFinding, ...]:
@@ -41,7 +43,14 @@ class EvidenceOfWeeks:
     @property
     def first_seen(self) -> tuple[LastingFinding, ...]:
         """The findings that one window has named and no other has confirmed."""
-        return tuple(one for one in self.findings if one.state is FindingState.FIRST_SEEN)
+        return tuple(
+            finding for finding in self.findings if finding.state is FindingState.FIRST_SEEN
+        )
+
+    @property
+    def of_one_recording(self) -> bool:
+        """Whether all windows are parts of one recording."""
+        return self.recording_began is not None
 
     @property
     def p_value(self) -> float | None:
@@ -69,7 +78,11 @@ class EvidenceOfWeeks:
 
     def sentences(self, zone: tzinfo = UTC) -> tuple[str, ...]:
         """One sentence for each finding, and one for S and J where they are pooled."""
-        said = [finding_sentence(finding, zone) for finding in self.findings]
+        if self.of_one_recording:
+            said = [_within_recording(finding) for finding in self.findings]
+            said = said or [f"None of {len(self.windows)} windows of the recording names anything."]
+        else:
+            said = [finding_sentence(finding, zone) for finding in self.findings]
         return (*said, *([self.pooled_sentence] if self.pooled is not None else []))
 
     @property
@@ -78,8 +91,10 @@ class EvidenceOfWeeks:
         if self.pooled is None:
             return ""
         S, J = self.pooled.S, self.pooled.J
+        those = "that name just that" if self.confirmed else "that name nothing"
+        those = those if self.of_one_recording else "that name it"
         return (
-            f"Over the windows that name it, S is {span_percent(S.value)} % ({interval(S)}) and "
+            f"Over the windows {those}, S is {span_percent(S.value)} % ({interval(S)}) and "
             f"J {span_percent(J.value)} % ({interval(J)})."
         )
 
@@ -112,6 +127,18 @@ def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
     if finding.named == 1:
         return f"{text}, named in {_counted(finding)} and confirmed by what it gains in the others."
     return f"{text}, confirmed in {_counted(finding)}."
+
+
+def _within_recording(finding: LastingFinding) -> str:
+    """One finding of a recording that was explained as several windows."""
+    name = effect_name(finding.slug)
+    said = f"{name[0].upper()}{name[1:]}: named in {finding.named} of {finding.of} windows"
+    if finding.state is FindingState.FIRST_SEEN:
+        return f"{said} of the recording, which the others do not confirm."
+    if finding.state is FindingState.GONE:
+        return f"{said} of the recording, and in none of the last ones."
+    by = ", and confirmed by what it gains in the others" if finding.named == 1 else ""
+    return f"{said} of the recording{by or ', which confirms it'}."
 
 
 def _counted(finding: LastingFinding) -> str:

@@ -16,12 +16,12 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
 from stemwatch.service.presenter.false_discoveries import Discoveries
-from stemwatch.service.presenter.physics_words import effect_name, effect_names, others
+from stemwatch.service.presenter.physics_words import effect_name, effect_names, other_members
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
-    beyond,
     figure,
     finite,
+    not_yet_said,
     share,
     span_percent,
 )
@@ -138,7 +138,7 @@ def present_effect(effect: Effect) -> PresentedEffect:
     """One effect in words. What to check and the test that tells stand with its term; a term of
     another version is said as it was stored."""
     words = term_words(effect.slug)
-    alike = others(effect)
+    alike = other_members(effect)
     decide = effect.decide if words is None else words.decide
     return PresentedEffect(
         slug=effect.slug,
@@ -166,12 +166,12 @@ def _evidence(effect: Effect) -> str:
 def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
     """The screening's reason, each effect that stands, and which of them are no defects."""
     said, standing = [screening.reason], (*decision.effects, *decision.inherent)
-    said += beyond((effect.sentence for effect in standing), screening.reason)
+    said += not_yet_said((effect.sentence for effect in standing), screening.reason)
     if decision.inherent:
         said.append(belong_to_machine(decision.inherent))
     mismatch = screening.mismatch
     if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
-        said += beyond([mismatch.sentence], screening.reason)
+        said += not_yet_said([mismatch.sentence], screening.reason)
     return tuple(said)
 
 

@@ -122,14 +122,14 @@ def effect_names(slugs: Iterable[str]) -> str:
     return ", ".join(effect_name(slug) for slug in slugs)
 
 
-def others(effect: Effect) -> tuple[str, ...]:
+def other_members(effect: Effect) -> tuple[str, ...]:
     """The members of its class beside the effect itself."""
     return tuple(slug for slug in effect.members if slug != effect.slug)
 
 
 def left_out(mismatch: Mismatch) -> str:
     """What a spreadsheet says: slugs strongest first, members of a class joined by ``|``."""
-    return ", ".join("|".join((effect.slug, *others(effect))) for effect in mismatch.effects)
+    return ", ".join("|".join((effect.slug, *other_members(effect))) for effect in mismatch.effects)
 
 
 def facet_title(facet: str) -> str:

@@ -46,10 +46,10 @@ def stale_data(
     """
     said = [_silent(source, now) for source in silent]
     said += [
-        f"The schedule {one.name} was due {_ago(now - one.next_due)} ago and has not begun: see "
-        "whether stemwatch serve is running."
-        for one in schedules
-        if one.next_due is not None and now - one.next_due > OVERDUE + one.spread
+        f"The schedule {schedule.name} was due {_ago(now - schedule.next_due)} ago and has not "
+        "begun: see whether stemwatch serve is running."
+        for schedule in schedules
+        if schedule.next_due is not None and now - schedule.next_due > OVERDUE + schedule.spread
     ]
     if failed:
         said.append(f"The last run failed: {failed.rstrip('.')}.")

@@ -88,9 +88,9 @@ def interval(estimate: Estimate) -> str:
     return f"{span_percent(low)} to {span_percent(high)}"
 
 
-def instant(when: datetime | None, zone: tzinfo) -> str:
+def instant(moment: datetime | None, zone: tzinfo) -> str:
     """A time to the minute in ``zone``, which the caller names."""
-    return NOTHING if when is None else when.astimezone(zone).strftime("%Y-%m-%d %H:%M")
+    return NOTHING if moment is None else moment.astimezone(zone).strftime("%Y-%m-%d %H:%M")
 
 
 def prose(text: str) -> str:
@@ -98,7 +98,7 @@ def prose(text: str) -> str:
     return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(text))
 
 
-def beyond(sentences: Iterable[str], said: str) -> list[str]:
+def not_yet_said(sentences: Iterable[str], said: str) -> list[str]:
     """Those of ``sentences`` that ``said`` does not already contain, word for word."""
     known = said.casefold()
     return [sentence for sentence in sentences if sentence.strip(" .").casefold() not in known]

@@ -72,6 +72,34 @@ STATE_OF = {
 }
 
 
+class Ne107(StrEnum):
+    """The states of NAMUR NE 107 (2017), in which field devices tell how they are."""
+
+    NORMAL = "normal"
+    FAILURE = "failure"
+    CHECK_FUNCTION = "check function"
+    OUT_OF_SPECIFICATION = "out of specification"
+    MAINTENANCE_REQUIRED = "maintenance required"
+
+
+# *Out of specification* is, for an actuator, a deviation from its set point that is larger than to
+# be expected; *maintenance required* a function that is still there and soon will not be. *Failure*
+# and *check function* are a device's own knowledge: in a historian's data a stem that is stuck fast
+# looks like a dead transmitter, which allows no verdict, and no verdict is no state.
+NE107_OF = {
+    Verdict.STICKY: Ne107.OUT_OF_SPECIFICATION,
+    Verdict.DEFECTIVE: Ne107.OUT_OF_SPECIFICATION,
+    Verdict.WATCH: Ne107.MAINTENANCE_REQUIRED,
+    Verdict.HEALTHY: Ne107.NORMAL,
+}
+
+
+def ne107_word(verdict: Verdict | None) -> str | None:
+    """The state by NAMUR NE 107 of a valve with this verdict; ``None`` where there is none."""
+    state = None if verdict is None else NE107_OF.get(verdict)
+    return None if state is None else state.value
+
+
 @dataclass(frozen=True, kw_only=True)
 class WorkDecision:
     """The decision on one screening.
@@ -93,6 +121,11 @@ class WorkDecision:
     def state(self) -> WorkState:
         """Where the valve stands with maintenance."""
         return STATE_OF[self.verdict]
+
+    @property
+    def ne107(self) -> str | None:
+        """The state by NAMUR NE 107; ``None`` where there is no verdict, which is no state."""
+        return ne107_word(self.verdict)
 
     @property
     def needs_work(self) -> bool:

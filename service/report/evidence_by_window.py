@@ -30,10 +30,10 @@ def evidence_picture(evidence: EvidenceOfWeeks, zone: tzinfo) -> Markup:
     parts = [
         Markup(f'<svg class="by-window" {size} role="img" aria-label="') + spoken + Markup('">'),
         *[
-            _row(finding, windows, TOP + CELL * place)
-            for place, finding in enumerate(evidence.findings)
+            _row(finding, windows, TOP + CELL * index)
+            for index, finding in enumerate(evidence.findings)
         ],
-        *_days(windows, TOP + CELL * len(evidence.findings) + 16, zone),
+        *_times(evidence, TOP + CELL * len(evidence.findings) + 16, zone),
         Markup("</svg>"),
     ]
     return Markup("\n").join(parts)
@@ -42,7 +42,7 @@ def evidence_picture(evidence: EvidenceOfWeeks, zone: tzinfo) -> Markup:
 def _row(finding: LastingFinding, windows: tuple[WindowEvidence, ...], y: int) -> Markup:
     middle = y + CELL / 2 + 4
     cells = [
-        _cell(window, finding.slug, LEFT + CELL * place, y) for place, window in enumerate(windows)
+        _cell(window, finding.slug, LEFT + CELL * index, y) for index, window in enumerate(windows)
     ]
     end = LEFT + CELL * len(windows) + 6
     return Markup("").join(
@@ -68,23 +68,25 @@ def _cell(window: WindowEvidence, slug: str, x: int, y: int) -> Markup:
     return Markup(f'<rect {box} class="gains" fill-opacity="{DARKEST * share:.2f}"/>')
 
 
-def _days(windows: tuple[WindowEvidence, ...], y: int, zone: tzinfo) -> list[Markup]:
-    """Dates below some of the columns, the first among them."""
+def _times(evidence: EvidenceOfWeeks, y: int, zone: tzinfo) -> list[Markup]:
+    """Dates below some of the columns, the first among them; hours into one recording."""
+    windows = evidence.shown
     if not windows:
         return []
     step = max(-(-len(windows) // MOST_DAYS), 1)
     step = max(step, 2) if len(windows) > 2 else max(len(windows) - 1, 1)
     shown = [place for place in range(0, len(windows), step) if place + step <= len(windows)]
     return [
-        _text(
-            LEFT + CELL * (place + 0.5),
-            y,
-            windows[place].at.astimezone(zone).strftime("%m-%d"),
-            "axis",
-            "middle",
-        )
+        _text(LEFT + CELL * (place + 0.5), y, _time(evidence, place, zone), "axis", "middle")
         for place in shown
     ]
+
+
+def _time(evidence: EvidenceOfWeeks, place: int, zone: tzinfo) -> str:
+    window, began = evidence.shown[place], evidence.recording_began
+    if began is None:
+        return window.at.astimezone(zone).strftime("%m-%d")
+    return f"{((window.start or window.at) - began).total_seconds() / 3600.0:.3g} h"
 
 
 def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:

@@ -99,8 +99,8 @@ def _column(at: int, label: str) -> Markup:
     first, _, second = short.partition(" ")
     lines = [first, second] if second else ["", first]
     return Markup("").join(
-        _text(middle, TOP - 6 - LINE * (1 - place), line, "axis", "middle")
-        for place, line in enumerate(lines)
+        _text(middle, TOP - 6 - LINE * (1 - index), line, "axis", "middle")
+        for index, line in enumerate(lines)
         if line
     )
 

@@ -23,6 +23,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
+from stemwatch.service.presenter.response_table import response_table
 from stemwatch.service.presenter.worth_a_test import suspected_sentence, suspicion_title
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
 from stemwatch.service.report.charts.traces import Chart
@@ -143,16 +144,24 @@ def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
     else:
         nothing = "There is nothing to plot: no samples could be read."
         why = nothing if evidence.chart is None else ""
-    mismatch = _view(valve, evidence.overlay, remark if valve.stands is False else "")
+    mismatch = _view(valve, evidence, remark if valve.stands is False else "")
     return PlottedValve(valve=valve, chart=evidence.chart, why_not=why, mismatch=mismatch)
 
 
-def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> MismatchView | None:
+def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchView | None:
     mismatch, tag = valve.screening.mismatch, valve.screening.valve
     if mismatch is None:
         return None
-    counts = valve.screening.S, valve.screening.J
-    return mismatch_view(mismatch, None, valve.anchor, tag, held_back, overlay, counts)
+    return mismatch_view(
+        mismatch,
+        None,
+        valve.anchor,
+        tag,
+        held_back,
+        overlay=evidence.overlay,
+        counts=(valve.screening.S, valve.screening.J),
+        pictures=evidence.pictures.effects,
+    )
 
 
 class _Compiled(BytecodeCache):
@@ -205,7 +214,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
-        "beyond": words.beyond,
+        "not_yet_said": words.not_yet_said,
+        "response_table": response_table,
         "presented": present_effect,
         "evidence_picture": lambda of_weeks: evidence_picture(of_weeks, context.tz),
         "evidence_sentences": lambda of_weeks: of_weeks.sentences(context.tz),

@@ -8,7 +8,7 @@ NaN and infinities never appear: they become null.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime, tzinfo
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
@@ -21,8 +21,9 @@ from stemwatch.models.mismatch.findings import (
     Mismatch,
     RecordEffect,
     Stiction,
-    Tried,
+    TriedEffect,
 )
+from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.without_position.suspicion import WithoutPosition
@@ -70,7 +71,7 @@ def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[s
             "before": _hot(mismatch.before.hot),
             "after": _hot(mismatch.after.hot),
         },
-        "tried": [_tried(one) for one in mismatch.tried],
+        "tried": [_tried(tried_effect) for tried_effect in mismatch.tried],
         "together": _gain(mismatch.together),
         "p_value": finite(mismatch.p_value),
         "stands": stands,
@@ -156,12 +157,12 @@ def _gain(gain: Gain | None) -> dict[str, float | None] | None:
     return None if gain is None else {"mean": finite(gain.mean), "t": finite(gain.t)}
 
 
-def _tried(one: Tried) -> dict[str, Any]:
+def _tried(tried: TriedEffect) -> dict[str, Any]:
     return {
-        "slug": printable(one.slug),
-        "alone": _gain(one.alone),
-        "beside": _gain(one.beside),
-        "outcome": one.outcome.value,
+        "slug": printable(tried.slug),
+        "alone": _gain(tried.alone),
+        "beside": _gain(tried.beside),
+        "outcome": tried.outcome.value,
     }
 
 
@@ -217,11 +218,12 @@ def to_contract(
     *,
     stands: bool | None = None,
     by_window: EvidenceOfWeeks | None = None,
+    zone: tzinfo = UTC,
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together.
+    windows of the last weeks say together. Days in sentences are those of ``zone``, as in a report.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
@@ -236,9 +238,11 @@ def to_contract(
         "shape": None if screening.shape is None else screening.shape.value,
         "severity": finite(said.decision.severity),
         "confidence": finite(said.decision.confidence),
+        "ne107": said.decision.ne107,
         "stem_verdict": screening.verdict.value,
         "stem_confidence": finite(screening.confidence),
         "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
+        "response": _response(screening),
         "residuals": {model: _residual(model, screening.residuals.get(model)) for model in MODELS},
         "quality": {
             "grade": printable(screening.quality.grade),
@@ -250,7 +254,9 @@ def to_contract(
         },
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
         "without_position": without_position_object(screening.without_position),
-        "over_weeks": [] if by_window is None else [_lasting(one) for one in by_window.findings],
+        "over_weeks": []
+        if by_window is None
+        else [_lasting(finding, zone) for finding in by_window.findings],
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
@@ -258,11 +264,69 @@ def to_contract(
     }
 
 
-def _lasting(finding: LastingFinding) -> dict[str, Any]:
+def by_window_object(evidence: EvidenceOfWeeks) -> dict[str, Any]:
+    """What the windows of one recording say together: each window, in seconds from the
+    recording's beginning, what is followed, S and J."""
+    pooled, began = evidence.pooled, evidence.recording_began
+    assert began is not None
+    return {
+        "windows": [
+            {
+                "begin_s": ((window.start or window.at) - began).total_seconds(),
+                "end_s": (window.at - began).total_seconds(),
+                "named": [list(map(printable, members)) for members in window.named],
+            }
+            for window in evidence.windows
+        ],
+        "findings": [
+            {
+                "slug": printable(finding.slug),
+                "confirmed": finding.holds,
+                "named": finding.named,
+                "of": finding.of,
+                "sentence": printable(sentence),
+            }
+            for finding, sentence in zip(evidence.findings, evidence.sentences(), strict=False)
+        ],
+        "S": None if pooled is None else estimate_object(pooled.S),
+        "J": None if pooled is None else estimate_object(pooled.J),
+    }
+
+
+def _response(screening: Screening) -> dict[str, Any]:
+    figures = response_figures(screening)
+    return {
+        "dead_band": estimate_object(figures.dead_band),
+        "resolution": estimate_object(figures.resolution),
+        "steps": [
+            {
+                "step_percent": step.step_percent,
+                "way": step.way.value,
+                "direction": _direction(step, figures),
+                "moves": finite(step.moves),
+                "travel_gain": estimate_object(step.travel_gain),
+                "dead_time": estimate_object(step.dead_time),
+                "t86": estimate_object(step.t86),
+                "overshoot": estimate_object(step.overshoot),
+            }
+            for step in figures.distinct_steps
+        ],
+        "simulated": list(figures.simulated),
+        "left_out": list(figures.left_out),
+    }
+
+
+def _direction(step: StepFigures, figures: ResponseFigures) -> str:
+    if figures.both_ways_alike:
+        return "either"
+    return "rising" if step.rising else "falling"
+
+
+def _lasting(finding: LastingFinding, zone: tzinfo) -> dict[str, Any]:
     return {
         "slug": printable(finding.slug),
         "state": finding.state.value,
-        "sentence": printable(finding_sentence(finding)),
+        "sentence": printable(finding_sentence(finding, zone)),
         "first_seen": _instant(finding.first_seen),
         "confirmed": _instant(finding.confirmed),
         "last_seen": _instant(finding.last_seen),
@@ -271,8 +335,8 @@ def _lasting(finding: LastingFinding) -> dict[str, Any]:
     }
 
 
-def _instant(when: datetime | None) -> str | None:
-    return None if when is None else when.isoformat()
+def _instant(moment: datetime | None) -> str | None:
+    return None if moment is None else moment.isoformat()
 
 
 def _residual(model: str, residual: Residual | None) -> dict[str, float | None] | None:

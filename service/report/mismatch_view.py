@@ -26,14 +26,14 @@ from stemwatch.service.report.heatmap import heat_map, largest
 
 @dataclass(frozen=True, kw_only=True)
 class MismatchView:
-    """``found`` with its pictures; ``anchor`` and ``tag`` name the valve in the page.
+    """``mismatch`` with its pictures; ``anchor`` and ``tag`` name the valve in the page.
 
     ``S`` and ``J`` are those of the valve, the only ones that count on a page; ``alternative`` is
     why those of S and J alone differ, empty where they do not. ``held_back`` is why its effects do
     not stand among all valves of the run; empty where they do.
     """
 
-    found: Mismatch
+    mismatch: Mismatch
     anchor: str
     tag: str
     before: Markup | None
@@ -50,7 +50,7 @@ class MismatchView:
     @property
     def brief(self) -> bool:
         """Nothing was left out or nothing could be said: one sentence is enough."""
-        return self.found.finding in (Finding.NONE, Finding.NOT_TESTABLE)
+        return self.mismatch.finding in (Finding.NONE, Finding.NOT_TESTABLE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,15 +72,17 @@ def mismatch_view(
     held_back: str = "",
     overlay: Chart | None = None,
     counts: tuple[Estimate, Estimate] | None = None,
+    pictures: tuple[Picture, ...] = (),
 ) -> MismatchView:
-    """The view of ``mismatch``; without ``recording`` with the ``overlay`` given, if any.
+    """The view of ``mismatch``; without ``recording`` with the ``overlay`` and the ``pictures``
+    given, if any.
 
     ``counts`` are the valve's S and J where a screening says them; else the mismatch does.
     """
     S, J = counts or (mismatch.restated.S, mismatch.restated.J)
     top = largest(mismatch.before, mismatch.after)
     return MismatchView(
-        found=mismatch,
+        mismatch=mismatch,
         anchor=anchor,
         tag=tag,
         before=heat_map(mismatch.before, top, f"Residual of S and J alone, {tag}"),
@@ -88,7 +90,7 @@ def mismatch_view(
         top=top,
         facets=tuple(facet_bars(mismatch)),
         overlay=overlay_of(recording, mismatch.runs) or overlay,
-        pictures=effect_pictures(recording, mismatch),
+        pictures=effect_pictures(recording, mismatch) or pictures,
         S=S,
         J=J,
         alternative=_alternative(mismatch, S, J),

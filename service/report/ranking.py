@@ -35,7 +35,7 @@ class RankedValve:
     """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report.
 
     ``stands`` is whether its effects stand among all valves of the run; ``None`` where nothing
-    was named; ``said`` is the finding in the words that every output uses.
+    was named; ``finding`` is the finding in the words that every output uses.
     """
 
     rank: int
@@ -43,19 +43,19 @@ class RankedValve:
     screening: Screening
     facts: ValveFacts
     trend: Change
-    said: PresentedFinding
+    finding: PresentedFinding
     stands: bool | None = None
     plots: Callable[[], ValvePlots | None] = lambda: None
 
     @property
     def decision(self) -> WorkDecision:
         """What it asks of maintenance, and how bad it is."""
-        return self.said.decision
+        return self.finding.decision
 
     @property
     def verdict(self) -> Verdict:
         """The verdict on the valve, as every output shows it."""
-        return self.said.decision.verdict
+        return self.finding.decision.verdict
 
     @property
     def evidence(self) -> ValvePlots | None:
@@ -126,7 +126,7 @@ class Ranking(Sequence[RankedValve]):
             trend=change_since_last_run(
                 screening, said.decision.verdict, facts.previous, facts.weeks
             ),
-            said=said,
+            finding=said,
             stands=self.discovered.standing[at],
             plots=partial(self._evidence, place),
         )
@@ -192,11 +192,11 @@ def suspected(ranked: Sequence[RankedValve]) -> Sequence[str]:
     return [v.screening.valve for v in ranked if worth_a_test(v.screening)]
 
 
-def anchor_of(valve: str, taken: Counter[str]) -> str:
-    """An anchor for ``valve`` that is not among ``taken`` yet, and is from now on."""
+def anchor_of(valve: str, used_anchors: Counter[str]) -> str:
+    """An anchor for ``valve`` that is not among ``used_anchors`` yet, and is from now on."""
     slug = re.sub(r"[^\w.-]+", "-", printable(valve)).strip("-")[:LONGEST_ANCHOR]
     anchor = f"valve-{slug or 'unnamed'}"
     # Case is folded because some readers compare anchors that way.
-    taken[anchor.casefold()] += 1
-    repeat = taken[anchor.casefold()]
+    used_anchors[anchor.casefold()] += 1
+    repeat = used_anchors[anchor.casefold()]
     return anchor if repeat == 1 else f"{anchor}~{repeat}"

@@ -88,6 +88,7 @@ def _place() -> list[SpreadsheetColumn]:
 def _finding() -> list[SpreadsheetColumn]:
     return [
         _text("verdict", "see Verdicts", lambda v: v.verdict.value, 14),
+        _text("NE 107", "state by NAMUR NE 107", lambda v: v.decision.ne107 or "", 16),
         _text("maintenance", STATES, lambda v: v.decision.state.value, 16),
         SpreadsheetColumn(
             header="severity (0 to 100)",
@@ -100,8 +101,8 @@ def _finding() -> list[SpreadsheetColumn]:
             meaning="how sure the verdict is; empty for undetermined and defective",
             read=lambda v: v.decision.confidence,
         ),
-        _text("reason", "what was found", lambda v: v.said.reason, 60),
-        _text("advice", "what to do next", lambda v: v.said.next_step, 60),
+        _text("reason", "what was found", lambda v: v.finding.reason, 60),
+        _text("advice", "what to do next", lambda v: v.finding.next_step, 60),
         _text(
             "trend",
             TREND,

@@ -43,8 +43,8 @@ def write_xlsx(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
         _read_me(book, shown, context, ranked)
 
 
-def _naive_utc(when: datetime) -> datetime:
-    return when.astimezone(UTC).replace(tzinfo=None)
+def _naive_utc(moment: datetime) -> datetime:
+    return moment.astimezone(UTC).replace(tzinfo=None)
 
 
 def _header(book: Any, sheet: Any, titles: Sequence[str], widths: Sequence[int], rows: int) -> None:
@@ -141,7 +141,7 @@ def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
 
 def _read_me(
     book: Any,
-    shown: Sequence[SpreadsheetColumn],
+    columns: Sequence[SpreadsheetColumn],
     context: ReportContext,
     ranked: Sequence[RankedValve],
 ) -> None:
@@ -151,7 +151,7 @@ def _read_me(
     heading = book.add_format({"bold": True, "font_size": 12})
     wrap = book.add_format({"text_wrap": True, "valign": "top"})
     first = 0
-    for title, pairs in _read_me_parts(shown, context, ranked):
+    for title, pairs in _read_me_parts(columns, context, ranked):
         sheet.write_string(first, 0, title, heading)
         for line, (name, text) in enumerate(pairs, start=first + 1):
             sheet.write_string(line, 0, _fitting(printable(name)), wrap)
@@ -160,7 +160,7 @@ def _read_me(
 
 
 def _read_me_parts(
-    shown: Sequence[SpreadsheetColumn], context: ReportContext, ranked: Sequence[RankedValve]
+    columns: Sequence[SpreadsheetColumn], context: ReportContext, ranked: Sequence[RankedValve]
 ) -> list[tuple[str, list[tuple[str, str]]]]:
     started = context.started.astimezone(context.tz).isoformat(timespec="minutes")
     run = [
@@ -177,6 +177,6 @@ def _read_me_parts(
         ("Work", [("all valves", counted(ranked).sentence)]),
         ("Verdicts", [(word.value, text) for word, text in VERDICT_MEANING.items()]),
         ("Hidden physics", [("all valves", physics or "no valve was tested for it")]),
-        ("Columns of Ranking", [(column.header, column.meaning) for column in shown]),
+        ("Columns of Ranking", [(column.header, column.meaning) for column in columns]),
         ("Sources not read", not_read or [("none", "every source was read")]),
     ]

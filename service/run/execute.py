@@ -16,6 +16,7 @@ from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
+from stemwatch.service.report.charts.window_pictures import pack_pictures
 from stemwatch.service.report.html_page import MOST_PLOTTED
 from stemwatch.service.run.saving import (
     PlacedScreening,
@@ -187,10 +188,15 @@ def _put(
     results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
 ) -> PlacedScreening:
     """Put the outcome of a task into ``results``; return what is saved in the store."""
-    place = first + outcome.place
+    place = first + outcome.index
     if outcome.result is None:
         screening, evidence = plots_instead_of_samples(given_up(outcome.item, outcome.reason))
     else:
         screening, evidence = outcome.result
     results.add(place, screening, evidence)
-    return PlacedScreening(place=place, screening=screening, given_up=outcome.reason)
+    return PlacedScreening(
+        task_index=place,
+        screening=screening,
+        given_up=outcome.reason,
+        packed_pictures=pack_pictures(evidence.pictures),
+    )

@@ -11,17 +11,18 @@ from dataclasses import replace
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
+from stemwatch.service.maintenance.write_maintenance import WORK_FILES
 from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
-from stemwatch.service.run.spill import Worst
+from stemwatch.service.run.spill import WorstScreenings
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 from stemwatch.service.store.store import Store
 
@@ -79,7 +80,7 @@ def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles 
             text = "run %d: the report could not be written: %s"
             log.error(text, run.number, error, extra={"run": run.number})
     if run.plant is not None and run.queued:
-        tell(run.store, run.plant, run_id=run.number)
+        queue_messages(run.store, run.plant, run_id=run.number)
     return files
 
 
@@ -87,25 +88,33 @@ def _write(
     run: Run, executed: Executed, not_read: NotRead, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
     context = _context(run, executed, not_read)
+    failed: Exception | None = None
+    try:
+        _write_work_list(run, executed, context)
+    except Exception as error:  # alerts and the report itself matter more
+        failed = error
+        if run.queued:
+            text = "run %d: the maintenance report could not be written"
+            log.exception(text, run.number, extra={"run": run.number})
+    else:
+        context = replace(context, work_files=WORK_FILES)
     if run.shown is None:
         files = write_report(executed.results, context, run.out, executed.results.evidence)
     else:
         files = _write_worst(run, executed.results.worst(run.shown), context, tested)
-    try:
-        _write_work_list(run, executed, context)
-    except Exception:  # alerts and the report itself matter more
-        if not run.queued:
-            raise
-        text = "run %d: the maintenance report could not be written"
-        log.exception(text, run.number, extra={"run": run.number})
+    if failed is not None and not run.queued:
+        raise failed
     return files
 
 
 def _write_worst(
-    run: Run, worst: Worst, context: ReportContext, tested: Sequence[TestedScreening]
+    run: Run,
+    worst_screenings: WorstScreenings,
+    context: ReportContext,
+    tested: Sequence[TestedScreening],
 ) -> ReportFiles:
     """The report of the worst valves only, with a note on how many it leaves out."""
-    shown = [screening.valve for screening in worst]
+    shown = [screening.valve for screening in worst_screenings]
     notes = context.sources_not_read
     more = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(shown))
     if more:
@@ -113,7 +122,7 @@ def _write_worst(
         notes = (*notes, SourceNotRead(source="this report", reason=text))
     elsewhere = p_elsewhere(tested, shown)
     part = replace(context, sources_not_read=notes, p_elsewhere=elsewhere)
-    return write_report(worst, part, run.out, worst.evidence)
+    return write_report(worst_screenings, part, run.out, worst_screenings.evidence)
 
 
 def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> None:

@@ -6,7 +6,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
+from stemwatch.connectors.historian.options import given_options
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
@@ -87,7 +88,7 @@ def read_tags_with(executor: Executor, stop: threading.Event) -> ReadTags:
         answers: dict[int, TagsOrReason] = {}
         for (outcome,) in outcomes(executor, work, [[file] for file in files], stop):
             why = f"{outcome.item.path}: {outcome.reason}"
-            answers[outcome.place] = why if outcome.result is None else outcome.result
+            answers[outcome.index] = why if outcome.result is None else outcome.result
         return [answers.get(place, "it was not looked at") for place in range(len(files))]
 
     return read_tags
@@ -230,7 +231,7 @@ def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
     except ConnectorError as error:
         return [_not_readable(path, stem, str(error))]
     if not proposed:
-        return [replace(_not_readable(path, stem, NO_VALVE), seen=_columns(path, options))]
+        return [replace(_not_readable(path, stem, NO_VALVE), file_remarks=_columns(path, options))]
     return [_task(path, valve, options, window) for valve in proposed]
 
 
@@ -272,13 +273,7 @@ def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
     base = (
         ReadOptions(**plant.read_options(sources[0])) if sources else ReadOptions(zone=plant.zone)
     )
-    default = ReadOptions()
-    overrides = {
-        field.name: getattr(given, field.name)
-        for field in fields(given)
-        if getattr(given, field.name) != getattr(default, field.name)
-    }
-    return replace(base, **overrides)
+    return replace(base, **given_options(given))
 
 
 def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:

@@ -195,9 +195,9 @@ class QueueWorker:
             self._store.queue.finish(stored.id, RunState.CANCELLED, reason=reason)
             log.info("run %d: %s", stored.id, reason, extra={"run": stored.id})
             return
-        why = "another process has taken it" if heart.taken else "the service stops"
+        why = "another process has taken it" if heart.taken_over else "the service stops"
         log.info("run %d is left for later (%s)", stored.id, why, extra={"run": stored.id})
-        if not heart.taken:
+        if not heart.taken_over:
             self._store.queue.leave(stored.id, self.owner)
 
     def _put_back(self, stored: StoredRun, error: ExecutorUnavailable) -> bool:
@@ -227,7 +227,7 @@ class _Heartbeat:
     stop: threading.Event
     every_s: float = HEARTBEAT_S
     cancelled_by: str = ""
-    taken: bool = False
+    taken_over: bool = False
 
     def __post_init__(self) -> None:
         self._over = threading.Event()
@@ -250,7 +250,7 @@ class _Heartbeat:
                 continue
             if run is not None and run.cancel_asked_by is None:
                 continue
-            self.taken = run is None
+            self.taken_over = run is None
             self.cancelled_by = (run.cancel_asked_by or "") if run else ""
             self.stop.set()
             return

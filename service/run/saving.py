@@ -45,11 +45,15 @@ def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedScreening:
-    """A screening and its place among the tasks; ``given_up`` says why it could not be done."""
+    """A screening and its place among the tasks; ``given_up`` says why it could not be done.
 
-    place: int
+    ``packed_pictures`` are kept in the store with it.
+    """
+
+    task_index: int
     screening: Screening
     given_up: str = ""
+    packed_pictures: bytes = b""
 
 
 class Saving:
@@ -82,8 +86,8 @@ class Saving:
             if task.baseline is not None and task.baseline.id is not None
         }
         self._to_come: dict[str, list[int]] = defaultdict(list)
-        for place, task in enumerate(tasks):
-            self._to_come[task.tags.valve].append(place)
+        for index, task in enumerate(tasks):
+            self._to_come[task.tags.valve].append(index)
         self._waiting: set[int] = set()  # saved, but an earlier window has not arrived yet
         self._unsaved: set[int] = set()
         self._given_up: dict[str, str] = {}
@@ -93,27 +97,30 @@ class Saving:
     def take(self, arrived: Sequence[PlacedScreening], spill: ResultSpill) -> None:
         """Save screenings, which ``spill`` also holds, and the networks that are now due."""
         for result in arrived:
-            if self._to_come[result.screening.valve][0] == result.place:
+            if self._to_come[result.screening.valve][0] == result.task_index:
                 self._note_previous(result.screening)
             if result.given_up:
                 self._given_up[result.screening.valve] = result.given_up
         self._save(arrived)
         for result in arrived:
-            self._waiting.add(result.place)
+            self._waiting.add(result.task_index)
             self._save_due_networks(result, spill)
 
     def _save(self, arrived: Sequence[PlacedScreening]) -> None:
         many = [result.screening for result in arrived]
-        report = self._store.save_many(many, self._number, self._compared)
+        pictures = [result.packed_pictures for result in arrived]
+        report = self._store.save_many(many, self._number, self._compared, pictures)
         reasons = {failure.valve: failure.reason for failure in report.failures}
         for result in arrived:
             reason = reasons.get(result.screening.valve, "")
             if reason and self._must_save:
                 self._store.run(self._number)  # raises while the database is not available
-                again = self._store.save_many([result.screening], self._number, self._compared)
+                again = self._store.save_many(
+                    [result.screening], self._number, self._compared, [result.packed_pictures]
+                )
                 reason = "".join(failure.reason for failure in again.failures)
             if reason:
-                self._unsaved.add(result.place)
+                self._unsaved.add(result.task_index)
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
     def _save_due_networks(self, result: PlacedScreening, spill: ResultSpill) -> None:
@@ -124,7 +131,7 @@ class Saving:
             first = to_come.pop(0)
             self._waiting.remove(first)
             screening = result.screening
-            if first != result.place:
+            if first != result.task_index:
                 screening = spill.at_place(first)
                 self._note_previous(screening)
             if first not in self._unsaved:

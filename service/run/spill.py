@@ -14,7 +14,7 @@ from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import RankKey, worst_first
 
 
-class _Worse:
+class _ReversedRank:
     """A rank with reversed order, so that the heap has the least severe result on top."""
 
     __slots__ = ("key",)
@@ -22,7 +22,7 @@ class _Worse:
     def __init__(self, key: RankKey) -> None:
         self.key = key
 
-    def __lt__(self, other: _Worse) -> bool:
+    def __lt__(self, other: _ReversedRank) -> bool:
         return self.key > other.key
 
 
@@ -40,7 +40,7 @@ class ResultSpill(Sequence[Screening]):
         self._where: dict[int, int] = {}  # place -> offset of the screening
         self._plots: dict[int, int] = {}  # place -> offset of its plots
         self._badness: dict[int, tuple[float, str]] = {}  # as ``Store.worst_of_run`` sorts
-        self._worst: list[tuple[_Worse, int]] = []
+        self._worst: list[tuple[_ReversedRank, int]] = []
         self._order: list[int] | None = None
 
     def add(self, place: int, screening: Screening, evidence: ValvePlots) -> None:
@@ -48,7 +48,7 @@ class ResultSpill(Sequence[Screening]):
         self._where[place] = self._write(screening)
         self._badness[place] = (-screening.severity, screening.valve)
         self._order = None
-        heapq.heappush(self._worst, (_Worse(worst_first(screening)), place))
+        heapq.heappush(self._worst, (_ReversedRank(worst_first(screening)), place))
         dropped = heapq.heappop(self._worst)[1] if len(self._worst) > self._plotted else None
         if dropped != place:
             self._plots[place] = self._write(evidence)
@@ -69,9 +69,9 @@ class ResultSpill(Sequence[Screening]):
         offset = self._plots.get(place)
         return None if offset is None else self._read(offset)
 
-    def worst(self, limit: int) -> Worst:
+    def worst(self, limit: int) -> WorstScreenings:
         """The ``limit`` most severe screenings, the worst first, read on access."""
-        return Worst(self, sorted(self._badness, key=self._badness.__getitem__)[:limit])
+        return WorstScreenings(self, sorted(self._badness, key=self._badness.__getitem__)[:limit])
 
     def __len__(self) -> int:
         return len(self._where)
@@ -104,7 +104,7 @@ class ResultSpill(Sequence[Screening]):
         return pickle.load(self._file)
 
 
-class Worst(Sequence[Screening]):
+class WorstScreenings(Sequence[Screening]):
     """Selected screenings of a spill as a sequence, with their plots."""
 
     def __init__(self, spill: ResultSpill, places: list[int]) -> None:

@@ -70,7 +70,9 @@ class Task:
     given_curve: KnownCurve | None = None  # from OP to stroke, as the plant file gives it
     earlier_curves: tuple[EarlierCurve, ...] = ()  # from OP to stroke, found in earlier windows
     reason: str = ""  # why there is nothing to screen, and what to do about it
-    seen: tuple[str, ...] = ()  # sentences about a readable file in which no valve was recognised
+    file_remarks: tuple[
+        str, ...
+    ] = ()  # sentences about a readable file in which no valve was recognised
 
     @property
     def text_file(self) -> str | None:
@@ -87,7 +89,7 @@ class TextFile:
 
 
 @lru_cache(maxsize=2)
-def _open(path: str, options: ReadOptions, written: tuple[int, int]) -> HistorianFile:
+def _open(path: str, options: ReadOptions, file_state: tuple[int, int]) -> HistorianFile:
     """Cached, so that an export with many valves is parsed once."""
     return HistorianFile(path, options)
 
@@ -126,7 +128,7 @@ def open_archive(address: ArchiveAddress) -> ArchiveConnector:
     return address.open()
 
 
-def _recording(task: Task) -> Recording:
+def recording_of(task: Task) -> Recording:
     """The recording of the task, read from its source in this process."""
     if task.archive is None:
         return _connector(task).read(task.tags, task.window)
@@ -223,9 +225,9 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
     from stemwatch.models.screening import Case
 
     if task.reason:
-        return replace(_unread(task, task.reason), still_seen=task.seen)
+        return replace(_unread(task, task.reason), still_seen=task.file_remarks)
     try:
-        recording = _recording(task)
+        recording = recording_of(task)
     except (ConnectorError, StoreError) as error:
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:

@@ -19,6 +19,8 @@ log = logging.getLogger(__name__)
 
 LOOK_AGAIN_S = 20.0  # at the latest, since schedules may change and the clock may be set
 _SOON_S, _LONG_S = 0.05, 3600.0
+# Machines that serve one database differ by less; what lies further ahead a wrong clock noted.
+_AHEAD = timedelta(minutes=15)
 
 
 class Scheduler:
@@ -96,9 +98,12 @@ class Scheduler:
         until = [(instant - now).total_seconds() for instant in coming if instant is not None]
         return min(max(min(until, default=_LONG_S), _SOON_S), self._look_again_s)
 
-    def _plan(self, kept: StoredSchedule, now: datetime) -> int | None:
-        schedule = kept.schedule
-        since = kept.last_due or kept.created
+    def _plan(self, stored: StoredSchedule, now: datetime) -> int | None:
+        schedule = stored.schedule
+        since = stored.last_due or stored.created
+        if since > now + _AHEAD:
+            self._begin_anew(schedule.name, since, now)
+            since = now
         coming = next_due(schedule, now, self._zone) if schedule.enabled else None
         missed = due_between(schedule, since, now, self._zone)
         if not schedule.enabled:
@@ -106,18 +111,30 @@ class Scheduler:
             self._store.schedules.note(schedule.name, now if missed else None, None)
             return None
         if missed is None:
-            if coming != kept.next_due:
+            if coming != stored.next_due:
                 self._store.schedules.note(schedule.name, None, coming)
             return None
-        number = self._store.queue.put(self._wanted(kept, missed), software_version=__version__)
+        number = self._store.queue.put(self._wanted(stored, missed), software_version=__version__)
         self._store.schedules.note(schedule.name, missed.last, coming)
         if number is not None:
             text = "run %d of schedule %s is queued for %s"
             log.info(text, number, schedule.name, missed.last, extra={"run": number})
         return number
 
-    def _wanted(self, kept: StoredSchedule, missed: Missed) -> RunToQueue:
-        schedule, due = kept.schedule, missed.last
+    def _begin_anew(self, name: str, since: datetime, now: datetime) -> None:
+        """Plan a schedule from ``now`` on: it would rest until the clock comes to ``since``."""
+        log.warning(
+            "schedule %s was looked at when the clock said %s; it has been set back, and the "
+            "schedule goes on from %s",
+            name,
+            since.isoformat(timespec="seconds"),
+            now.isoformat(timespec="seconds"),
+        )
+        self._store.queue.forget_instants_after(name, now)
+        self._store.schedules.note(name, now, None)
+
+    def _wanted(self, stored: StoredSchedule, missed: Missed) -> RunToQueue:
+        schedule, due = stored.schedule, missed.last
         start = None
         if schedule.window_s is not None:
             start = due - timedelta(seconds=schedule.window_s)

@@ -7,11 +7,12 @@ import threading
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.notifiers import notifiers_of
 from stemwatch.service.alerts.sender import Sender
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant
+from stemwatch.service.serve.clock_watch import ClockWatch
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import Store
 from stemwatch.service.watch import WatchedFolder
@@ -28,14 +29,15 @@ PeriodicTask = Callable[[], object]
 def periodic_tasks(store: Store, plant: Plant, owner: str) -> list[tuple[str, float, PeriodicTask]]:
     """(name, interval in seconds, function) of each task."""
     sender = Sender(store, notifiers_of(plant))
-    since = datetime.now(UTC)
+    noted = [state.updated for state in store.sources.states()]
+    clock = ClockWatch(max(noted, default=None))
     tasks: list[tuple[str, float, PeriodicTask]] = [
         ("lease", LEASE_S, lambda: store.leases.hold(LEASE, owner, LEASE_FOR)),
         ("messages", MESSAGES_S, sender.send_due),
-        ("old samples", OLD_S, lambda: remove_old(store, plant)),
+        ("old samples", OLD_S, lambda: _old_samples(store, plant, clock)),
     ]
     if plant.devices:
-        tasks.append(("sources", SOURCES_S, lambda: _sources(store, plant, since)))
+        tasks.append(("sources", SOURCES_S, lambda: _sources(store, plant, clock)))
     for source in plant.sources.values():
         if source.folder is not None:
             folder = WatchedFolder(plant, source.name, store)
@@ -72,6 +74,13 @@ def remove_old(store: Store, plant: Plant, now: datetime | None = None) -> int:
     return removed
 
 
-def _sources(store: Store, plant: Plant, since: datetime) -> None:
-    if watch_sources(store, plant, since):
-        tell(store, plant)
+def _old_samples(store: Store, plant: Plant, clock: ClockWatch) -> None:
+    if clock.trusted():
+        remove_old(store, plant)
+    else:
+        log.warning("no old samples are removed until the clock has gone evenly for a day")
+
+
+def _sources(store: Store, plant: Plant, clock: ClockWatch) -> None:
+    if watch_sources(store, plant, clock.even_since()):
+        queue_messages(store, plant)

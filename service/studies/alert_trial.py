@@ -162,12 +162,15 @@ class _Recorded:
 
 
 def play(
-    plan: AlertPlan, folder: Path, executor: Executor, tell: Callable[[int], None] = lambda _: None
+    plan: AlertPlan,
+    folder: Path,
+    executor: Executor,
+    on_progress: Callable[[int], None] = lambda _: None,
 ) -> Played:
     """Play ``plan`` in ``folder``, where plant file, archive, database and reports come to lie.
 
-    Windows are simulated in ``executor``; runs are the service's own. ``tell`` hears how many days
-    are over.
+    Windows are simulated in ``executor``; runs are the service's own. ``on_progress`` hears how
+    many days are over.
     """
     lives = tuple(draw_lives(plan.valves, plan.days, plan.seed))
     folder.mkdir(parents=True, exist_ok=True)
@@ -190,7 +193,7 @@ def play(
             _must_be_done(store, number, len(lives))
             book.note(store, day)
             shutil.rmtree(folder / "parquet" / f"date={_date(day)}", ignore_errors=True)
-            tell(day + 1)
+            on_progress(day + 1)
     return Played(plan=plan, lives=lives, alerts=tuple(book.alerts.values()))
 
 
@@ -291,8 +294,8 @@ def _plant_toml(plan: AlertPlan, lives: Sequence[ValveLife]) -> str:
         '[[schedules]]\nname = "daily"\ncron = "0 0 * * *"\nwindow_s = 86400.0\n',
         '[[sources]]\nname = "archive"\nkind = "parquet"\npath = "parquet"',
     ]
-    for place, life in enumerate(lives):
-        lines.append(f'\n[[valves]]\nid = "{life.tag}"\narea = "Area {place % 6 + 1}"')
+    for index, life in enumerate(lives):
+        lines.append(f'\n[[valves]]\nid = "{life.tag}"\narea = "Area {index % 6 + 1}"')
         lines.append('source = "archive"')
         lines += [
             f'tags.{role.value} = {{ tag = "{life.tag}.{role.value}", unit = "%" }}'

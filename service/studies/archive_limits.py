@@ -3,7 +3,9 @@
 Sticking and healthy valves of `robustness` are simulated once. As they are, their clocks agree and
 a sample is kept every second: the nulls, whose worst a limit must lie beyond. Stored late or more
 slowly, they show how many lie beyond the limits. Healthy valves with a noisy PV are the nulls of
-what must be evident before a quickly turning OP counts.
+what must be evident before a quickly turning OP counts. Sticking valves of all kinds of loops, also
+of limit cycles, kept every second, are the nulls of slips that contradict a fit: those of
+`robustness` hardly ever answer a slip within two samples.
 """
 
 from __future__ import annotations
@@ -22,28 +24,30 @@ from stemwatch.models.mismatch.between_samples import (
     even_archive,
 )
 from stemwatch.models.own_clock import on_own_clock
-from stemwatch.models.recording import Recording
+from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.stickslip import clock_shift
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.clock_shift import late_evidence
+from stemwatch.models.stickslip.clock_shift import behind_controller, late_evidence
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
-from stemwatch.models.studies.simulator import simulate_loop
+from stemwatch.models.studies.simulator import PlantLoop, draw_sticky, simulate_loop
 from stemwatch.service.executors import Executor, map_items
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
 NOISY, NOISE = "noisy PV", 1.5  # percent
+ALL_LOOPS = "all kinds of loops, as they are"
 SLOW = ("stored every 5 s", "stored every 10 s", "averages of 10 s")
 
 
 @dataclass(frozen=True)
-class Shown:
+class ArchiveEvidence:
     """What one recording shows; NaN where it shows nothing of the kind."""
 
     way: str
     sticking: bool
     late_mean: float
     late_t: float
+    late_left: float
     samples_per_turn: float
     friction_mean: float
     friction_t: float
@@ -52,12 +56,6 @@ class Shown:
     answered: float
     jump: float
     bounds: float
-
-    @property
-    def could(self) -> bool:
-        """Whether its slips may say anything against the fit."""
-        against = SlipsAgainstFit(self.S_apart, self.J_apart, self.answered, self.jump, self.bounds)
-        return against.could
 
     def against_the_fit(self, but: str = "") -> bool:
         """Whether its slips contradict the fit of a loop that answers them between samples, by all
@@ -77,8 +75,8 @@ class Shown:
 class Limit:
     """A limit of the product: beyond ``limit`` (``above`` it or below) it believes in the archive.
 
-    ``worst`` is the null that comes nearest, of ``nulls``; ``beyond`` of ``of`` recordings that are
-    late or slow lie beyond it.
+    ``worst`` is the null that comes nearest, of ``nulls``, and ``nulls_beyond`` of them lie beyond
+    it; ``beyond`` of ``of`` recordings that are late or slow lie beyond it.
     """
 
     name: str
@@ -86,35 +84,45 @@ class Limit:
     above: bool
     worst: float
     nulls: int
+    nulls_beyond: int
     beyond: int
     of: int
 
     @property
     def holds(self) -> bool:
         """Whether no null lies beyond it."""
-        return not self.worst > self.limit if self.above else not self.worst < self.limit
+        return self.nulls_beyond == 0
 
 
-def shown_by(valve: StudiedValve) -> list[Shown]:
-    """One valve as it is, stored late, and stored slowly; a healthy one also with a noisy PV."""
+def evidence_of_valve(valve: StudiedValve | tuple[PlantLoop, int]) -> list[ArchiveEvidence]:
+    """One valve as it is, stored late, and stored slowly; a healthy one also with a noisy PV. A
+    loop with its seed, whose valve sticks, as it is."""
+    if isinstance(valve, tuple):
+        recording = simulate_loop(*valve).recording
+        return [_evidence(ALL_LOOPS, True, on_own_clock(recording))]
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording
     stored = {way: WAYS[way].change(recording) for way in ("as it is", LATE, *SLOW)}
     if not valve.sticking:
         loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
         stored[NOISY] = simulate_loop(loud, seed).recording
-    return [_shown(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
+    return [_evidence(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
 
 
-def _shown(way: str, sticking: bool, recording: Recording) -> Shown:
-    late = late_evidence(recording).gain
+def _evidence(way: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
+    # What the stem says where there is no PV, and what the controller does.
+    without_pv: dict[Role, Signal] = {
+        role: one for role, one in recording.signals.items() if role is not Role.PV
+    }
+    late = late_evidence(replace(recording, signals=without_pv)).gain
     archive, fit = even_archive(recording), fit_stickslip(recording)
     against = _against(fit, archive)
-    return Shown(
+    return ArchiveEvidence(
         way=way,
         sticking=sticking,
         late_mean=late.mean,
         late_t=late.t,
+        late_left=behind_controller(recording).of_at_once,
         samples_per_turn=np.nan if archive is None else archive.per_turn,
         friction_mean=fit.of_sticking.mean,
         friction_t=fit.of_sticking.t,
@@ -135,34 +143,50 @@ def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
 
 
 def run_archive_limits(
-    each: int, seed: int, executor: Executor, tell: Callable[[int], None]
-) -> list[Shown]:
-    """``each`` sticking and as many healthy valves, in all ways."""
-    done: dict[int, list[Shown]] = {}
-    for place, shown in map_items(executor, shown_by, draw_valves(each, seed)):
-        done[place] = shown
-        tell(len(done))
-    return [shown for place in sorted(done) for shown in done[place]]
+    each: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
+) -> list[ArchiveEvidence]:
+    """``each`` sticking and as many healthy valves, in all ways, and twice as many sticking ones of
+    all kinds of loops as they are."""
+    done: dict[int, list[ArchiveEvidence]] = {}
+    drawn: list[StudiedValve | tuple[PlantLoop, int]] = [*draw_valves(each, seed)]
+    drawn += [(loop, 1000 * seed + place) for place, loop in enumerate(draw_sticky(2 * each, seed))]
+    for place, evidence in map_items(executor, evidence_of_valve, drawn):
+        done[place] = evidence
+        on_progress(len(done))
+    return [evidence for place in sorted(done) for evidence in done[place]]
 
 
-def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
+def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     """Each limit with the nulls and the recordings that it tells apart."""
-    nulls = [one for one in shown if one.way == "as it is"]
-    late = [one for one in shown if one.way == LATE]
-    slow = [one for one in shown if one.way in SLOW and one.sticking]
+    nulls = [one for one in evidence if one.way == "as it is"]
+    late = [one for one in evidence if one.way == LATE]
+    slow = [one for one in evidence if one.way in SLOW and one.sticking]
+    all_loops = [one for one in evidence if one.way == ALL_LOOPS]
     sticking = [one for one in nulls if one.sticking]
-    noisy = [one for one in shown if one.way == NOISY]
+    noisy = [one for one in evidence if one.way == NOISY]
     b = between_samples
-    agree = [*nulls, *noisy]
-    yield _limit("late clock: mean gain", clock_shift.LEAST_MEAN, agree, late, "late_mean")
-    yield _limit("late clock: t", clock_shift.LEAST_T, nulls, late, "late_t")
+    agree = [*nulls, *noisy, *all_loops]
+    yield _limit(
+        "late clock, by the controller: left of that at once",
+        clock_shift.LEFT_AT_ONCE,
+        agree,
+        late,
+        "late_left",
+        above=False,
+    )
+    yield _limit(
+        "late clock, by the stem: mean gain", clock_shift.LEAST_MEAN, agree, late, "late_mean"
+    )
+    nulls, others = _both(agree, late, lambda one: one.late_mean >= clock_shift.LEAST_MEAN)
+    yield _limit("late clock, by the stem: t", clock_shift.LEAST_T, nulls, others, "late_t")
     yield _limit(
         "slow archive: samples to a turn", b.FEW, sticking, slow, "samples_per_turn", above=False
     )
     yield _limit("friction evident: mean", b.EVIDENT_MEAN, noisy, slow, "friction_mean")
     evident = _both(noisy, slow, lambda one: one.friction_mean >= b.EVIDENT_MEAN)
     yield _limit("friction evident: t", b.EVIDENT_T, evident[0], evident[1], "friction_t")
-    nulls, others = _both(sticking, slow, lambda one: one.could)
+    sticking += all_loops
+    nulls, others = _both(sticking, slow, partial(ArchiveEvidence.against_the_fit, but="apart"))
     yield _limit("slips against the fit: S", b.S_APART, nulls, others, "S_apart")
     yield _limit("slips against the fit: J", b.J_APART, nulls, others, "J_apart")
     for name, limit, field, above in (
@@ -171,13 +195,15 @@ def limits(shown: Sequence[Shown]) -> Iterator[Limit]:
         ("slips against the fit: bounds", b.WIDEST, "bounds", False),
         ("slips against the fit: samples to a turn", b.RESOLVED, "samples_per_turn", False),
     ):
-        nulls, others = _both(sticking, slow, partial(Shown.against_the_fit, but=field))
+        nulls, others = _both(sticking, slow, partial(ArchiveEvidence.against_the_fit, but=field))
         yield _limit(name, limit, nulls, others, field, above=above)
 
 
 def _both(
-    nulls: Sequence[Shown], others: Sequence[Shown], where: Callable[[Shown], bool]
-) -> tuple[list[Shown], list[Shown]]:
+    nulls: Sequence[ArchiveEvidence],
+    others: Sequence[ArchiveEvidence],
+    where: Callable[[ArchiveEvidence], bool],
+) -> tuple[list[ArchiveEvidence], list[ArchiveEvidence]]:
     """Those of either group that meet the other limits."""
     return [one for one in nulls if where(one)], [one for one in others if where(one)]
 
@@ -185,8 +211,8 @@ def _both(
 def _limit(
     name: str,
     limit: float,
-    nulls: Sequence[Shown],
-    others: Sequence[Shown],
+    nulls: Sequence[ArchiveEvidence],
+    others: Sequence[ArchiveEvidence],
     field: str,
     *,
     above: bool = True,
@@ -198,7 +224,8 @@ def _limit(
     worst = np.nan
     if of_nulls.size:
         worst = float(of_nulls.max() if above else of_nulls.min())
-    beyond = of_others >= limit if above else of_others <= limit
-    return Limit(
-        name, limit, above, worst, of_nulls.size, int(np.count_nonzero(beyond)), of_others.size
+    nulls_beyond, beyond = (
+        int(np.count_nonzero(values >= limit if above else values <= limit))
+        for values in (of_nulls, of_others)
     )
+    return Limit(name, limit, above, worst, of_nulls.size, nulls_beyond, beyond, of_others.size)

@@ -101,19 +101,21 @@ def run_drift(
     valves: int,
     seed: int,
     executor: Executor,
-    tell: Callable[[int], None],
+    on_progress: Callable[[int], None],
     ways: Sequence[ValveFate] = tuple(ValveFate),
 ) -> list[Followed]:
     """Follow ``valves`` loops, drawn healthy with ``seed``, in each of ``ways``.
 
-    The fates of a loop share its baseline. ``tell`` is called with the number of loops done.
+    The fates of a loop share its baseline. ``on_progress`` is called with the number of loops done.
     """
     drawn = list(enumerate(draw_healthy(valves, seed)))
     batches = [
         DriftBatch(tuple(drawn[first : first + BATCH]), seed, tuple(ways))
         for first in range(0, valves, BATCH)
     ]
-    return map_in_order(executor, follow_batch, batches, lambda count: tell(count // len(ways)))
+    return map_in_order(
+        executor, follow_batch, batches, lambda count: on_progress(count // len(ways))
+    )
 
 
 def follow_batch(batch: DriftBatch) -> list[Followed]:
@@ -146,25 +148,25 @@ def _follow(
     seed: int,
     place_in_draw: int,
     loop: PlantLoop,
-    way: ValveFate,
+    fate: ValveFate,
     baseline: NarxNetwork | None,
     reason: str,
 ) -> Followed:
-    number = tuple(ValveFate).index(way)
+    number = tuple(ValveFate).index(fate)
     rng = np.random.default_rng([seed, place_in_draw, number, 0])
     operation = (
         tuple(OperatingChange)[place_in_draw % len(OperatingChange)]
-        if way is ValveFate.OPERATED
+        if fate is ValveFate.OPERATED
         else None
     )
     later = [
         _window(_operated(loop, operation, rng), valve, rng)
-        for valve in _valves(loop.valve, way, rng)
+        for valve in _valves(loop.valve, fate, rng)
     ]
     followed = Followed(
         tag=loop.tag,
         story=loop.story,
-        way=way,
+        way=fate,
         operation=operation,
         S_before=loop.valve.S_read,
         S=later[-1].valve.S_read,
@@ -179,10 +181,10 @@ def _follow(
 
 
 def _valves(
-    valve: SimulatedValve, way: ValveFate, rng: np.random.Generator
+    valve: SimulatedValve, fate: ValveFate, rng: np.random.Generator
 ) -> list[SimulatedValve]:
     """The valve in each later window; growing stiction rises in equal steps."""
-    if way is not ValveFate.GROWING:
+    if fate is not ValveFate.GROWING:
         return [valve] * WINDOWS
     ratio = float(rng.uniform(0.0, 1.0))
     low, high = _GROWN_S_PERCENT

@@ -42,7 +42,7 @@ class RecordedValve:
     valve: str
     sticking: bool
     recording: Recording
-    other: Recording  # of a valve of the other kind: healthy for a sticking one
+    other_kind: Recording  # of a valve of the other kind: healthy for a sticking one
     same_programme: Recording  # of that valve under this loop's set points
     slave: Recording  # this valve where the other loop's OP moves its set point
     other_day: Recording  # this valve, with other noise and the other loop's set points
@@ -85,16 +85,16 @@ def _scaled(low: float, high: float) -> Callable[[Floats], Floats]:
 def _from(role: Role, source: Role) -> Change:
     """``role`` is read from the tag of ``source``."""
 
-    def change(seen: RecordedValve) -> Recording:
-        values = _values(seen.recording, source)
-        return _wired(seen.recording, **{role.value: values})
+    def change(recorded: RecordedValve) -> Recording:
+        values = _values(recorded.recording, source)
+        return _wired(recorded.recording, **{role.value: values})
 
     return change
 
 
-def _swapped(seen: RecordedValve) -> Recording:
-    op, mv = (_values(seen.recording, role) for role in (Role.OP, Role.MV))
-    return _wired(seen.recording, op=mv, mv=op)
+def _swapped(recorded: RecordedValve) -> Recording:
+    op, mv = (_values(recorded.recording, role) for role in (Role.OP, Role.MV))
+    return _wired(recorded.recording, op=mv, mv=op)
 
 
 def _copied(change: Callable[[Floats], Floats]) -> Change:
@@ -104,16 +104,16 @@ def _copied(change: Callable[[Floats], Floats]) -> Change:
 def _of(name: str, *, role: Role = Role.MV) -> Change:
     """``role`` is that of another recording."""
 
-    def change(seen: RecordedValve) -> Recording:
-        other: Recording = getattr(seen, name)
-        return _wired(seen.recording, **{role.value: _values(other, role)})
+    def change(recorded: RecordedValve) -> Recording:
+        other: Recording = getattr(recorded, name)
+        return _wired(recorded.recording, **{role.value: _values(other, role)})
 
     return change
 
 
-def _cascade(seen: RecordedValve) -> Recording:
+def _cascade(recorded: RecordedValve) -> Recording:
     """OP is the master's, which is the set point of this valve's own controller."""
-    return _wired(seen.slave, op=_values(seen.slave, Role.SP))
+    return _wired(recorded.slave, op=_values(recorded.slave, Role.SP))
 
 
 def _moved(seconds: float) -> Callable[[Floats], Floats]:
@@ -136,19 +136,19 @@ def _lagged(lag_s: float) -> Callable[[Floats], Floats]:
     return lag
 
 
-def _every_second_exchanged(seen: RecordedValve) -> Recording:
-    op, mv = (_values(seen.recording, role).copy() for role in (Role.OP, Role.MV))
+def _every_second_exchanged(recorded: RecordedValve) -> Recording:
+    op, mv = (_values(recorded.recording, role).copy() for role in (Role.OP, Role.MV))
     op[::2], mv[::2] = mv[::2].copy(), op[::2].copy()
-    return _wired(seen.recording, op=op, mv=mv)
+    return _wired(recorded.recording, op=op, mv=mv)
 
 
-def _manual_station(seen: RecordedValve) -> Recording:
+def _manual_station(recorded: RecordedValve) -> Recording:
     """OP of a station that does not track: an operator's moves, which the valve never got."""
-    op = seen.recording.op.values
+    op = recorded.recording.op.values
     rng = np.random.default_rng(op.size)
     held = round(MANUAL_S)
     moves = np.cumsum(rng.uniform(-MANUAL_STEP, MANUAL_STEP, op.size // held + 1))
-    return _wired(seen.recording, op=np.repeat(np.median(op) + moves, held)[: op.size])
+    return _wired(recorded.recording, op=np.repeat(np.median(op) + moves, held)[: op.size])
 
 
 def _split_partner(values: Floats) -> Floats:
@@ -180,23 +180,23 @@ def _noise(values: Floats) -> Floats:
     return np.asarray(np.median(values) + NOISE_PERCENT * rng.standard_normal(values.size))
 
 
-def _as_states(seen: RecordedValve) -> Recording:
+def _as_states(recorded: RecordedValve) -> Recording:
     """A position of words: opening, closing, in between. No number is left of it."""
-    mv = seen.recording.signals[Role.MV]
+    mv = recorded.recording.signals[Role.MV]
     empty = Signal(
         np.full(mv.values.size, np.nan),
         np.full(mv.values.size, Quality.CODE, dtype=np.uint8),
         mv.tag,
         mv.unit,
     )
-    return replace(seen.recording, signals={**seen.recording.signals, Role.MV: empty})
+    return replace(recorded.recording, signals={**recorded.recording.signals, Role.MV: empty})
 
 
 def _both(low: float, high: float) -> Change:
-    def change(seen: RecordedValve) -> Recording:
-        op, mv = (_values(seen.recording, role) for role in (Role.OP, Role.MV))
+    def change(recorded: RecordedValve) -> Recording:
+        op, mv = (_values(recorded.recording, role) for role in (Role.OP, Role.MV))
         scaled = _scaled(low, high)
-        return _wired(seen.recording, op=scaled(op), mv=scaled(mv))
+        return _wired(recorded.recording, op=scaled(op), mv=scaled(mv))
 
     return change
 
@@ -224,9 +224,9 @@ KINDS: dict[str, Change] = {
     "SP for OP": _from(Role.OP, Role.SP),
     "PV for MV": _from(Role.MV, Role.PV),
     "SP for MV": _from(Role.MV, Role.SP),
-    "MV of another loop": _of("other"),
+    "MV of another loop": _of("other_kind"),
     "MV of another loop with the same set points": _of("same_programme"),
-    "OP of another loop": _of("other", role=Role.OP),
+    "OP of another loop": _of("other_kind", role=Role.OP),
     "OP of the cascade's master": _cascade,
     "OP of a manual station that does not track": _manual_station,
     "OP of the split range's other valve": _op(_split_partner),
@@ -263,7 +263,7 @@ class MiswiredValve:
 
     name: str
     loop: PlantLoop
-    other: PlantLoop
+    other_loop: PlantLoop
     seed: int
     sticking: bool
 
@@ -279,7 +279,7 @@ class WiringAnswer:
     confidence: float | None
     reason: str
     advice: str
-    said: tuple[str, ...]  # what was read otherwise than it stands in the recording
+    corrections: tuple[str, ...]  # what was read otherwise than it stands in the recording
     S: float | None
 
     @property
@@ -321,7 +321,7 @@ def draw_miswired(loops: int, seed: int) -> list[MiswiredValve]:
 
 def record(valve: MiswiredValve) -> RecordedValve:
     """Simulate the valve and all that it can be mixed up with."""
-    loop, other = valve.loop, replace(valve.other, duration_s=valve.loop.duration_s)
+    loop, other = valve.loop, replace(valve.other_loop, duration_s=valve.loop.duration_s)
     mine, theirs = (simulate_loop(one, valve.seed).recording for one in (loop, other))
     master = theirs.op.values
     moves = tuple(
@@ -332,32 +332,32 @@ def record(valve: MiswiredValve) -> RecordedValve:
         valve=valve.name,
         sticking=valve.sticking,
         recording=mine,
-        other=theirs,
+        other_kind=theirs,
         same_programme=simulate_loop(same, valve.seed + 1).recording,
         slave=simulate_loop(replace(loop, setpoints=moves), valve.seed + 2).recording,
         other_day=simulate_loop(replace(loop, setpoints=other.setpoints), valve.seed + 3).recording,
     )
 
 
-def answers_of(seen: RecordedValve, kinds: Sequence[str]) -> Iterator[WiringAnswer]:
+def answers_of(recorded: RecordedValve, kinds: Sequence[str]) -> Iterator[WiringAnswer]:
     """The valve screened in each of ``kinds``."""
     for kind in kinds:
-        wired = KINDS[kind](seen)
+        wired = KINDS[kind](recorded)
         (screening,) = screen([Case(recording=wired)], Options(narx=False))
-        yield _answer(kind, seen, screening)
+        yield _answer(kind, recorded, screening)
 
 
-def _answer(kind: str, seen: RecordedValve, screening: Screening) -> WiringAnswer:
+def _answer(kind: str, recorded: RecordedValve, screening: Screening) -> WiringAnswer:
     recording = screening.recording
     return WiringAnswer(
         kind=kind,
-        valve=seen.valve,
-        sticking=seen.sticking,
+        valve=recorded.valve,
+        sticking=recorded.sticking,
         verdict=screening.verdict,
         confidence=screening.confidence,
         reason=screening.reason,
         advice=screening.advice,
-        said=() if recording is None else recording.provenance.decisions,
+        corrections=() if recording is None else recording.provenance.decisions,
         S=screening.S.value,
     )
 
@@ -376,13 +376,17 @@ def answer_item(item: MiswiringItem) -> list[WiringAnswer]:
 
 
 def run_miswiring(
-    loops: int, seed: int, kinds: Sequence[str], executor: Executor, tell: Callable[[int], None]
+    loops: int,
+    seed: int,
+    kinds: Sequence[str],
+    executor: Executor,
+    on_progress: Callable[[int], None],
 ) -> list[WiringAnswer]:
     """``loops`` valves in each of ``kinds``; raises ``KeyError`` for one that is not known."""
     for kind in kinds:
         KINDS[kind]
     items = [MiswiringItem(valve, tuple(kinds)) for valve in draw_miswired(loops, seed)]
-    return map_in_order(executor, answer_item, items, tell)
+    return map_in_order(executor, answer_item, items, on_progress)
 
 
 @dataclass(frozen=True)
@@ -418,7 +422,7 @@ def _row(kind: str, answers: Sequence[WiringAnswer]) -> WiringRow:
         wrong=len(wrong),
         undetermined=len(undetermined),
         right=len(right),
-        converted=sum(bool(answer.said) for answer in right),
+        converted=sum(bool(answer.corrections) for answer in right),
         highest=max((a.confidence or 0.0 for a in wrong), default=None),
         reason=max(reasons, key=reasons.count, default=""),
     )

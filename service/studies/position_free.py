@@ -65,20 +65,22 @@ def items_of_training(loops: int, seed: int) -> tuple[list[LoopToDraw], list[Loo
     return examples, judged
 
 
-def run_training(loops: int, seed: int, executor: Executor, tell: Callable[[int], None]) -> Judge:
+def run_training(
+    loops: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
+) -> Judge:
     """Train on ``loops`` loops of ``seed``, the convolutional network on ``_MORE`` times as many;
     ``items_of_training`` says what gives the limits."""
     from stemwatch.models.studies.loops.training import train  # torch takes two seconds to import
 
     examples, judged = items_of_training(loops, seed)
-    shown = map_in_order(executor, example_item, examples, tell)
+    shown = map_in_order(executor, example_item, examples, on_progress)
     network = train(
         [one for one in shown if isinstance(one, LoopExample)],
         seed=seed,
         more=[one for one in shown if isinstance(one, WindowsExample)],
     )
     done = len(examples)
-    seen = map_in_order(executor, look_item, judged, lambda n: tell(done + n))
+    seen = map_in_order(executor, look_item, judged, lambda n: on_progress(done + n))
     return Judge(network=network, limits=limits_of(seen, network))
 
 
@@ -230,11 +232,13 @@ FAMILIES: Mapping[str, Callable[[LoopToDraw], tuple[Recording, float, str]]] = {
 
 
 def run_position_free(
-    judge: Judge, loops: int, seed: int, executor: Executor, tell: Callable[[int], None]
+    judge: Judge, loops: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[StudiedLoop]:
     """What ``judge`` says of ``loops`` loops of each family, every other one sticking."""
     items = [LoopToDraw(seed, place, family) for family in FAMILIES for place in range(loops)]
-    return [_answer(judge, shown) for shown in map_in_order(executor, look_item, items, tell)]
+    return [
+        _answer(judge, shown) for shown in map_in_order(executor, look_item, items, on_progress)
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)

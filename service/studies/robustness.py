@@ -90,9 +90,9 @@ def _reported(deviation: float) -> Callable[[Floats], Floats]:
 
     def held(values: Floats) -> Floats:
         kept, last = values.copy(), values[0]
-        for place, value in enumerate(values):
+        for index, value in enumerate(values):
             last = value if abs(value - last) > deviation else last
-            kept[place] = last
+            kept[index] = last
         return kept
 
     return held
@@ -200,13 +200,13 @@ def draw_valves(each: int, seed: int) -> list[StudiedValve]:
     wide = [case for case in drawn if STICKING_S[0] <= case.loop.valve.S <= STICKING_S[1]]
     rng = np.random.default_rng([seed, 17])
     sticking = [
-        _with(case, case.loop.valve.S, case.loop.valve.J, place, True)
-        for place, case in enumerate(wide[:each])
+        _with(case, case.loop.valve.S, case.loop.valve.J, index, True)
+        for index, case in enumerate(wide[:each])
     ]
     healthy = []
-    for place, case in enumerate(draw_nulls(each, seed + 1, "routine")):
+    for index, case in enumerate(draw_nulls(each, seed + 1, "routine")):
         S = float(rng.uniform(*HEALTHY_S))
-        healthy.append(_with(case, S, 0.3 * S, place, False))
+        healthy.append(_with(case, S, 0.3 * S, index, False))
     return [*sticking, *healthy]
 
 
@@ -314,7 +314,11 @@ def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -
 
 
 def run_robustness(
-    each: int, seed: int, ways: Sequence[str], executor: Executor, tell: Callable[[int], None]
+    each: int,
+    seed: int,
+    ways: Sequence[str],
+    executor: Executor,
+    on_progress: Callable[[int], None],
 ) -> list[StudyAnswer]:
     """``each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown way."""
     for way in ways:
@@ -324,7 +328,7 @@ def run_robustness(
         RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(ways))
         for first in range(0, len(valves), BATCH)
     ]
-    return map_in_order(executor, answer_batch, batches, tell)
+    return map_in_order(executor, answer_batch, batches, on_progress)
 
 
 @dataclass(frozen=True)

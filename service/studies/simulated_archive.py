@@ -94,13 +94,14 @@ def write_archive(
     plan: ArchivePlan,
     folder: Path,
     executor: Executor,
-    tell: Callable[[int, int], None] = lambda *_: None,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Path:
     """Write the archive, ``plant.toml`` and ``truth.json`` into ``folder``; returns the plant file.
 
     Parquet: ``parquet/date=YYYY-MM-DD/part-NNNNN.parquet`` with a row for each instant of a valve
     (time in UTC, valve, op, mv, pv, sp), one row group for each valve and day. CSV:
-    ``csv/valves-NNNNN.csv``, a column for each tag. ``tell`` gets valves done and of how many.
+    ``csv/valves-NNNNN.csv``, a column for each tag. ``on_progress`` gets valves done and of how
+    many.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -115,7 +116,7 @@ def write_archive(
         for place, truth in map_items(executor, write_piece, pieces):
             truths[place] = truth
             done += len(truth)
-            tell(done, plan.valves)
+            on_progress(done, plan.valves)
     plant = folder / "plant.toml"
     plant.write_text("\n".join(_plant_toml(plan)) + "\n", encoding="utf-8", newline="\n")
     ordered = [truth for place in sorted(truths) for truth in truths[place]]

@@ -68,16 +68,21 @@ def _marked(truth: Truth, screening: Screening) -> Marked:
 
 
 def run_trial(
-    loops: int, seed: int, executor: Executor, tell: Callable[[int], None], *, narx: bool = True
+    loops: int,
+    seed: int,
+    executor: Executor,
+    on_progress: Callable[[int], None],
+    *,
+    narx: bool = True,
 ) -> list[Marked]:
     """Screen ``loops`` healthy and half as many sticking valves, drawn with ``seed``."""
     drawn = [*draw_healthy(loops, seed), *draw_sticky(loops // 2, seed)]
-    seeded = [(loop, 1000 * seed + place) for place, loop in enumerate(drawn)]
+    seeded = [(loop, 1000 * seed + index) for index, loop in enumerate(drawn)]
     batches = [
         TrialBatch(tuple(seeded[first : first + BATCH]), narx)
         for first in range(0, len(seeded), BATCH)
     ]
-    return map_in_order(executor, mark_batch, batches, tell)
+    return map_in_order(executor, mark_batch, batches, on_progress)
 
 
 def wilson(hits: int, of: int) -> tuple[float, float]:

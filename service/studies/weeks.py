@@ -65,18 +65,18 @@ def follow(
     windows: int,
     seed: int,
     executor: Executor,
-    tell: Callable[[int], None] = lambda _: None,
+    on_progress: Callable[[int], None] = lambda _: None,
     effects: Sequence[str] = PHYSICS,
 ) -> list[FollowedValve]:
     """``nulls`` valves with nothing hidden over ``days`` windows, and ``valves`` with each of
-    ``effects`` over ``windows``. ``tell`` hears how many valves are done."""
+    ``effects`` over ``windows``. ``on_progress`` hears how many valves are done."""
     jobs = [WatchedValve(case, days) for case in draw_nulls(nulls, seed)]
     jobs += [
         WatchedValve(case, windows)
         for slug in effects
         for case in (draw_effect(slug, valves, seed) if valves else ())
     ]
-    return map_in_order(executor, _follow, [(job,) for job in jobs], tell)
+    return map_in_order(executor, _follow, [(job,) for job in jobs], on_progress)
 
 
 def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
@@ -89,10 +89,10 @@ def _followed(job: WatchedValve) -> FollowedValve:
     from stemwatch.models.studies.simulator.hidden.later_windows import windows_of
 
     said, testable = [], 0
-    for place, case in enumerate(windows_of(job.case, job.windows)):
+    for index, case in enumerate(windows_of(job.case, job.windows)):
         shown, run = simulate_hidden(case)
         mismatch = explain(run.recording)
-        at = _BEGIN + timedelta(days=place)
+        at = _BEGIN + timedelta(days=index)
         window = WindowEvidence.of(mismatch, at, start=at - timedelta(hours=1))
         testable += shown.excited and all(window.looked_for(slug) for slug in case.hidden)
         said.append(window)
@@ -127,11 +127,11 @@ def count_over(followed: Sequence[FollowedValve], windows: int) -> CountedOver:
     nulls = [valve for valve in followed if not valve.hidden and len(valve.windows) >= windows]
     others = [valve for valve in followed if valve.hidden and valve.testable >= 2]
     false = sum(
-        any(one.confirmed is not None for one in lasting_findings(valve.windows[:windows]))
+        any(finding.confirmed is not None for finding in lasting_findings(valve.windows[:windows]))
         for valve in nulls
     )
     held = [
-        [one.slug for one in lasting_findings(valve.windows[:windows]) if one.holds]
+        [finding.slug for finding in lasting_findings(valve.windows[:windows]) if finding.holds]
         for valve in others
     ]
     right = [

@@ -186,7 +186,8 @@ class WatchedFolder:
                 continue
             stat = path.stat()
             states[path] = _FileState(stat.st_size, stat.st_mtime_ns)
-            quiet = now - datetime.fromtimestamp(stat.st_mtime, UTC) >= self._quiet
+            # In the future where the clock was set back, or that of the writing machine is ahead.
+            quiet = abs(now - datetime.fromtimestamp(stat.st_mtime, UTC)) >= self._quiet
             if quiet and self._before.get(path) == states[path]:
                 yield path
         self._before = states

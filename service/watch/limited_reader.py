@@ -122,7 +122,7 @@ def _opened(export: Export) -> OpenedFile:
         raise Rejected(str(error).removeprefix(f"{export.path}: ")) from None
     except (OSError, ValueError) as error:
         raise Rejected(f"{type(error).__name__}: {error}") from None
-    if not opened.instants.known:
+    if not opened.instants.in_utc:
         raise Rejected(
             f"the times have no zone; give one to the source {export.source!r} in the plant file, "
             'such as zone = "Europe/Berlin"'

@@ -18,6 +18,7 @@ from prometheus_client.registry import CollectorRegistry
 from stemwatch.models.verdict import Verdict
 from stemwatch.service import __version__
 from stemwatch.service.collector.spool import backlog
+from stemwatch.service.presenter.work_decision import NE107_OF, Ne107
 from stemwatch.service.store.administration.figures import NOT_SCREENED, StoreFigures, figures_of
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.errors import StoreError
@@ -147,6 +148,7 @@ def _of_runs(figures: StoreFigures) -> Iterator[Metric]:
     words = (*(verdict.value for verdict in Verdict), NOT_SCREENED)
     counts = [({"verdict": word}, float(figures.verdicts.get(word, 0))) for word in words]
     yield _gauge("valves", "Valves by the verdict of their latest screening", counts)
+    yield _gauge("valves_ne107", "Valves by state of NAMUR NE 107", _ne107_counts(figures))
     last = figures.last_run
     if last is None:
         return
@@ -154,6 +156,14 @@ def _of_runs(figures: StoreFigures) -> Iterator[Metric]:
     yield _one("last_run_finished_timestamp_seconds", "When it ended", last.finished_s)
     valve_s = [({"stat": "mean"}, last.valve_mean_s), ({"stat": "max"}, last.valve_max_s)]
     yield _gauge("last_run_valve_seconds", "Work on one valve in that run", valve_s)
+
+
+def _ne107_counts(figures: StoreFigures) -> list[tuple[dict[str, str], float]]:
+    """Valves by state; those without a verdict have none and are not counted."""
+    counts = dict.fromkeys(Ne107, 0)
+    for verdict, state in NE107_OF.items():
+        counts[state] += figures.verdicts.get(verdict.value, 0)
+    return [({"state": state.value}, float(count)) for state, count in counts.items()]
 
 
 def _of_alerts(deps: Dependencies, figures: StoreFigures) -> Iterator[Metric]:

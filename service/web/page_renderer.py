@@ -79,7 +79,7 @@ class PageRenderer:
         site. Without a session the token belongs to a cookie of its own."""
         current_user = current_user_of(request)
         # Whom a proxy names has no session: the forms have a cookie of their own.
-        own = current_user is None or current_user.how == HOW
+        own = current_user is None or current_user.signed_in_by == HOW
         cookie = forms.cookie_of(request) if own else ""
         text = self._env.get_template(template).render(
             base=request.scope.get("root_path", "").rstrip("/"),

@@ -48,9 +48,9 @@ def made_plant(folder: Path, valves: int) -> Plant:
     for device in range(DEVICES):
         listed = ["tag,register,address,type"]
         mine = [number for number in range(valves) if number % DEVICES == device]
-        for place, number in enumerate(mine):
+        for index, number in enumerate(mine):
             for offset, role in enumerate(ROLES):
-                listed.append(f"FIC-{number:05d}.{role},holding,{3 * place + offset},INT16")
+                listed.append(f"FIC-{number:05d}.{role},holding,{3 * index + offset},INT16")
         (folder / f"plc-{device}.csv").write_text("\n".join(listed) + "\n", encoding="utf-8")
         text += f'[[devices]]\nname = "plc-{device}"\nhost = "192.0.2.1"\n'
         text += f'registers = "plc-{device}.csv"\n'
@@ -71,17 +71,17 @@ def fill(store: Store, plant: Plant, runs: int) -> int:
         with store.transactions.writing("filling") as session:
             done = {"state": "done", "reason": "", "finished": at}
             session.execute(
-                insert(RunValveRow), [{"run_id": number, "valve": one, **done} for one in names]
+                insert(RunValveRow), [{"run_id": number, "valve": name, **done} for name in names]
             )
-            session.execute(insert(ScreeningRow), [screening(one, number, at) for one in names])
+            session.execute(insert(ScreeningRow), [screening(name, number, at) for name in names])
     with store.transactions.writing("filling") as session:
         window = {"window_start": NOW - timedelta(hours=1), "window_end": NOW}
         session.execute(
             insert(NetworkRow),
             [
-                {"valve": one, "kind": "baseline", "network": b"n" * 20_000, "created": NOW,
+                {"valve": name, "kind": "baseline", "network": b"n" * 20_000, "created": NOW,
                  "reason": "healthy", "active": True, **window}
-                for one in names
+                for name in names
             ],
         )  # fmt: skip
         rows = session.query(ScreeningRow.id, ScreeningRow.valve, ScreeningRow.at)

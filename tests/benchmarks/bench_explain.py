@@ -60,7 +60,7 @@ def measure(count: int, seed: int) -> list[dict[str, object]]:
                 "count": len(several),
                 "median_s": round(float(np.median(seconds)), 2),
                 "slowest_s": round(max(seconds), 2),
-                "within_asked": sum(one <= ASKED_S for one in seconds),
+                "within_asked": sum(second <= ASKED_S for second in seconds),
             }
         )
     return rows

@@ -82,7 +82,7 @@ def measure(samples: int, rounds: int) -> list[dict[str, object]]:
                 in_c(op, op, 1.0, q, theirs)
                 seconds[0].append(between - began)
                 seconds[1].append(time.perf_counter() - between)
-            own, c = (1e6 * float(np.median(one)) for one in seconds)
+            own, c = (1e6 * float(np.median(second)) for second in seconds)
             rows.append(
                 {
                     "case": name,

@@ -134,7 +134,7 @@ def main() -> None:
     process.start()
     ports = here.recv()
     each = asked.valves // asked.devices
-    devices = [device_of(place, port, each) for place, port in enumerate(ports)]
+    devices = [device_of(index, port, each) for index, port in enumerate(ports)]
     with tempfile.TemporaryDirectory() as folder:
         run(devices, Path(folder), asked.seconds)
     process.kill()

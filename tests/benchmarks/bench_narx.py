@@ -195,9 +195,9 @@ def main() -> None:
         for name, valves in populations(arguments.valves, arguments.seed).items()
     }
     for name, rows in results.items():
-        table = Table(*(one.replace("_", " ") for one in rows[0]), title=name)
-        for one in rows:
-            table.add_row(*("-" if value is None else str(value) for value in one.values()))
+        table = Table(*(row.replace("_", " ") for row in rows[0]), title=name)
+        for row in rows:
+            table.add_row(*("-" if value is None else str(value) for value in row.values()))
         Console(width=140).print(table)
     if arguments.json:
         arguments.json.write_text(json.dumps({"seed": arguments.seed, "rows": results}, indent=2))

@@ -46,18 +46,18 @@ def fill(store: Store, valves: int, runs: int) -> None:
         [
             StoredValve(
                 id=name,
-                description=f"Loop {place} of column C-{place % 97}",
-                area=f"Area {100 * (1 + place % 20)}",
-                criticality=1 + place % 3,
+                description=f"Loop {index} of column C-{index % 97}",
+                area=f"Area {100 * (1 + index % 20)}",
+                criticality=1 + index % 3,
             )
-            for place, name in enumerate(names)
+            for index, name in enumerate(names)
         ]
     )
     for run in range(runs):
         at = NOW - timedelta(days=7 * (runs - 1 - run))
         number = store.begin_run(software_version="0.1")
         with store.transactions.writing("filling") as session:
-            rows = [_screening(name, place, number, at) for place, name in enumerate(names)]
+            rows = [_screening(name, index, number, at) for index, name in enumerate(names)]
             session.execute(insert(ScreeningRow), rows)
         store.finish_run(number)
     _indicators(store)

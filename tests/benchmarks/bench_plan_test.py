@@ -26,13 +26,12 @@ from pathlib import Path
 
 import numpy as np
 
-from stemwatch.models.field_test.design import DesignedTest
+from stemwatch.models.field_test.judgement import TestOutcome, judge_test
 from stemwatch.models.field_test.plan import plan_test
 from stemwatch.models.field_test.programme import LEAD_S, SetValue, TestLimits
-from stemwatch.models.field_test.rival_runs import RivalRuns
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.recording import Recording
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_hidden, simulate_hidden
 from stemwatch.models.studies.simulator.hidden.catalogue import RECORD
 from stemwatch.models.studies.simulator.loop import ManualSpan, PlantLoop
@@ -46,8 +45,8 @@ STAIRS = 20  # of the fixed staircase, both ways
 class Played:
     """One ambiguous case: what was right before, after the plan, after the staircase.
 
-    ``in_rivals``: whether the truth was among the rivals; ``followed``: whether the rival that
-    follows the test best is it, ``None`` where it was not among them.
+    ``in_rivals``: whether the truth (``wanted``) was among the rivals; ``outcome`` what
+    ``judge_test`` says of the recorded test, ``best`` the rival that follows it best.
     """
 
     place: int
@@ -64,7 +63,16 @@ class Played:
     right_planned: bool
     right_staircase: bool
     in_rivals: bool
-    followed: bool | None
+    wanted: str | None
+    outcome: str
+    best: str | None
+    as_far: tuple[float, ...]
+    leaves: float
+
+    @property
+    def followed(self) -> bool | None:
+        """Whether the rival that follows best is the truth; ``None`` where it is none of them."""
+        return self.best == self.wanted if self.in_rivals and self.best is not None else None
 
 
 def said(mismatch: Mismatch) -> str:
@@ -121,20 +129,6 @@ def played(case: HiddenCase, values: Sequence[SetValue], op: float, seconds: flo
     return simulate_loop(replace(loop, manual=(*loop.manual, hand)), case.seed).recording
 
 
-def follows_best(test: DesignedTest, mismatch: Mismatch, recording: Recording) -> str:
-    """The rival that follows the test's part of the recording best."""
-    question = mismatch.open_question
-    n = test.change.size
-    answer: Floats = recording.mv.values[-n:]
-    op = recording.op.values[-n:]
-    travel = op if question.curve is None else question.curve.command(op)
-    bad = ~np.isfinite(answer)
-    answer = np.where(bad, np.interp(np.arange(n), np.flatnonzero(~bad), answer[~bad]), answer)
-    own = test.interval_s / question.unit_s
-    runs = RivalRuns(question, test.models, np.ascontiguousarray(travel), own)
-    return test.models[int(np.argmin(runs.costs(answer)))].slug
-
-
 def judge(place: int, case: HiddenCase, limits: TestLimits) -> Played | None:
     """One case, or ``None`` where nothing is open."""
     # The same noise before the test whatever is played needs the same length.
@@ -151,15 +145,14 @@ def judge(place: int, case: HiddenCase, limits: TestLimits) -> Played | None:
     truth = [slug for slug in case.effects if slug not in RECORD]
     wanted = truth[0] if len(truth) == 1 else "" if not truth else None
     inside = wanted in question.rivals
-    after, followed = before, None
+    after, judged = before, None
     if test is not None:
         minutes = test.programme.duration_s / 60.0
         with_plan = played(case, test.programme.values(), op, limits.duration_s)
         part = samples + round(test.programme.duration_s / case.loop.archive.interval_s)
         with_plan = with_plan.part(0, part)
         after = explain(with_plan)
-        if inside:
-            followed = follows_best(test, before, with_plan) == wanted
+        judged = judge_test(question, with_plan.part(samples, part))
     stairs = played(case, fixed_staircase(minutes, limits.amplitude), op, limits.duration_s)
     part = samples + round(60.0 * minutes / case.loop.archive.interval_s)
     by_stairs = explain(stairs.part(0, part))
@@ -178,7 +171,11 @@ def judge(place: int, case: HiddenCase, limits: TestLimits) -> Played | None:
         right_planned=is_right(case, after),
         right_staircase=is_right(case, by_stairs),
         in_rivals=inside,
-        followed=followed,
+        wanted=wanted,
+        best=None if judged is None else judged.models[judged.best].slug,
+        outcome="-" if judged is None else judged.outcome.value,
+        as_far=() if judged is None else judged.as_far,
+        leaves=0.0 if judged is None else judged.leaves,
     )
 
 
@@ -195,11 +192,11 @@ def main() -> None:
     asked = parser.parse_args()
     limits = TestLimits(amplitude=asked.amplitude, duration_s=60.0 * asked.minutes)
     began, rows = time.perf_counter(), []
-    for place, drawn in enumerate(draw_hidden(asked.cases, asked.seed)):
-        if place < asked.first:
+    for index, drawn in enumerate(draw_hidden(asked.cases, asked.seed)):
+        if index < asked.first:
             continue
         case, _ = simulate_hidden(drawn)
-        row = judge(place, case, limits)
+        row = judge(index, case, limits)
         if row is not None:
             rows.append(row)
             print(line(row), flush=True)
@@ -222,7 +219,8 @@ def line(row: Played) -> str:
         f"{row.place:4d} {marks} {'+'.join(row.hidden) or 'nothing'} ({row.concealment}) rivals "
         f"{'|'.join(slug or 'S and J' for slug in row.rivals)}: {row.kind} {promised}, "
         f"{row.minutes} min; {row.before} -> {row.planned}; staircase {row.staircase}; "
-        f"followed {row.followed}"
+        f"{row.outcome} {'S and J' if row.best == '' else row.best}, "
+        f"as far {[round(far, 3) for far in row.as_far]}, leaves {row.leaves:.2f}"
     )
 
 
@@ -241,6 +239,17 @@ def summary(rows: Sequence[Played]) -> str:
             sum(r.right_staircase for r in group),
         )
         lines.append(f"{name:18} {len(group):3}  {counts[0]:6} {counts[1]:5} {counts[2]:10}")
+    for name, group in (
+        ("truth among the rivals", [row for row in rows if row.in_rivals]),
+        ("truth not among them", [row for row in rows if not row.in_rivals]),
+    ):
+        named = [row for row in group if row.outcome == TestOutcome.FOLLOWS]
+        counted = Counter(row.outcome for row in group)
+        lines.append(
+            f"judged, {name}: {len(group)}; named right {sum(r.followed is True for r in named)}, "
+            f"wrong {sum(r.followed is not True for r in named)}, cannot tell "
+            f"{counted[TestOutcome.CANNOT_TELL]}, follows none {counted[TestOutcome.NONE_FOLLOWS]}"
+        )
     judged = [row for row in rows if row.followed is not None]
     if judged:
         promised = float(np.mean([row.promised for row in judged]))

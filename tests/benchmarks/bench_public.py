@@ -180,7 +180,9 @@ def _rms(error: Floats) -> float:
 def show(rows: list[Row]) -> None:
     """One line each; a network that could not be trained has its reason below."""
     heads = ("free run", "one step", "fit, %", "line", "copy", "constant", "published", "unit", "s")
-    print(f"{'rmse on the held-out part':36}{'split':28}" + "".join(f"{one:>11}" for one in heads))
+    print(
+        f"{'rmse on the held-out part':36}{'split':28}" + "".join(f"{head:>11}" for head in heads)
+    )
     for row in rows:
         numbers = (row.rmse, row.one_step_rmse, row.fit_percent, row.line_rmse, row.copy_rmse)
         cells = [_cell(number) for number in (*numbers, row.constant_rmse)]
@@ -213,7 +215,7 @@ def main() -> None:
         emps(recordings, "q_ref", "EMPS, wanted to measured position"),
         emps(recordings, "q_ref", "EMPS, wanted to measured position", once=True),
     ]
-    rows = [measure(one) for one in sets]
+    rows = [measure(set) for set in sets]
     show(rows)
     if options.json:
         text = json.dumps([asdict(row) for row in rows], indent=1)

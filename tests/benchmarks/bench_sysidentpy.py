@@ -62,7 +62,7 @@ class Row:
 def recordings(valves: int, seed: int) -> list[tuple[str, Recording]]:
     """Half sticking, half healthy loops of 54 minutes at 1 s, each with its story."""
     drawn = [*draw_sticky(valves - valves // 2, seed), *draw_healthy(valves // 2, seed)]
-    seeded = [(replace(loop, duration_s=float(SAMPLES)), place) for place, loop in enumerate(drawn)]
+    seeded = [(replace(loop, duration_s=float(SAMPLES)), index) for index, loop in enumerate(drawn)]
     return [(loop.story, simulate_loop(loop, 1000 * seed + at).recording) for loop, at in seeded]
 
 
@@ -201,8 +201,8 @@ def show(rows: list[Row]) -> None:
     for name, own in zip((OURS, SCREEN), fits, strict=False):
         _line(f"{name} fits better on", [_wins(own, fit) for fit in fits])
     seconds = [float(np.mean([row.seconds for row in column])) for column in columns]
-    _line("seconds per valve, fitting", [f"{one:.3f}" for one in seconds])
-    _line("times the seconds of stemwatch", [f"{one / seconds[0]:.2f}" for one in seconds])
+    _line("seconds per valve, fitting", [f"{second:.3f}" for second in seconds])
+    _line("times the seconds of stemwatch", [f"{second / seconds[0]:.2f}" for second in seconds])
     print("-: refused, with a reason, so no network. Seconds of screen hold everything it does.")
 
 

@@ -142,14 +142,14 @@ def as_markdown(about: dict[str, object], outcomes: list[Outcome]) -> str:
     """The machine, then what each benchmark printed under its command."""
     lines = ["# Benchmarks", "", "| | |", "|---|---|"]
     lines += [f"| {name.replace('_', ' ')} | {value} |" for name, value in about.items()]
-    for one in outcomes:
-        lines += ["", f"## {one.benchmark.about}", "", f"    {one.command}", ""]
-        if one.printed:
-            lines += ["```text", one.printed.rstrip("\n"), "```"]
-        if one.fault:
-            lines += ["", one.fault.strip()]
-        elif one.seconds:
-            lines += ["", f"Took {one.seconds:.0f} s."]
+    for outcome in outcomes:
+        lines += ["", f"## {outcome.benchmark.about}", "", f"    {outcome.command}", ""]
+        if outcome.printed:
+            lines += ["```text", outcome.printed.rstrip("\n"), "```"]
+        if outcome.fault:
+            lines += ["", outcome.fault.strip()]
+        elif outcome.seconds:
+            lines += ["", f"Took {outcome.seconds:.0f} s."]
     return "\n".join(lines) + "\n"
 
 
@@ -178,13 +178,13 @@ def _write(folder: Path, about: dict[str, object], outcomes: list[Outcome]) -> N
     (folder / "bench.md").write_text(as_markdown(about, outcomes), encoding="utf-8")
     found = [
         {
-            "name": one.benchmark.name,
-            "command": one.command,
-            "seconds": round(one.seconds, 1),
-            "numbers": one.numbers,
-            "fault": one.fault,
+            "name": outcome.benchmark.name,
+            "command": outcome.command,
+            "seconds": round(outcome.seconds, 1),
+            "numbers": outcome.numbers,
+            "fault": outcome.fault,
         }
-        for one in outcomes
+        for outcome in outcomes
     ]
     text = json.dumps({"machine": about, "benchmarks": found}, indent=1)
     (folder / "bench.json").write_text(text + "\n", encoding="utf-8")

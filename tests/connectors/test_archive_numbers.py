@@ -20,13 +20,13 @@ def column(values, codes: Codes | None = None, **more):
     array = np.array(values, dtype=np.float64)
     ns = np.arange(array.size, dtype=np.int64) * 1_000_000_000
     ok = np.ones(array.size, dtype=bool)
-    return number_column("A.OP", ns, ok, array, where="archive", codes=codes, **more)
+    return number_column("A.OP", ns, ok, array, source_name="archive", codes=codes, **more)
 
 
 def coded(*codes: str, good: tuple[str, ...] = ()) -> Codes:
     """One code for each sample."""
     words = list(dict.fromkeys(codes))
-    return Codes(words=words, index=np.array([words.index(one) for one in codes]), good=good)
+    return Codes(words=words, index=np.array([words.index(code) for code in codes]), good=good)
 
 
 def test_a_value_that_is_not_there() -> None:

@@ -85,8 +85,8 @@ def test_the_interval_is_that_of_the_breakaways():
 def test_a_healthy_valve_has_none():
     """A stem that follows its command does not break away."""
     loops = [loop for loop in draw_healthy(12, 8283) if "quiet" not in loop.story][:4]
-    for place, loop in enumerate(loops):
-        assert fit_stickslip(simulate_loop(loop, place).recording).breakaways is None
+    for index, loop in enumerate(loops):
+        assert fit_stickslip(simulate_loop(loop, index).recording).breakaways is None
 
 
 def test_too_small_a_jump_is_no_evidence():

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.recording import Role, Signal
+from stemwatch.models.recording import Quality, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
+from stemwatch.models.stickslip.clock_shift import behind_controller, brought_forward, find_op_late
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_nulls
 from stemwatch.service.studies.robustness import draw_valves
@@ -53,6 +53,60 @@ def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
     assert found == pytest.approx(LATE, abs=0.75)
 
 
+@pytest.mark.parametrize("samples", [4, 11])
+@pytest.mark.parametrize("place", PLACES)
+def test_the_controller_tells_how_late_op_is(place, samples):
+    """OP answers PV and set point at once, whatever the valve does."""
+    _, recording = recorded(place)
+    told = behind_controller(later(recording, Role.OP, samples))
+    assert told.samples == pytest.approx(samples, abs=0.5)
+    assert behind_controller(recording).samples == 0.0
+    assert behind_controller(later(recording, Role.MV, samples)).samples == 0.0
+
+
+def test_without_pv_or_movement_the_controller_tells_nothing():
+    """No PV, a PV that stands still, or a record too short for it."""
+    _, recording = recorded(0)
+    late = later(recording, Role.OP, LATE)
+    without = {role: one for role, one in late.signals.items() if role is not Role.PV}
+    still = Signal.good(np.full(len(late), 50.0), "PV")
+    assert behind_controller(replace(late, signals=without)).samples == 0.0
+    assert behind_controller(replace(late, signals={**without, Role.PV: still})).samples == 0.0
+    assert behind_controller(late.part(0, 100)).samples == 0.0
+    assert find_op_late(replace(late, signals=without)) == pytest.approx(LATE, abs=0.75)
+
+
+def test_holes_in_the_record_do_not_hide_what_the_controller_tells():
+    """A tenth of PV's samples are bad, and OP has a hole of a minute."""
+    _, recording = recorded(0)
+    late = later(recording, Role.OP, LATE)
+    n = len(late)
+    bad = np.random.default_rng(1).random(n) < 0.03
+    hole = (np.arange(n) >= 900) & (np.arange(n) < 960)
+    signals = dict(late.signals)
+    for role, gone in ((Role.PV, bad), (Role.OP, hole)):
+        signal = late.signals[role]
+        signals[role] = replace(
+            signal,
+            values=np.where(gone, np.nan, signal.values),
+            quality=np.where(gone, Quality.BAD, signal.quality),
+        )
+    assert behind_controller(replace(late, signals=signals)).samples == LATE
+
+
+def test_a_pv_with_a_clock_of_its_own_moves_no_command():
+    """OP and position agree, PV is ahead: the stem contradicts what the controller seems to say."""
+    _, recording = recorded(0)
+    pv, sp = recording.signals[Role.PV], recording.signals[Role.SP]
+    ahead = {
+        role: Signal.good(np.append(one.values[LATE:], np.full(LATE, one.values[-1])), one.tag)
+        for role, one in ((Role.PV, pv), (Role.SP, sp))
+    }
+    early = replace(recording, signals={**recording.signals, **ahead})
+    assert behind_controller(early).samples == LATE
+    assert find_op_late(early) == 0.0
+
+
 @pytest.mark.parametrize("place", PLACES)
 def test_clocks_that_agree_stay_as_they_are(place):
     """Nor is a position that is stored late, which looks like a dead time, made worse."""
@@ -81,7 +135,11 @@ def test_explain_finds_it_by_itself():
     """And says it in seconds of the plant, whatever the recording's own clock."""
     _, recording = recorded(1)
     slow = replace(later(recording, Role.OP, LATE), interval_s=0.1)
-    (effect,) = (one for one in explain(slow).record_effects if one.slug == "late_command")
+    (effect,) = (
+        record_effect
+        for record_effect in explain(slow).record_effects
+        if record_effect.slug == "late_command"
+    )
     assert effect.parameters["late_s"] == pytest.approx(0.1 * LATE, abs=0.075)
 
 

@@ -79,12 +79,15 @@ def test_a_stem_that_rests_is_not_taken_for_op_however_late_op_is(place, late):
     moved = np.concatenate((np.full(late, values[0]), values[: values.size - late]))
     op = replace(recording.op, values=moved)
     as_stored = replace(recording, signals={**recording.signals, Role.OP: op})
-    told = [one.slug for one in wiring_obstacles(recording, as_stored if late else None)]
+    told = [
+        wiring_obstacle.slug
+        for wiring_obstacle in wiring_obstacles(recording, as_stored if late else None)
+    ]
     assert "tags_swapped" not in told
     mv = recording.signals[Role.MV]
     swapped = replace(recording, signals={**recording.signals, Role.OP: mv, Role.MV: recording.op})
     assert rests(swapped).of_command
-    assert [one.slug for one in wiring_obstacles(swapped)] == ["tags_swapped"]
+    assert [obstacle.slug for obstacle in wiring_obstacles(swapped)] == ["tags_swapped"]
 
 
 def test_a_healthy_valve_is_not_doubted_for_going_either_way_round():

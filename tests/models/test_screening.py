@@ -52,7 +52,7 @@ def recorded(op, mv=None, *, interval_s=1.0, valve="V") -> Recording:
 
 
 def quick(*recordings) -> list[Screening]:
-    return screen([Case(recording=one) for one in recordings], QUICK)
+    return screen([Case(recording=recording) for recording in recordings], QUICK)
 
 
 def consistent(screening):
@@ -61,7 +61,10 @@ def consistent(screening):
         assert (estimate.value is None) != (estimate.reason is None)
         if estimate.value is not None:
             assert estimate.low <= estimate.value <= estimate.high
-    numbers = {one.name: (one.value, one.low, one.high) for one in screening.indicators.values()}
+    numbers = {
+        indicator.name: (indicator.value, indicator.low, indicator.high)
+        for indicator in screening.indicators.values()
+    }
     numbers["S"] = (screening.S.value, screening.S.low, screening.S.high)
     numbers["J"] = (screening.J.value, screening.J.low, screening.J.high)
     numbers["more"] = (screening.severity, screening.confidence, screening.seconds)
@@ -108,7 +111,7 @@ def test_order_and_company_do_not_matter():
     """Each valve gets the same result alone and among others, in the order of the cases."""
     recordings = [plant(), recorded([50.0]), plant(0.3, 0.0, 2.0, 1.0)]
     together = quick(*recordings)
-    alone = [quick(one)[0] for one in recordings]
+    alone = [quick(recording)[0] for recording in recordings]
     assert [a.verdict for a in alone] == [t.verdict for t in together]
     assert [str(a.S) for a in alone] == [str(t.S) for t in together]
 
@@ -263,6 +266,6 @@ def test_the_scans_of_both_tags_stand_among_the_decisions():
     mv = base.signals[Role.MV].values[np.arange(len(base)) // 3 * 3]
     slow = replace(base, signals={**base.signals, Role.MV: Signal.good(mv, "ZT")})
     plain, scanned = quick(base, slow)
-    said = [one for one in scanned.provenance.decisions if "scan" in one]
+    said = [decision for decision in scanned.provenance.decisions if "scan" in decision]
     assert said == ["OP changes every 1 s, the position every 3 s: each has its own scan."]
-    assert not any("scan" in one for one in plain.provenance.decisions)
+    assert not any("scan" in decision for decision in plain.provenance.decisions)

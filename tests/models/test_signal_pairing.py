@@ -36,8 +36,8 @@ def test_a_stem_that_follows_well_is_no_copy():
 
 def test_true_positions_go_with_their_command():
     """A sticking stem follows late, but it follows."""
-    for place, loop in enumerate(draw_sticky(6, 17)):
-        recording = simulate_loop(loop, place).recording
+    for index, loop in enumerate(draw_sticky(6, 17)):
+        recording = simulate_loop(loop, index).recording
         assert delayed_correlation(recording) > 0.3
         assert "position_unrelated" not in [o.slug for o in assess(recording, Limits()).obstacles]
 

@@ -216,8 +216,8 @@ def test_no_curve_is_looked_for_where_op_is_percent_of_travel(healthy, sticking)
     loops = [*draw_healthy(healthy, 90), *draw_sticky(sticking, 90)]
     suspects = [
         loop.tag
-        for place, loop in enumerate(loops)
-        if curve_suspected(simulate_loop(replace(loop, duration_s=1800.0), place).recording)
+        for index, loop in enumerate(loops)
+        if curve_suspected(simulate_loop(replace(loop, duration_s=1800.0), index).recording)
     ]
     assert suspects == []
 

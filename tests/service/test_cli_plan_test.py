@@ -107,6 +107,17 @@ def test_valve_without_a_verdict_gets_the_bump_test_from_store_and_file(database
     assert "42.0" in read.output
 
 
+def test_a_file_is_read_with_the_options_of_every_command_that_reads(still, tmp_path):
+    """Decimal commas, semicolons and a name are what they are for ``explain``."""
+    german = tmp_path / "german.csv"
+    german.write_text(still.read_text().replace(",", ";").replace(".", ","))
+    options = ("--separator", ";", "--decimal", ",", "--valve", "FIC-7")
+    read = run(str(german), *QUICK, "--op", "FIC1,OP", "--mv", "FIC1,MV", *options)
+    assert read.exit_code == 0, read.output
+    assert "FIC-7" in read.output
+    assert "bump test" in read.output
+
+
 def test_what_is_neither_file_nor_valve_is_said_with_what_there_is(database):
     """A wrong name teaches."""
     neither = run("FIC-9")

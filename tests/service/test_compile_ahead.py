@@ -56,9 +56,9 @@ class Workers:
         self.go_on.wait(10.0)
         if self.error is not None:
             raise self.error
-        for place, batch in enumerate(batches):
+        for index, batch in enumerate(batches):
             self.asked += batch
-            yield Answer(place=place, results=batch, failure=self.failure)
+            yield Answer(index=index, results=batch, failure=self.failure)
 
 
 def test_a_screening_compiles_nothing_that_was_not_compiled_ahead() -> None:

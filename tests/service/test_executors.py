@@ -65,8 +65,8 @@ def found_of(executor: Executor, batches, stop: threading.Event | None = None) -
         for many in outcomes(executor, double, batches, stop or threading.Event())
         for one in many
     ]
-    assert all(items[one.place] == one.item for one in found)
-    assert len({one.place for one in found}) == len(found)
+    assert all(items[one.index] == one.item for one in found)
+    assert len({one.index for one in found}) == len(found)
     return {one.item: (one.result, one.reason) for one in found}
 
 

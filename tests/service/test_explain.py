@@ -62,8 +62,8 @@ def test_one_bad_recording_costs_no_other(run, folder, tmp_path, monkeypatch):
     assert status == 0
     objects = json.loads(out.read_text("utf-8"))
     jsonschema.validate(objects, SCHEMA)
-    assert [one["recording"] for one in objects] == given
-    assert [one["verdict"] for one in objects][::2] == ["not_testable"] * 2
+    assert [object["recording"] for object in objects] == given
+    assert [object["verdict"] for object in objects][::2] == ["not_testable"] * 2
     assert "broken.csv" in objects[0]["sentence"]
     assert "no such file" in objects[2]["sentence"]
     assert objects[1]["seconds"] > 0.0
@@ -82,7 +82,7 @@ def test_where_nothing_can_be_read_it_is_status_2(run, folder, tmp_path):
     assert said.count("nothing could be explained") == 1
     assert said.count("no such file, folder or pattern") == 1
     assert (pages / "explain.html").read_text("utf-8") == "the last good page"
-    assert [one["verdict"] for one in json.loads(out.read_text("utf-8"))] == ["not_testable"] * 2
+    assert [load["verdict"] for load in json.loads(out.read_text("utf-8"))] == ["not_testable"] * 2
 
 
 def test_the_page_the_json_and_the_maps_lie_in_the_folder(run, folder, tmp_path):
@@ -150,6 +150,6 @@ def test_what_a_folder_holds_beside_recordings_is_left_out(run, folder, tmp_path
     status, said = run(home, *TAGS, "--json", out, "--no-narx")
     assert status == 0
     assert "left out:" in said
-    assert [one["recording"] for one in json.loads(out.read_text("utf-8"))] == [
+    assert [load["recording"] for load in json.loads(out.read_text("utf-8"))] == [
         str(home / "fv101.csv")
     ]

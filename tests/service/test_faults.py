@@ -390,7 +390,9 @@ def check_runs(store: Store, begun: float, ended: float) -> None:
     assert done
     assert all(run.done == run.total == 2 for run in done)
     windows = [
-        (valve, one.window) for valve in VALVES for one in store.screenings(valve, limit=1000)
+        (valve, screening.window)
+        for valve in VALVES
+        for screening in store.screenings(valve, limit=1000)
     ]
     assert len(windows) == len(set(windows))
     assert len(windows) >= len(done), "each run that is done has its screenings"

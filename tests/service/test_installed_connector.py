@@ -69,9 +69,8 @@ class JsonArchive:
 
     def read(self, valve, window=WHOLE):
         columns = {one.tag: self._column(one.tag) for one in valve.tags.values()}
-        return assemble(
-            ValveColumns(where=str(self.folder), layout="JSON", columns=columns), valve, window
-        )
+        read = ValveColumns(source_name=str(self.folder), layout="JSON", columns=columns)
+        return assemble(read, valve, window)
 
     def _column(self, tag):
         try:
@@ -81,7 +80,7 @@ class JsonArchive:
         ns = np.array([round(second * 1e9) for second, _ in rows], dtype=np.int64)
         values = np.array([np.nan if value is None else value for _, value in rows])
         ok = np.ones(ns.size, dtype=bool)
-        return number_column(tag, ns, ok, values, where=str(self.folder))
+        return number_column(tag, ns, ok, values, source_name=str(self.folder))
 '''
 PLANT = """\
 [[sources]]

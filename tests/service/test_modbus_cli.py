@@ -83,7 +83,7 @@ def modbus(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch):
     def run(*arguments: object) -> tuple[BaseException | None, str]:
         for console in (views.out, views.err):
             monkeypatch.setattr(console, "_width", 200)
-        result = CliRunner().invoke(modbus_app, [str(each) for each in arguments])
+        result = CliRunner().invoke(modbus_app, [str(argument) for argument in arguments])
         said = " ".join((result.output + str(result.exception or "")).split())
         return result.exception, said
 

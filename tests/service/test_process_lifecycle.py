@@ -98,7 +98,7 @@ def test_workers_end_with_a_parent_that_was_killed(pool: str, tmp_path: Path) ->
         end = time.monotonic() + 30.0
         while any(map(alive, workers)) and time.monotonic() < end:
             time.sleep(0.05)
-        assert [one for one in workers if alive(one)] == []
+        assert [worker for worker in workers if alive(worker)] == []
 
 
 NAMED = """

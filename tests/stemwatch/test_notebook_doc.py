@@ -35,7 +35,7 @@ def test_the_work_list_holds_the_valves_that_stick(cells: dict[str, Any]) -> Non
 
 def test_a_file_gives_what_the_frame_gave(cells: dict[str, Any]) -> None:
     """The same samples from a CSV file are the same valves."""
-    assert sorted(cells["loops"]) == sorted(one.valve for one in cells["work"])
+    assert sorted(cells["loops"]) == sorted(cell.valve for cell in cells["work"])
     assert len(cells["frame"]) == len(cells["recording"])
 
 

@@ -179,7 +179,7 @@ def test_limits_of_the_verdict_can_be_set(sticking: Recording) -> None:
 
 def test_an_explanation_names_what_is_left_out(explained: ExplainedValve) -> None:
     """A command that comes late is named, restated and shown, by the schema of ``explain.json``."""
-    assert "dead_time" in {slug for one in explained.mismatch.effects for slug in one.members}
+    assert "dead_time" in {slug for effect in explained.mismatch.effects for slug in effect.members}
     assert explained.sentence.split(" ")[0] in repr(explained)
     assert "with S and J alone" in repr(explained)
     page = explained._repr_html_()

@@ -74,7 +74,7 @@ def narrow_table(
     columns: Sequence[Sequence[str]],
     numbers: Sequence[int],
     header: Sequence[str],
-    where: NarrowColumns,
+    column_of: NarrowColumns,
     *,
     separator: str,
     layout: str,
@@ -85,17 +85,19 @@ def narrow_table(
 ) -> RawTable:
     """The table of a file with one sample per row."""
     times = RawTimes(
-        texts=_joined(columns, where.time),
-        name=header[where.time[0]] if header else "",
+        texts=_joined(columns, column_of.time),
+        name=header[column_of.time[0]] if header else "",
         day_first=day_first,
         utc=utc,
     )
-    series = _series(columns, where, source)
-    cells = _values(columns, where)
-    quality_name = header[where.quality] if where.quality is not None and header else "Quality"
-    units = _firsts(columns, where.unit, series)
-    descriptions = _firsts(columns, where.description, series)
-    codes = None if where.quality is None else columns[where.quality]
+    series = _series(columns, column_of, source)
+    cells = _values(columns, column_of)
+    quality_name = (
+        header[column_of.quality] if column_of.quality is not None and header else "Quality"
+    )
+    units = _firsts(columns, column_of.unit, series)
+    descriptions = _firsts(columns, column_of.description, series)
+    codes = None if column_of.quality is None else columns[column_of.quality]
     raw = [
         _column(
             *(tag, rows, cells, codes, units.get(tag, ""), descriptions.get(tag, "")),
@@ -120,20 +122,20 @@ def _joined(columns: Sequence[Sequence[str]], time: tuple[int, ...]) -> Sequence
     return joined(columns[time[0]], columns[time[1]])
 
 
-def _values(columns: Sequence[Sequence[str]], where: NarrowColumns) -> Sequence[str]:
-    if where.second_value is None:
-        return columns[where.value]
-    return first_filled(columns[where.value], columns[where.second_value])
+def _values(columns: Sequence[Sequence[str]], column_of: NarrowColumns) -> Sequence[str]:
+    if column_of.second_value is None:
+        return columns[column_of.value]
+    return first_filled(columns[column_of.value], columns[column_of.second_value])
 
 
 def _series(
-    columns: Sequence[Sequence[str]], where: NarrowColumns, source: LayoutInput
+    columns: Sequence[Sequence[str]], column_of: NarrowColumns, source: LayoutInput
 ) -> dict[str, Index]:
     """Rows of each tag, in file order."""
-    if where.tag is None:
-        n = len(columns[where.value])
+    if column_of.tag is None:
+        n = len(columns[column_of.value])
         return {source.document.path.stem.split(".")[0]: np.arange(n, dtype=np.int64)}
-    tags, which = coded(columns[where.tag])
+    tags, which = coded(columns[column_of.tag])
     rows = rows_of_each(which, len(tags))
     return {tag: of_tag for tag, of_tag in zip(tags, rows, strict=True) if tag}
 

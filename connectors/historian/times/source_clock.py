@@ -137,44 +137,45 @@ def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> Laid:
 
 
 @dataclass(frozen=True)
-class Places:
+class SamplesOnGrid:
     """Where the samples of a timeline fall on a grid.
 
-    ``inside`` (n,) are the samples that do, ``at`` (m,) their instants from the grid's first;
-    ``each`` whether they are all samples and all instants in turn. ``moved`` were stamped early.
+    ``inside`` (n,) are the samples that do, ``instants`` (m,) their instants from the grid's first;
+    ``one_to_one`` whether they are all samples and all instants in turn. ``moved`` were stamped
+    early.
     """
 
     inside: Bools
-    at: Ints
-    each: bool
+    instants: Ints
+    one_to_one: bool
     moved: int
 
 
 @lru_cache(maxsize=1)  # the tags of a valve are laid one after the other, and share their times
-def nearest_places(times: Timeline, grid: Grid) -> Places:
+def samples_on_grid(times: Timeline, grid: Grid) -> SamplesOnGrid:
     """The nearest instant of each sample, repeated times put right."""
     index, moved = _repeated_to_hole(times.ns, nearest_index(times.ns, grid))
     inside = (index >= grid.first) & (index < grid.first + grid.size)
-    at = index[inside] - grid.first
-    each = index.size == grid.size and np.array_equal(at, np.arange(grid.size))
-    return Places(inside, at, each, moved)
+    instants = index[inside] - grid.first
+    one_to_one = index.size == grid.size and np.array_equal(instants, np.arange(grid.size))
+    return SamplesOnGrid(inside, instants, one_to_one, moved)
 
 
 def _lay_nearest(column: Column, grid: Grid) -> Laid:
-    places = nearest_places(column.times, grid)
+    places = samples_on_grid(column.times, grid)
     decision = (
         f"{places.moved} rows repeat the time before them and leave the next instant empty; their "
         "time was stamped early, so they were laid on that instant."
         if places.moved
         else ""
     )
-    if places.each:
+    if places.one_to_one:
         return Laid(column.values, column.quality, decision)
     values = np.full(grid.size, np.nan)
     quality = np.full(grid.size, Quality.MISSING, dtype=np.uint8)
     # Of several samples at one instant numpy keeps the last written, which is the last in time.
-    values[places.at] = column.values[places.inside]
-    quality[places.at] = column.quality[places.inside]
+    values[places.instants] = column.values[places.inside]
+    quality[places.instants] = column.quality[places.inside]
     return Laid(values, quality, decision)
 
 

@@ -86,9 +86,9 @@ class Cube:
         size = len(self.model.parameters) + 1
         strata = np.tile(np.arange(count), (size, 1))
         points = (rng.permuted(strata, axis=1).T + rng.random((count, size))) / count
-        for place, parameter in enumerate(self.model.parameters):
+        for index, parameter in enumerate(self.model.parameters):
             if parameter.per_percent is not None and parameter.lower >= 0.0:
-                points[:, place] **= 1.6
+                points[:, index] **= 1.6
         usual = np.array([p.default for p in self.model.parameters])
         return np.vstack((points, self.point(usual, self.zero)))
 

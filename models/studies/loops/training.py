@@ -55,9 +55,9 @@ def train(
     """
     torch.manual_seed(seed)
     kept = np.arange(len(examples)) % _HELD_BACK != 0
-    values = np.array([one.values for one in examples])
-    sticky = np.array([one.sticky for one in examples], dtype=np.float64)
-    log_S = np.array([one.log_S for one in examples])
+    values = np.array([example.values for example in examples])
+    sticky = np.array([example.sticky for example in examples], dtype=np.float64)
+    log_S = np.array([example.log_S for example in examples])
     mean, scale = values[kept].mean(axis=0), values[kept].std(axis=0) + 1e-6
     scaled = torch.tensor(np.clip((values - mean) / scale, -MOST_AWAY, MOST_AWAY)).float()
     dense = _train_dense(scaled, sticky, log_S, kept, epochs)
@@ -128,9 +128,9 @@ def _train_convolutional(shown: Sequence[tuple[Floats, bool]], epochs: int) -> d
         optimiser.step()
         schedule.step()
     arrays = {}
-    for place, layer in enumerate(network.layers, start=1):
-        arrays[f"conv{place}"] = layer.weight.detach().double().numpy()  # type: ignore[operator]
-        arrays[f"conv_bias{place}"] = layer.bias.detach().double().numpy()  # type: ignore[operator]
+    for index, layer in enumerate(network.layers, start=1):
+        arrays[f"conv{index}"] = layer.weight.detach().double().numpy()  # type: ignore[operator]
+        arrays[f"conv_bias{index}"] = layer.bias.detach().double().numpy()  # type: ignore[operator]
     arrays["conv_out"] = network.out.weight.detach().double().numpy()[0]
     arrays["conv_out_bias"] = network.out.bias.detach().double().numpy()
     return arrays

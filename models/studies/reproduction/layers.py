@@ -127,7 +127,7 @@ class ThreeLayers:
     def random_start(self, rng: np.random.Generator) -> Floats:
         """(P,) weights: normal / sqrt(inputs of the layer), the first layer three times as wide."""
         parts = [
-            (3.0 if place == 0 else 1.0) * rng.standard_normal(shape) / np.sqrt(shape[1])
-            for place, shape in enumerate(self.shapes)
+            (3.0 if index == 0 else 1.0) * rng.standard_normal(shape) / np.sqrt(shape[1])
+            for index, shape in enumerate(self.shapes)
         ]
         return np.concatenate([part.ravel() for part in parts])

@@ -67,8 +67,8 @@ def demo_plant(seed: int) -> list[PlantLoop]:
     alone take for a sticking stem: it vents slowly and its command comes late.
     """
     return [
-        _loop(nameplate, story, 101 + place, np.random.default_rng([seed, place, 2]))
-        for place, (nameplate, story) in enumerate(zip(_PLANT, _STORIES, strict=True))
+        _loop(nameplate, story, 101 + index, np.random.default_rng([seed, index, 2]))
+        for index, (nameplate, story) in enumerate(zip(_PLANT, _STORIES, strict=True))
     ]
 
 
@@ -163,8 +163,8 @@ def _bad_data(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
     lengths = rng.choice([4.0, 20.0, 75.0, 240.0], 9)
     roles = (Role.MV, Role.PV, Role.OP)
     bad = tuple(
-        Span(start_s=float(start), stop_s=float(start + length), role=roles[place % 3])
-        for place, (start, length) in enumerate(zip(starts, lengths, strict=True))
+        Span(start_s=float(start), stop_s=float(start + length), role=roles[index % 3])
+        for index, (start, length) in enumerate(zip(starts, lengths, strict=True))
     )
     gaps = (Span(start_s=2000.0, stop_s=2180.0), Span(start_s=5100.0, stop_s=5112.0))
     return replace(_set_points(loop, rng), archive=SimulatedArchive(bad=bad, gaps=gaps))

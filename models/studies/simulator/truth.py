@@ -160,7 +160,7 @@ def _flat(value: object, name: str = "") -> list[tuple[str, Plain]]:
     if isinstance(value, dict):
         items = [(str(key), inner) for key, inner in value.items()]
     elif isinstance(value, tuple | list):
-        items = [(str(place), inner) for place, inner in enumerate(value)]
+        items = [(str(index), inner) for index, inner in enumerate(value)]
     else:
         plain = value.value if isinstance(value, StrEnum) else value
         assert plain is None or isinstance(plain, float | int | str | bool)

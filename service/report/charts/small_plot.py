@@ -16,7 +16,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.service.presenter.wording import figure, printable
 
 WIDTH, HEIGHT = 360, 250
-LEFT, RIGHT, TOP, BOTTOM = 46, 10, 10, 38
+LEFT, RIGHT, TOP, BOTTOM = 52, 10, 10, 38
 TICKS = 5
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
@@ -173,18 +173,18 @@ def _equal(
     return x_low, x_high, y_low - more, y_high + more
 
 
-def _line(one: Drawn, x: Floats, y: Floats) -> Markup:
+def _line(line: Drawn, x: Floats, y: Floats) -> Markup:
     known = np.isfinite(x) & np.isfinite(y)
-    if one.dots:
+    if line.dots:
         path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[known], y[known], strict=True))
-        return Markup('<path class="p {}" d="{}"/>').format(one.kind, path)
+        return Markup('<path class="p {}" d="{}"/>').format(line.kind, path)
     path, pen = "", "M"
     for a, b, drawn in zip(x, y, known, strict=True):
         if drawn:
             path += f"{pen}{a:.1f} {b:.1f}"
         pen = "L" if drawn else "M"
-    dashed = " dashed" if one.dashed else ""
-    return Markup('<path class="l {}{}" d="{}"/>').format(one.kind, dashed, path)
+    dashed = " dashed" if line.dashed else ""
+    return Markup('<path class="l {}{}" d="{}"/>').format(line.kind, dashed, path)
 
 
 def _rule(x1: float, y1: float, x2: float, y2: float) -> Markup:

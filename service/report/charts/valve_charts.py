@@ -15,10 +15,12 @@ thinned    samples a point stands for, 1 where every sample is drawn
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from stemwatch.models.mismatch.findings import FreeRuns
-from stemwatch.models.recording import Recording, Role
+from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.service.presenter.wording import printable
@@ -78,16 +80,26 @@ def _suspected(screening: Screening) -> ElementTraces | None:
 
 
 def _process(screening: Screening, recording: Recording, frame: ChartFrame) -> Chart | None:
-    pv, sp = recording.get(Role.PV), recording.get(Role.SP)
+    pv = _in_process_unit(recording, Role.PV)
+    sp = _in_process_unit(recording, Role.SP)
     shown = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
     if pv is None:
         return None
     traces = [series(role, role.upper(), signal.values, frame) for role, signal in shown]
-    told = _suspected(screening)
-    if told is not None:
-        traces.append(series("naive", "PV by a linear loop", told.linear, frame))
-        traces.append(series("extended", "PV by a sticking valve", told.sticking, frame))
+    told, measured = _suspected(screening), recording.get(Role.PV)
+    if told is not None and measured is not None:
+        for role, label, values in (
+            ("naive", "PV by a linear loop", told.linear),
+            ("extended", "PV by a sticking valve", told.sticking),
+        ):
+            predicted = replace(measured, values=values).in_process_unit()
+            traces.append(series(role, label, predicted.values, frame))
     return panel("process", "Process", pv.unit, traces)
+
+
+def _in_process_unit(recording: Recording, role: Role) -> Signal | None:
+    signal = recording.get(role)
+    return None if signal is None else signal.in_process_unit()
 
 
 def _residuals(screening: Screening, recording: Recording, frame: ChartFrame) -> Chart | None:
@@ -115,7 +127,7 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
     if vertical is None and told is not None:
         return _suspected_loop(recording, told)
     if vertical is None:
-        vertical, name = recording.get(Role.PV), "PV"
+        vertical, name = _in_process_unit(recording, Role.PV), "PV"
     if vertical is None:
         return None
     op, simulated = recording.op.values, screening.traces.stiction

@@ -50,21 +50,21 @@ class AuditLog:
                 )
             )
 
-    def read(self, wanted: AuditFilter) -> list[StoredAuditEntry]:
+    def read(self, audit_filter: AuditFilter) -> list[StoredAuditEntry]:
         """Entries, the newest first."""
-        statement = select(AuditRow).order_by(AuditRow.id.desc()).limit(wanted.limit)
-        if wanted.who:
-            statement = statement.where(AuditRow.who == wanted.who)
-        if wanted.action:
-            statement = statement.where(AuditRow.action == wanted.action)
-        if wanted.outcome is not None:
-            statement = statement.where(AuditRow.outcome == wanted.outcome.value)
-        if wanted.start is not None:
-            statement = statement.where(AuditRow.at >= wanted.start)
-        if wanted.stop is not None:
-            statement = statement.where(AuditRow.at < wanted.stop)
-        if wanted.before is not None:
-            statement = statement.where(AuditRow.id < wanted.before)
+        statement = select(AuditRow).order_by(AuditRow.id.desc()).limit(audit_filter.limit)
+        if audit_filter.who:
+            statement = statement.where(AuditRow.who == audit_filter.who)
+        if audit_filter.action:
+            statement = statement.where(AuditRow.action == audit_filter.action)
+        if audit_filter.outcome is not None:
+            statement = statement.where(AuditRow.outcome == audit_filter.outcome.value)
+        if audit_filter.start is not None:
+            statement = statement.where(AuditRow.at >= audit_filter.start)
+        if audit_filter.stop is not None:
+            statement = statement.where(AuditRow.at < audit_filter.stop)
+        if audit_filter.before is not None:
+            statement = statement.where(AuditRow.id < audit_filter.before)
         with self._transactions.reading() as session:
             return [_entry_of(row) for row in session.scalars(statement)]
 

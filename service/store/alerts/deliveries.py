@@ -17,9 +17,10 @@ from sqlalchemy import or_, select, update
 from stemwatch.service.store.alerts.alerts import StoredAlert, stored_alert
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.database.insert_or_update import upsert
-from stemwatch.service.store.database.transactions import Transactions
+from stemwatch.service.store.database.transactions import Transactions, database_now
 
 CLAIM = timedelta(minutes=5)  # no notifier takes longer to send one message
+LONGEST_WAIT = timedelta(hours=1)  # between two attempts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,16 +89,18 @@ class Deliveries:
         return True
 
     def claim(self) -> StoredDelivery | None:
-        """Reserve the next due message for a few minutes; ``None`` where none is due."""
-        now = datetime.now(UTC)
+        """Reserve the next due message for a few minutes; ``None`` where none is due. One whose
+        time lies further ahead than any wait is due: the clock was set back since."""
         with self._transactions.writing("taking a message") as session:
+            now = database_now(session)
+            next_try, claimed = DeliveryRow.next_try, DeliveryRow.claimed_until
             row = session.scalar(
                 select(DeliveryRow)
                 .where(
                     DeliveryRow.sent.is_(None),
                     DeliveryRow.given_up.is_(False),
-                    DeliveryRow.next_try <= now,
-                    or_(DeliveryRow.claimed_until.is_(None), DeliveryRow.claimed_until < now),
+                    or_(next_try <= now, next_try > now + LONGEST_WAIT + CLAIM),
+                    or_(claimed.is_(None), claimed < now, claimed > now + 2 * CLAIM),
                 )
                 .order_by(DeliveryRow.next_try)
                 .limit(1)

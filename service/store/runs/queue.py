@@ -60,14 +60,14 @@ class RunQueue:
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
-    def put(self, wanted: RunToQueue, *, software_version: str) -> int | None:
+    def put(self, run: RunToQueue, *, software_version: str) -> int | None:
         """Queue a run and return its number; ``None`` where this instant of the schedule is queued
         already.
 
         Where the schedule's previous run is not over, the new one is stored as skipped.
         """
         with self._transactions.writing("queueing a run") as session:
-            going = _going(session, wanted.schedule)
+            going = _going(session, run.schedule)
             now = database_now(session)
             values: dict[str, object] = {
                 "started": now,
@@ -77,14 +77,14 @@ class RunQueue:
                 "settings_digest": "",
                 "counts": {},
                 "state": (RunState.WAITING if going is None else RunState.SKIPPED).value,
-                "schedule": wanted.schedule,
-                "due": wanted.due,
-                "not_before": wanted.not_before,
-                "window_start": wanted.window[0],
-                "window_stop": wanted.window[1],
-                "asked": list(wanted.valves) or None,
-                "who": wanted.who,
-                "reason": wanted.reason
+                "schedule": run.schedule,
+                "due": run.due,
+                "not_before": run.not_before,
+                "window_start": run.window[0],
+                "window_stop": run.window[1],
+                "asked": list(run.valves) or None,
+                "who": run.who,
+                "reason": run.reason
                 if going is None
                 else f"run {going} of this schedule was not over yet",
             }
@@ -110,7 +110,11 @@ class RunQueue:
             silent = and_(
                 RunRow.state == RunState.RUNNING.value,
                 RunRow.heartbeat.is_not(None),
-                or_(RunRow.heartbeat < now - silent_after, RunRow.owner.in_(_ended(session))),
+                or_(
+                    RunRow.heartbeat < now - silent_after,
+                    RunRow.heartbeat > now + silent_after,  # the clock was set back since
+                    RunRow.owner.in_(_ended(session)),
+                ),
             )
             ready = and_(
                 RunRow.state == RunState.WAITING.value,
@@ -138,6 +142,21 @@ class RunQueue:
                 return None
             row.heartbeat = database_now(session)
             return stored_run(row)
+
+    def forget_instants_after(self, schedule: str, now: datetime) -> None:
+        """Let the instants of a schedule that are still to come be queued, although runs are there
+        that a clock which ran ahead queued for them. Those that have not begun are skipped."""
+        early = (RunRow.schedule == schedule, RunRow.due > now)
+        with self._transactions.writing(f"planning the schedule {schedule} anew") as session:
+            waiting = update(RunRow).where(*early, RunRow.state == RunState.WAITING.value)
+            session.execute(
+                waiting.values(
+                    state=RunState.SKIPPED.value,
+                    finished=database_now(session),
+                    reason="the clock ran ahead when it was queued",
+                )
+            )
+            session.execute(update(RunRow).where(*early).values(due=None, not_before=None))
 
     def leave(self, run_id: int, owner: str) -> None:
         """Release a run, so that the next process can take it at once."""

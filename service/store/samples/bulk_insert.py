@@ -1,8 +1,8 @@
 """Insert many samples at once: COPY in PostgreSQL, one prepared statement in SQLite.
 
-Samples that exist already are skipped, so that a repeated batch changes nothing. COPY cannot skip
-rows; it fills a temporary table, from which one INSERT copies them. Measured by
-``tests/benchmarks/bench_storage.py``.
+Samples that exist already are skipped, so that a repeated batch changes nothing; only one whose
+time came twice takes the place of the other. COPY cannot skip rows; it fills a temporary table,
+from which one INSERT copies them. Measured by ``tests/benchmarks/bench_storage.py``.
 """
 
 from __future__ import annotations
@@ -28,6 +28,14 @@ _CARRY_OVER = (
     f"INSERT INTO samples ({_COLUMNS}) SELECT tag_id, at_us, nullif(value, 'NaN'), quality, "
     "nullif(reason_id, 0) FROM pg_temp.stemwatch_arriving ORDER BY tag_id, at_us "
     "ON CONFLICT DO NOTHING"
+)
+_SQLITE_REPLACE = (
+    "UPDATE samples SET value = NULL, quality = ?, reason_id = ? WHERE tag_id = ? AND at_us = ?"
+)
+_REPLACE = (
+    "UPDATE samples SET value = NULL, quality = new.quality, reason_id = new.reason_id "
+    "FROM pg_temp.stemwatch_arriving AS new WHERE new.reason_id = %s "
+    "AND samples.tag_id = new.tag_id AND samples.at_us = new.at_us"
 )
 # PostgreSQL's binary row: the number of fields, then each field after its length in bytes.
 _FORMAT = np.dtype(
@@ -64,16 +72,26 @@ class SampleColumns:
 
 
 def insert_samples(
-    connection: Connection, columns: SampleColumns, *, more_follow: bool = False
+    connection: Connection,
+    columns: SampleColumns,
+    *,
+    more_follow: bool = False,
+    replacing: int = 0,
 ) -> None:
     """Insert the samples that do not exist yet. Raises what the driver raises.
 
-    Set ``more_follow`` where the same transaction will insert again.
+    Samples with the reason ``replacing`` take the place of those that exist. Set ``more_follow``
+    where the same transaction will insert again.
     """
     if not len(columns):
         return
     if connection.dialect.name == "sqlite":
         connection.exec_driver_sql(_SQLITE, _rows(columns))
+        if replacing:
+            there = np.flatnonzero(columns.reason == replacing)
+            found = (columns.quality, columns.reason, columns.tag, columns.at_us)
+            rows = list(zip(*(column[there].tolist() for column in found), strict=True))
+            connection.exec_driver_sql(_SQLITE_REPLACE, rows)
         return
     driver = connection.connection.driver_connection
     assert driver is not None
@@ -85,6 +103,8 @@ def insert_samples(
                 copy.write(_binary(columns, slice(first, first + _ROWS_AT_ONCE)))
             copy.write(_END)
         cursor.execute(_CARRY_OVER)
+        if replacing:
+            cursor.execute(_REPLACE, (replacing,))
         if more_follow:  # otherwise the end of the transaction empties it
             cursor.execute("TRUNCATE pg_temp.stemwatch_arriving")
 

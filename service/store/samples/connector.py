@@ -77,18 +77,21 @@ class StoredSamples:
             provenance=Provenance(source=self._where, layout=LAYOUT, decisions=tuple(notes)),
         )
 
-    def _column(self, tag: str, known: dict[str, StoredTag], window: Window) -> Column:
-        if tag not in known:
-            near = difflib.get_close_matches(tag, known, n=3, cutoff=0.4) or sorted(known)[:5]
+    def _column(self, tag: str, tags_by_name: dict[str, StoredTag], window: Window) -> Column:
+        if tag not in tags_by_name:
+            near = (
+                difflib.get_close_matches(tag, tags_by_name, n=3, cutoff=0.4)
+                or sorted(tags_by_name)[:5]
+            )
             raise UnknownTag(
-                f"{self._where}: there is no sample of {tag!r} among {len(known)} tags; the "
+                f"{self._where}: there is no sample of {tag!r} among {len(tags_by_name)} tags; the "
                 f"nearest are {', '.join(map(repr, near)) or 'none: nothing was collected yet'}"
             )
         samples = self._samples.read(self.source, tag, window.start, window.stop)
         ns = samples.at_us * 1000
         return Column(
             tag=tag,
-            unit=known[tag].unit,
+            unit=tags_by_name[tag].unit,
             description="",
             times=Timeline(ns),
             values=samples.values,
@@ -125,4 +128,10 @@ def _signal(
     elif not unit and role in (Role.OP, Role.MV):
         notes.append(f"{column.tag}: no unit is known; the values were taken as percent.")
         unit = PERCENT
-    return Signal(values=values, quality=laid.quality, tag=column.tag, unit=unit)
+    return Signal(
+        values=values,
+        quality=laid.quality,
+        tag=column.tag,
+        unit=unit,
+        range=mapping.process_range(column.unit),
+    )

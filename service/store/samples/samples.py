@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, Select, delete, func, select, text
 from sqlalchemy.orm import Session
 
-from stemwatch.connectors.modbus.sample_batch import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import CAME_TWICE, SampleBatch
 from stemwatch.models.recording import Floats, QualityCodes
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
@@ -78,13 +78,18 @@ class SampleStore:
         self._days: set[int] = set()  # days whose partitions this process has taken care of
 
     def write(self, batch: SampleBatch) -> None:
-        """Store every sample of ``batch`` that does not exist yet; committed on return."""
+        """Store every sample of ``batch`` that does not exist yet; committed on return. One whose
+        time came twice makes the one that exists bad."""
         days = self._prepare(batch)
         try:
             with self._transactions.writing(f"storing samples of {batch.source}") as session:
                 tags = self._numbers_of_tags(session, batch)
                 reasons = self._numbers_of_reasons(session, batch)
-                insert_samples(session.connection(), _columns(batch, tags, reasons))
+                insert_samples(
+                    session.connection(),
+                    _columns(batch, tags, reasons),
+                    replacing=reasons.get(CAME_TWICE, 0),
+                )
         except BaseException:
             # Numbers that the failed transaction assigned may not exist.
             self._tags.clear()

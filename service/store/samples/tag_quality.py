@@ -8,6 +8,7 @@ from datetime import datetime, timedelta
 from sqlalchemy import and_, func, select
 from sqlalchemy.orm import Session
 
+from stemwatch.connectors.modbus.sample_batch import CAME_TWICE
 from stemwatch.models.recording import Quality
 from stemwatch.service.store.samples.tables import (
     SampleReasonRow,
@@ -68,9 +69,12 @@ def read_dead_tags(
     session: Session, source: str, limit: timedelta, now: datetime
 ) -> dict[str, int]:
     """The number of each tag of ``source`` whose samples since ``now - limit`` are all bad. Tags
-    without a sample of the last minute are left out: theirs may still be waiting in the spool."""
+    without a sample of the last minute are left out: theirs may still be waiting in the spool; so
+    are those that are bad because the clock was set back, which says nothing of the tag."""
     since = SampleRow.at_us > microseconds(now - limit)
-    of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == TagRow.id, since)
+    twice = select(SampleReasonRow.id).where(SampleReasonRow.words == CAME_TWICE)
+    known = func.coalesce(SampleRow.reason_id, 0) != func.coalesce(twice.scalar_subquery(), -1)
+    of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == TagRow.id, since, known)
     of_tag = of_tag.order_by(SampleRow.at_us.desc()).limit(1).correlate(TagRow)
     newest = of_tag.scalar_subquery()
     good = of_tag.where(SampleRow.quality == 0).scalar_subquery()

@@ -112,16 +112,16 @@ def _joined(*columns: Any, until: datetime | None = None) -> Select[Any]:
     return select(*columns).select_from(ValveRow).outerjoin(ScreeningRow, latest)
 
 
-def _conditions(wanted: RankingFilter) -> list[ColumnElement[bool]]:
+def _conditions(ranking_filter: RankingFilter) -> list[ColumnElement[bool]]:
     """All filters except that by verdict, which is applied after the verdicts are counted."""
     conditions: list[ColumnElement[bool]] = []
-    for word in wanted.text.split():
+    for word in ranking_filter.text.split():
         named = (ValveRow.id, ValveRow.description, ValveRow.area)
         conditions.append(or_(*(column.icontains(word, autoescape=True) for column in named)))
-    if wanted.areas:
-        conditions.append(ValveRow.area.in_(wanted.areas))
-    if wanted.criticalities:
-        conditions.append(ValveRow.criticality.in_(wanted.criticalities))
+    if ranking_filter.areas:
+        conditions.append(ValveRow.area.in_(ranking_filter.areas))
+    if ranking_filter.criticalities:
+        conditions.append(ValveRow.criticality.in_(ranking_filter.criticalities))
     return conditions
 
 
@@ -182,7 +182,7 @@ def _decided(row: Any) -> tuple[Verdict | None, float]:
 
 
 def _in_order(
-    rows: Sequence[Any], wanted: RankingFilter
+    rows: Sequence[Any], ranking_filter: RankingFilter
 ) -> list[tuple[Any, Verdict | None, float]]:
     """The rows in the wanted order, each with verdict and severity. Where the database has sorted
     them, rows with equal values are ordered worst first."""
@@ -198,14 +198,14 @@ def _in_order(
         return *urgency(row), -row.criticality
 
     ordered: list[Any] = []
-    if wanted.sort in _SORTED_IN_SQL:
+    if ranking_filter.sort in _SORTED_IN_SQL:
         for _, equal_rows in groupby(rows, key=lambda row: row.sorted_by):
             ordered += sorted(equal_rows, key=worst_first)
-    elif wanted.sort == "severity":
-        sign = -1.0 if wanted.descending else 1.0
+    elif ranking_filter.sort == "severity":
+        sign = -1.0 if ranking_filter.descending else 1.0
         ordered = sorted(rows, key=worst_first)
         ordered.sort(key=lambda row: (row.verdict is None, sign * decided[row.id][1]))
-    elif wanted.descending:
+    elif ranking_filter.descending:
         ordered = sorted(rows, key=urgency, reverse=True)
     else:
         ordered = sorted(rows, key=worst_first)
@@ -237,15 +237,15 @@ _COLUMNS = (
 )
 
 
-def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
+def read_ranking(session: Session, ranking_filter: RankingFilter) -> RankingPage:
     """One page of the ranking.
 
     All latest screenings are read with the few columns that order and counts need; the other
     columns only for the lines of the page. Texts are compared by the database.
     """
-    column = _SORTED_IN_SQL.get(wanted.sort, literal(0))
-    direction = column.desc() if wanted.descending else column.asc()
-    statement = _joined(*_deciding(), column.label("sorted_by")).where(*_conditions(wanted))
+    column = _SORTED_IN_SQL.get(ranking_filter.sort, literal(0))
+    direction = column.desc() if ranking_filter.descending else column.asc()
+    statement = _joined(*_deciding(), column.label("sorted_by")).where(*_conditions(ranking_filter))
     statement = statement.order_by(direction.nulls_last(), ValveRow.id)
     counts = dict.fromkeys([*(verdict.value for verdict in WORST_FIRST), NOT_SCREENED], 0)
     chosen: list[tuple[str, int | None, float]] = []
@@ -253,16 +253,16 @@ def read_ranking(session: Session, wanted: RankingFilter) -> RankingPage:
     largest = 0.0
     # Not through the session, whose rows cost several times as much: these are all valves.
     rows = session.connection().execute(statement).all()
-    for row, verdict, severity in _in_order(rows, wanted):
+    for row, verdict, severity in _in_order(rows, ranking_filter):
         word = NOT_SCREENED if verdict is None else verdict.value
         counts[word] += 1
         if verdict is not None:
             states[STATE_OF[verdict]] += 1
         largest = max(largest, row.s_percent or 0.0, row.j_percent or 0.0)
-        if not wanted.verdicts or word in wanted.verdicts:
+        if not ranking_filter.verdicts or word in ranking_filter.verdicts:
             chosen.append((row.id, row.screening_id, severity))
-    first = (wanted.page - 1) * wanted.size
-    shown = chosen[first : first + wanted.size]
+    first = (ranking_filter.page - 1) * ranking_filter.size
+    shown = chosen[first : first + ranking_filter.size]
     return RankingPage(
         lines=_lines(session, shown, first + 1),
         counts=counts,

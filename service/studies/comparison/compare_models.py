@@ -71,7 +71,7 @@ def compare(
     models: Sequence[ValveModel] = EVERY,
     *,
     network: bool = True,
-    tell: Tell = lambda *_: None,
+    on_progress: Tell = lambda *_: None,
 ) -> Comparison:
     """Fit each of ``models`` and the three networks to the samples before ``train_until``.
 
@@ -82,12 +82,12 @@ def compare(
     of = len(models) + len(networks)
     rows, element = [], None
     for done, model in enumerate(models):
-        tell(model.name, done, of)
+        on_progress(model.name, done, of)
         fit = fit_model(model, recording, train_until)
         element = fit if model is CANONICAL else element
         rows.append(_of_fit(fit, "data-driven" if model in DATA_DRIVEN else "force balance"))
     for done, entry in enumerate(networks, start=len(models)):
-        tell(entry.name, done, of)
+        on_progress(entry.name, done, of)
         rows.append(_of_fit(fit_network(entry, recording, train_until, element), "network"))
     return Comparison(recording=recording, train_until=train_until, rows=tuple(rows))
 

@@ -59,7 +59,7 @@ def _data(comparison: Comparison) -> dict[str, Any]:
         mv = _points(recording.mv.values, grid)
         traces.append({"label": "MV", "values": mv, "shown": True})
     drawn = [row for row in comparison.ranked() if row.simulated is not None]
-    traces += [_trace(row, grid, place < SHOWN_FIRST) for place, row in enumerate(drawn)]
+    traces += [_trace(row, grid, index < SHOWN_FIRST) for index, row in enumerate(drawn)]
     return {
         "first": grid.first * recording.interval_s,
         "step": grid.step * recording.interval_s,

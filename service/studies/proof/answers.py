@@ -70,49 +70,49 @@ class BlindAnswer:
         return NOTHING if self.verdict in ("none", "") else self.verdict
 
 
-def read_answer(written: Mapping[str, Any]) -> BlindAnswer:
+def read_answer(stored: Mapping[str, Any]) -> BlindAnswer:
     """One object of the JSON of ``stemwatch explain``.
 
     Raises ``ValueError`` with what is missing where it does not follow the contract.
     """
     try:
-        heldout, stiction = written["heldout"] or {}, written["stiction"] or {}
+        heldout, stiction = stored["heldout"] or {}, stored["stiction"] or {}
         return BlindAnswer(
-            file=Path(written["recording"]).name,
-            verdict=str(written["verdict"]),
+            file=Path(stored["recording"]).name,
+            verdict=str(stored["verdict"]),
             names=tuple(
                 NamedEffect(slug=effect["slug"], members=tuple(effect["class"]))
-                for effect in written["effects"]
+                for effect in stored["effects"]
             ),
-            record_effects=_slugs(written["record_effects"]),
-            not_testable=_slugs(written["not_testable"]),
+            record_effects=_slugs(stored["record_effects"]),
+            not_testable=_slugs(stored["not_testable"]),
             naive=_numbers(stiction.get("naive")),
             restated=_numbers(stiction.get("restated")),
             fit_naive=heldout.get("fit_naive"),
             fit_extended=heldout.get("fit_extended"),
             rmse_naive=heldout.get("rmse_naive"),
             rmse_extended=heldout.get("rmse_extended"),
-            seconds=float(written["seconds"]),
+            seconds=float(stored["seconds"]),
             reason=_no_s(stiction.get("naive")),
         )
     except KeyError as missing:
         raise ValueError(
-            f"the JSON of explain lacks {missing} for {written.get('recording', 'a recording')}; "
-            f"received the fields {sorted(written)}"
+            f"the JSON of explain lacks {missing} for {stored.get('recording', 'a recording')}; "
+            f"received the fields {sorted(stored)}"
         ) from missing
 
 
-def _slugs(written: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    return tuple(str(effect["slug"]) for effect in written if effect.get("slug"))
+def _slugs(stored: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    return tuple(str(effect["slug"]) for effect in stored if effect.get("slug"))
 
 
-def _no_s(written: Mapping[str, Any] | None) -> str:
-    return str(((written or {}).get("S") or {}).get("reason") or "")
+def _no_s(stored: Mapping[str, Any] | None) -> str:
+    return str(((stored or {}).get("S") or {}).get("reason") or "")
 
 
-def _numbers(written: Mapping[str, Any] | None) -> StictionNumbers:
+def _numbers(stored: Mapping[str, Any] | None) -> StictionNumbers:
     """S and J; a missing object or a null value is no number."""
-    values = {name: ((written or {}).get(name) or {}).get("value") for name in ("S", "J")}
+    values = {name: ((stored or {}).get(name) or {}).get("value") for name in ("S", "J")}
     return StictionNumbers(S=values["S"], J=values["J"])
 
 
@@ -137,7 +137,7 @@ def judge(
     folder: Path,
     files: Sequence[str],
     executor: Executor,
-    tell: Callable[[int], None],
+    on_progress: Callable[[int], None],
     arguments: Sequence[str] = (),
 ) -> list[BlindAnswer]:
     """The answers of ``stemwatch explain`` on ``files`` (names) in ``folder``, in order of names.
@@ -154,7 +154,7 @@ def judge(
     said: list[BlindAnswer] = []
     for _, answers in map_items(executor, _explain, chunks):
         said += answers
-        tell(len(said))
+        on_progress(len(said))
     return sorted(said, key=lambda answer: answer.file)
 
 

@@ -126,11 +126,11 @@ def file_names(count: int, seed: int) -> list[str]:
 
 
 def write_cases(
-    cases: Sequence[HiddenCase], seed: int, folder: Path, executor: Executor, tell: Tell
+    cases: Sequence[HiddenCase], seed: int, folder: Path, executor: Executor, on_progress: Tell
 ) -> Seal:
     """Simulate ``cases`` into CSV files in ``folder`` and seal what they hold.
 
-    ``tell`` hears how many are done.
+    ``on_progress`` hears how many are done.
     """
     names = file_names(len(cases), seed)
     seeded = [(case, str(folder / name)) for case, name in zip(cases, names, strict=True)]
@@ -141,7 +141,7 @@ def write_cases(
     truths: list[CaseTruth] = []
     for _, batch in map_items(executor, _fill, orders):
         truths += batch
-        tell(len(truths))
+        on_progress(len(truths))
     return seal(truths)
 
 

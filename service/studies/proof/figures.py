@@ -70,7 +70,7 @@ def heldout(marks: Sequence[CaseMark]) -> MedianFit | None:
     """
     rows = []
     for mark in _hidden(marks):
-        said = mark.said
+        said = mark.answer
         row = (said.fit_naive, said.fit_extended, said.rmse_naive, said.rmse_extended)
         known = [value for value in row if value is not None]
         if len(known) == len(row):
@@ -101,10 +101,10 @@ def stiction_errors(marks: Sequence[CaseMark]) -> list[StictionBias]:
     for name in ("S", "J"):
         pairs = []
         for mark in _hidden(marks):
-            truth, naive = getattr(mark.truth, name), getattr(mark.said.naive, name)
+            truth, naive = getattr(mark.truth, name), getattr(mark.answer.naive, name)
             if naive is None or abs(naive - truth) <= BIASED_PERCENT:
                 continue
-            restated = getattr(mark.said.restated, name)
+            restated = getattr(mark.answer.restated, name)
             pairs.append(
                 (abs(naive - truth), abs((naive if restated is None else restated) - truth))
             )
@@ -132,7 +132,7 @@ def _bias(name: str, errors: np.ndarray) -> StictionBias:
 
 def seconds(marks: Sequence[CaseMark]) -> ComputingTime | None:
     """Computing time of records of an hour at 1 s, as the judge states it."""
-    times = [m.said.seconds for m in marks if m.truth.samples >= HOUR]
+    times = [m.answer.seconds for m in marks if m.truth.samples >= HOUR]
     if not times:
         return None
     return ComputingTime(

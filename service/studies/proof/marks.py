@@ -35,7 +35,7 @@ class CaseMark:
     """
 
     truth: CaseTruth
-    said: BlindAnswer
+    answer: BlindAnswer
     outcome: CaseOutcome
     wrong_names: tuple[str, ...]
     right_name: bool | None
@@ -43,10 +43,10 @@ class CaseMark:
     @property
     def named(self) -> bool:
         """Whether any physics was named."""
-        return bool(self.said.names)
+        return bool(self.answer.names)
 
 
-def mark(truth: CaseTruth, said: BlindAnswer) -> CaseMark:
+def mark(truth: CaseTruth, answer: BlindAnswer) -> CaseMark:
     """The outcome by the kind of the case; record effects are counted apart."""
     rules = {
         CaseKind.NULL: _null,
@@ -55,13 +55,13 @@ def mark(truth: CaseTruth, said: BlindAnswer) -> CaseMark:
         CaseKind.UNKNOWN: _unknown,
     }
     wrong = tuple(
-        name.slug for name in said.names if not any(name.holds(slug) for slug in truth.physics)
+        name.slug for name in answer.names if not any(name.holds(slug) for slug in truth.physics)
     )
-    first = said.names[0].slug if said.names else None
+    first = answer.names[0].slug if answer.names else None
     return CaseMark(
         truth=truth,
-        said=said,
-        outcome=rules[truth.kind](truth.physics, said),
+        answer=answer,
+        outcome=rules[truth.kind](truth.physics, answer),
         wrong_names=wrong,
         right_name=None if first is None else first not in wrong,
     )

@@ -93,17 +93,20 @@ def _limit(values: Floats, share: float) -> float:
 BATCH = 4
 
 
-def calibrate(cases: int, seed: int, executor: Executor, tell: Callable[[int], None]) -> Scores:
+def calibrate(
+    cases: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
+) -> Scores:
     """(mean, t) of each term on each of ``cases`` nulls drawn with ``seed``.
 
-    A term that a recording cannot test scores (0, 0) there. ``tell`` hears how many are done.
+    A term that a recording cannot test scores (0, 0) there. ``on_progress`` hears how many are
+    done.
     """
     drawn = draw_nulls(cases, seed)
     batches = [tuple(drawn[first : first + BATCH]) for first in range(0, len(drawn), BATCH)]
     done: dict[int, list[Mapping[str, tuple[float, float]]]] = {}
     for place, rows in map_items(executor, _scored, batches):
         done[place] = rows
-        tell(sum(map(len, done.values())))
+        on_progress(sum(map(len, done.values())))
     return _aligned([row for place in sorted(done) for row in done[place]])
 
 

@@ -76,7 +76,7 @@ def headline(marks: Sequence[CaseMark]) -> list[Rate]:
         *_nulls(marks),
         *_unknowns(marks),
         *_unexcited(marks),
-        _rate("every case", "no verdict at all", marks, lambda m: m.said.verdict == NO_VERDICT),
+        _rate("every case", "no verdict at all", marks, lambda m: m.answer.verdict == NO_VERDICT),
     ]
 
 
@@ -173,7 +173,7 @@ def _unexcited(marks: Sequence[CaseMark]) -> list[Rate]:
         _rate("not excited", "a wrong name", group, lambda m: bool(m.wrong_names)),
         _rate(
             "not excited", "said to be not testable", group,
-            lambda m: set(m.truth.physics) <= set(m.said.not_testable),
+            lambda m: set(m.truth.physics) <= set(m.answer.not_testable),
         ),
     ]  # fmt: skip
 
@@ -185,7 +185,7 @@ def record_rates(marks: Sequence[CaseMark]) -> list[Rate]:
         present = [m for m in marks if slug in m.truth.record_effects]
         absent = [m for m in marks if slug not in m.truth.record_effects]
         for name, group in (("found", present), ("claimed in error", absent)):
-            hits = sum(slug in m.said.record_effects for m in group)
+            hits = sum(slug in m.answer.record_effects for m in group)
             rates.append(Rate(group=slug, name=name, hits=hits, of=len(group)))
     return rates
 
@@ -247,8 +247,8 @@ def confusions(marks: Sequence[CaseMark]) -> list[tuple[str, str, int]]:
 
 def _answer(mark: CaseMark) -> str:
     """What was said; all names right and none more reads as the truth does, in its order."""
-    slugs = sorted(name.slug for name in mark.said.names)
-    return mark.truth.label if slugs and slugs == sorted(mark.truth.physics) else mark.said.label
+    slugs = sorted(name.slug for name in mark.answer.names)
+    return mark.truth.label if slugs and slugs == sorted(mark.truth.physics) else mark.answer.label
 
 
 def without_verdict(marks: Sequence[CaseMark]) -> list[tuple[str, int]]:
@@ -257,7 +257,7 @@ def without_verdict(marks: Sequence[CaseMark]) -> list[tuple[str, int]]:
     Such a case counts in every rate as one in which nothing was named.
     """
     return Counter(
-        m.said.reason or "no reason given" for m in marks if m.said.verdict == NO_VERDICT
+        m.answer.reason or "no reason given" for m in marks if m.answer.verdict == NO_VERDICT
     ).most_common()
 
 
@@ -311,7 +311,7 @@ def _tally(tally: Tally) -> dict[str, Any]:
 def _mark(mark: CaseMark) -> dict[str, Any]:
     return {
         "truth": asdict(mark.truth),
-        "said": asdict(mark.said),
+        "said": asdict(mark.answer),
         "outcome": mark.outcome.value,
         "wrong_names": list(mark.wrong_names),
     }

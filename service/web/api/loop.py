@@ -60,7 +60,7 @@ LABELS = (("recorded", "recorded"), ("stiction", "stick-slip model"))
 
 def loop_of(
     site: Site,
-    asked: SignalWindow,
+    window: SignalWindow,
     indicators: Mapping[str, float],
     screening: Screening | None = None,
 ) -> LoopAnswer:
@@ -70,13 +70,14 @@ def loop_of(
 
     Without MV, PV stands in, and includes the process.
     """
-    asked = asked.at_most(LONGEST_LOOP)
-    recording, says = read_recording(site, asked)
+    window = window.at_most(LONGEST_LOOP)
+    recording, says = read_recording(site, window)
     if recording is None:
-        return _empty(asked, says)
-    vertical = recording.mv or recording.get(Role.PV)
+        return _empty(window, says)
+    pv = recording.get(Role.PV)
+    vertical = recording.mv or (None if pv is None else pv.in_process_unit())
     if vertical is None:
-        return _empty(asked, "Neither MV nor PV is recorded for this valve.")
+        return _empty(window, "Neither MV nor PV is recorded for this valve.")
     curve = None if screening is None else screening.stroke_curve
     fitted = fitted_run(recording, indicators, curve)
     shapes = LoopShapes()
@@ -87,10 +88,10 @@ def loop_of(
         trace[part] for trace in (recording.op.values, vertical.values, fitted) if trace is not None
     ]
     picked = telling_samples(drawn, LOOP_POINTS)
-    start = (asked.start if recording.start is None else recording.start).timestamp()
+    start = (window.start if recording.start is None else recording.start).timestamp()
     at_s = start + recording.time_s[part][picked]
     return LoopAnswer(
-        valve=asked.valve,
+        valve=window.valve,
         start_s=start + part.start * recording.interval_s,
         stop_s=start + part.stop * recording.interval_s,
         op=json_numbers(drawn[0][picked]),
@@ -119,11 +120,11 @@ def _typical(recording: Recording, fitted: Floats | None) -> tuple[slice, str]:
     return slice(stretch.first, stretch.last), stretch.why
 
 
-def _empty(asked: SignalWindow, says: str) -> LoopAnswer:
+def _empty(window: SignalWindow, says: str) -> LoopAnswer:
     return LoopAnswer(
-        valve=asked.valve,
-        start_s=asked.start.timestamp(),
-        stop_s=asked.stop.timestamp(),
+        valve=window.valve,
+        start_s=window.start.timestamp(),
+        stop_s=window.stop.timestamp(),
         op=[],
         at_s=[],
         y="MV",

@@ -11,6 +11,7 @@ from pydantic import AwareDatetime
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.access.permissions import Operation
+from stemwatch.service.presenter.work_decision import ne107_word
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
 from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
 from stemwatch.service.store.screenings.records import StoredRun
@@ -175,7 +176,7 @@ def me(current_user: SignedIn) -> MeAnswer:
     return MeAnswer(
         name=current_user.name,
         role=current_user.role,
-        how=current_user.how,
+        how=current_user.signed_in_by,
         scopes=scopes,
         may=[operation.value for operation in Operation if current_user.may(operation)],
     )
@@ -189,6 +190,7 @@ def valve_line(line: RankingLine) -> shapes.ValveLine:
         area=line.area,
         criticality=line.criticality,
         verdict=None if line.verdict is None else line.verdict.value,
+        ne107=ne107_word(line.verdict),
         stem_verdict=None if line.stem_verdict is None else line.stem_verdict.value,
         at=line.at,
         severity=line.severity,

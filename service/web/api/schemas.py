@@ -43,6 +43,7 @@ class ValveLine(BaseModel):
     area: str
     criticality: int = Field(description="1 to 3; 3 is what the plant can least do without")
     verdict: str | None = Field(description="sticky, defective, watch, undetermined or healthy")
+    ne107: str | None = Field(description="state by NAMUR NE 107; null where undetermined")
     stem_verdict: str | None = Field(description="what S and J alone say; never defective")
     at: datetime | None = Field(description="end of the window that the finding speaks for")
     severity: float = Field(description="0 to 100")

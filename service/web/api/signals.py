@@ -50,15 +50,15 @@ class SignalWindow:
         return SignalWindow(valve=self.valve, start=start, stop=self.stop)
 
 
-def signals_of(site: Site, asked: SignalWindow) -> SignalsAnswer:
+def signals_of(site: Site, window: SignalWindow) -> SignalsAnswer:
     """OP, MV, PV and SP over time. OP and MV in percent where the plant file gives their range."""
-    tags = tags_of(site, asked.valve)
+    tags = tags_of(site, window.valve)
     if not tags or site.plant is None:
-        return _answer(asked, [], None, 0.0, NO_TAGS)
-    source = site.plant.valves[asked.valve].source
+        return _answer(window, [], None, 0.0, NO_TAGS)
+    source = site.plant.valves[window.valve].source
     if Role.OP in tags and site.store.samples.has_tag(source, tags[Role.OP].tag):
-        return _stored(site.store, source, asked, tags)
-    return _from_source(site, asked)
+        return _stored(site.store, source, window, tags)
+    return _from_source(site, window)
 
 
 def tags_of(site: Site, valve: str) -> Mapping[Role, Tag]:
@@ -70,11 +70,11 @@ def tags_of(site: Site, valve: str) -> Mapping[Role, Tag]:
 
 
 def _stored(
-    store: Store, source: str, asked: SignalWindow, tags: Mapping[Role, Tag]
+    store: Store, source: str, window: SignalWindow, tags: Mapping[Role, Tag]
 ) -> SignalsAnswer:
     traces, bucket_s = [], 0.0
     for role, tag in tags.items():
-        drawn = store.samples.plot_points(source, tag.tag, asked.start, asked.stop, POINTS)
+        drawn = store.samples.plot_points(source, tag.tag, window.start, window.stop, POINTS)
         if drawn is None:
             continue
         bucket_s = max(bucket_s, drawn.bucket_s)
@@ -83,7 +83,7 @@ def _stored(
         traces.append(_trace(role, tag.tag, unit, points))
     bounds = store.samples.bounds(source, tags[Role.OP].tag)
     empty = not any(trace.at_s for trace in traces)
-    return _answer(asked, traces, bounds, bucket_s, NOTHING if empty else "")
+    return _answer(window, traces, bounds, bucket_s, NOTHING if empty else "")
 
 
 def _in_percent(role: Role, tag: Tag, values: Floats) -> tuple[Floats, str]:
@@ -92,10 +92,10 @@ def _in_percent(role: Role, tag: Tag, values: Floats) -> tuple[Floats, str]:
     return values, tag.unit or ("%" if role in IN_PERCENT else "")
 
 
-def _from_source(site: Site, asked: SignalWindow) -> SignalsAnswer:
-    recording, says = read_recording(site, asked)
+def _from_source(site: Site, window: SignalWindow) -> SignalsAnswer:
+    recording, says = read_recording(site, window)
     if recording is None or recording.start is None:
-        return _answer(asked, [], None, 0.0, says or NOTHING)
+        return _answer(window, [], None, 0.0, says or NOTHING)
     grid = ThinningGrid.of(len(recording), POINTS)
     count = lowest_and_highest(recording.op.values, grid).size
     since_s = recording.interval_s * (grid.first + grid.step * np.arange(count, dtype=np.float64))
@@ -104,18 +104,19 @@ def _from_source(site: Site, asked: SignalWindow) -> SignalsAnswer:
     for role in DRAWN_ROLES:
         signal = recording.get(role)
         if signal is not None:
+            signal = signal if role in IN_PERCENT else signal.in_process_unit()
             points = PlotPoints(at_s=at, values=lowest_and_highest(signal.values, grid))
             traces.append(_trace(role, signal.tag, signal.unit, points))
     bucket_s = 0.0 if grid.bucket == 1 else grid.bucket * recording.interval_s
-    return _answer(asked, traces, None, bucket_s, "")
+    return _answer(window, traces, None, bucket_s, "")
 
 
-def read_recording(site: Site, asked: SignalWindow) -> tuple[Recording | None, str]:
+def read_recording(site: Site, window: SignalWindow) -> tuple[Recording | None, str]:
     """The recording of a window, or ``None`` and a sentence that says why."""
     if site.read is None:
         return None, NO_READER
     try:
-        recording = site.read(asked.valve, asked.window)
+        recording = site.read(window.valve, window.window)
     except ConnectorError as error:
         return None, str(error)
     if recording is None or not len(recording):
@@ -124,7 +125,7 @@ def read_recording(site: Site, asked: SignalWindow) -> tuple[Recording | None, s
 
 
 def _answer(
-    asked: SignalWindow,
+    window: SignalWindow,
     traces: list[Trace],
     bounds: tuple[datetime, datetime] | None,
     bucket_s: float,
@@ -132,9 +133,9 @@ def _answer(
 ) -> SignalsAnswer:
     first, last = bounds or (None, None)
     return SignalsAnswer(
-        valve=asked.valve,
-        start_s=asked.start.timestamp(),
-        stop_s=asked.stop.timestamp(),
+        valve=window.valve,
+        start_s=window.start.timestamp(),
+        stop_s=window.stop.timestamp(),
         first_s=None if first is None else first.timestamp(),
         last_s=None if last is None else last.timestamp(),
         bucket_s=bucket_s,

@@ -19,10 +19,10 @@ router = APIRouter(prefix="/api/v1", tags=["change"], responses=shapes.REFUSALS)
 
 
 @router.post("/runs", status_code=202)
-def begin_run(deps: Deps, current_user: SignedIn, asked: shapes.AskRun) -> shapes.Done:
+def begin_run(deps: Deps, current_user: SignedIn, body: shapes.AskRun) -> shapes.Done:
     """Queue a run over these valves, or over all where none are named."""
     return shapes.Done(
-        done="queued", id=deps.actions.run_now(asked.valves, current_user.signature(asked.who))
+        done="queued", id=deps.actions.run_now(body.valves, current_user.signature(body.who))
     )
 
 
@@ -46,12 +46,12 @@ def acknowledge(
 
 @router.post("/alert/snooze")
 def snooze(
-    deps: Deps, current_user: SignedIn, alert: AlertId, asked: shapes.AskSnooze
+    deps: Deps, current_user: SignedIn, alert: AlertId, body: shapes.AskSnooze
 ) -> shapes.Done:
     """Let an alert rest until an instant in the future; its zone must be given."""
-    if asked.until <= deps.now:
+    if body.until <= deps.now:
         raise Refused("until must lie in the future")
-    deps.actions.snooze(alert, asked.until, current_user.signature(asked.who))
+    deps.actions.snooze(alert, body.until, current_user.signature(body.who))
     return shapes.Done(done="snoozed", id=alert)
 
 
@@ -65,36 +65,36 @@ def false_alarm(
 
 
 @router.post("/valve/note")
-def note(deps: Deps, current_user: SignedIn, valve: Id, asked: shapes.AskRemark) -> shapes.Done:
+def note(deps: Deps, current_user: SignedIn, valve: Id, body: shapes.AskRemark) -> shapes.Done:
     """Keep a remark about a valve."""
     deps.actions.note(
         deps.need_valve(valve),
-        asked.at or deps.now,
-        _text(asked),
-        current_user.signature(asked.who),
+        body.at or deps.now,
+        _text(body),
+        current_user.signature(body.who),
     )
     return shapes.Done(done="kept")
 
 
 @router.post("/valve/maintenance")
 def maintenance(
-    deps: Deps, current_user: SignedIn, valve: Id, asked: shapes.AskRemark
+    deps: Deps, current_user: SignedIn, valve: Id, body: shapes.AskRemark
 ) -> shapes.Done:
     """Record work on a valve; the first window after it becomes its baseline."""
-    at = asked.at or deps.now
+    at = body.at or deps.now
     deps.actions.maintenance(
-        deps.need_valve(valve), at, _text(asked), current_user.signature(asked.who)
+        deps.need_valve(valve), at, _text(body), current_user.signature(body.who)
     )
     return shapes.Done(done="recorded")
 
 
 @router.post("/valve/feedback")
 def feedback(
-    deps: Deps, current_user: SignedIn, valve: Id, asked: shapes.AskFeedback
+    deps: Deps, current_user: SignedIn, valve: Id, body: shapes.AskFeedback
 ) -> shapes.Done:
     """Keep whether what was said of a valve was right, and what was found."""
     name = deps.need_valve(valve)
-    number = asked.screening
+    number = body.screening
     if number is None:
         latest = deps.store.screenings(name, 1)
         if not latest:
@@ -102,10 +102,10 @@ def feedback(
         number = latest[0].id
     deps.actions.feedback(
         number,
-        asked.at or deps.now,
-        asked.judgement,
-        asked.text.strip(),
-        current_user.signature(asked.who),
+        body.at or deps.now,
+        body.judgement,
+        body.text.strip(),
+        current_user.signature(body.who),
     )
     return shapes.Done(done="kept", id=number)
 
@@ -117,7 +117,7 @@ def baseline(deps: Deps, current_user: SignedIn, valve: Id, signed: shapes.Signe
     return shapes.Done(done="set")
 
 
-def _text(asked: shapes.Signed) -> str:
-    if not asked.text.strip():
+def _text(body: shapes.Signed) -> str:
+    if not body.text.strip():
         raise Refused("text says what was seen or done; it is needed")
-    return asked.text.strip()
+    return body.text.strip()

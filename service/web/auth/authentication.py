@@ -102,7 +102,7 @@ class Authentication:
         entry = AuditEntry(
             at=self._site.clock(),
             who=current_user.name,
-            how=current_user.how,
+            how=current_user.signed_in_by,
             address=address_of(scope),
             action=state["operation"].value,
             about=_about(scope),

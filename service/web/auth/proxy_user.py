@@ -75,7 +75,7 @@ class ProxySignIn:
         return CurrentUser(
             name=user.name,
             role=user.role,
-            how=HOW,
+            signed_in_by=HOW,
             user=user.id,
             form_token=form_token_of(cookie) if cookie else "",
         )

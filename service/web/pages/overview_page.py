@@ -150,12 +150,12 @@ def _stale(
         newest=newest,
         schedules=[
             DueSchedule(
-                name=one.schedule.name,
-                next_due=one.next_due,
-                spread=timedelta(seconds=one.schedule.jitter_s),
+                name=schedule.schedule.name,
+                next_due=schedule.next_due,
+                spread=timedelta(seconds=schedule.schedule.jitter_s),
             )
-            for one in schedules
-            if one.schedule.enabled
+            for schedule in schedules
+            if schedule.schedule.enabled
         ],
         silent=silent,
         failed=""

@@ -78,7 +78,11 @@ def export(deps: Deps) -> PlainTextResponse:
 def set_limits(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> Response:
     """Set limits that the plant file leaves open; an empty field takes one back."""
     given, now = deps.store.browser_settings.limits(), deps.site.limits
-    typed = {one.name: form.text(one.name, most=40) for one in fields(Limits) if form.all(one.name)}
+    typed = {
+        field.name: form.text(field.name, most=40)
+        for field in fields(Limits)
+        if form.all(field.name)
+    }
     changes = {
         name: text
         for name, text in typed.items()

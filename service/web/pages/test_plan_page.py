@@ -15,7 +15,7 @@ from stemwatch.service.web.dependencies import Dependencies, Deps
 
 if TYPE_CHECKING:
     from stemwatch.models.field_test.programme import TestLimits
-    from stemwatch.service.field_test.planned import KeptPlans
+    from stemwatch.service.field_test.planned import PlanCache
     from stemwatch.service.field_test.sheet import TestSheet
 
 FIELDS = ("amplitude", "minutes", "pv_upset", "op_low", "op_high", "op_now")
@@ -83,11 +83,11 @@ def _sheet(deps: Dependencies, valve: str, given: dict[str, str]) -> TestSheet |
 
 
 @cache
-def _kept() -> KeptPlans:
+def _kept() -> PlanCache:
     """The plans that were made before, by database and screening."""
-    from stemwatch.service.field_test.planned import KeptPlans
+    from stemwatch.service.field_test.planned import PlanCache
 
-    return KeptPlans()
+    return PlanCache()
 
 
 def _limits(given: dict[str, str]) -> TestLimits:

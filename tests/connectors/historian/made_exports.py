@@ -84,7 +84,7 @@ def _processdata(kind: Kind) -> Rows:
 
 def _narrow(header: Sequence[str], form: str, make: Callable[..., list[str]]):
     def rows(kind: Kind) -> Rows:
-        return [list(header)] * bool(header) + [make(*one) for one in samples(kind, form)]
+        return [list(header)] * bool(header) + [make(*sample) for sample in samples(kind, form)]
 
     return rows
 

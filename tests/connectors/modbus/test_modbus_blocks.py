@@ -38,12 +38,12 @@ def test_a_plan_reads_everything_once_within_the_limits(registers, max_words, ma
     for block in blocks:
         assert 1 <= block.count <= max_words
         stop = block.first
-        for one in block.registers:
-            assert (one.unit_id, one.address.table) == (block.unit_id, block.table)
-            assert one.first - stop <= max_gap
-            words = block.words_of(one, range(block.first, block.first + block.count))
-            assert list(words) == list(range(one.first, one.stop))
-            stop = max(stop, one.stop)
+        for polled in block.registers:
+            assert (polled.unit_id, polled.address.table) == (block.unit_id, block.table)
+            assert polled.first - stop <= max_gap
+            words = block.words_of(polled, range(block.first, block.first + block.count))
+            assert list(words) == list(range(polled.first, polled.stop))
+            stop = max(stop, polled.stop)
 
 
 @given(MAPS)
@@ -109,19 +109,19 @@ WORDS = st.sampled_from([0, 1, 0x3F80, 0x4148, 0x7F80, 0x7FC0, 0x7FFF, 0x8000, 0
 
 
 @given(
-    st.lists(judged_registers(), min_size=1, max_size=20, unique_by=lambda one: one.tag),
+    st.lists(judged_registers(), min_size=1, max_size=20, unique_by=lambda register: register.tag),
     st.lists(st.one_of(WORDS, st.integers(0, 65535)), min_size=50, max_size=50),
 )
 def test_a_block_is_read_as_its_registers_are(registers, memory) -> None:
     """Arrays and the definition agree on value, quality and reason, bit for bit."""
     (block,) = plan_blocks(registers, max_gap=50)
-    place_of = {one.tag: place for place, one in enumerate(registers)}
+    place_of = {polled.tag: index for index, polled in enumerate(registers)}
     found = Columns(len(registers))
     BlockReader(block, place_of).read(memory[block.first : block.first + block.count], found)
-    for place, one in enumerate(registers):
-        expected = one.read(memory[one.first : one.stop])
-        assert (found.quality[place], found.reasons[place]) == expected[1:]
-        np.testing.assert_array_equal(found.values[place], expected.value)
+    for index, polled in enumerate(registers):
+        expected = polled.read(memory[polled.first : polled.stop])
+        assert (found.quality[index], found.reasons[index]) == expected[1:]
+        np.testing.assert_array_equal(found.values[index], expected.value)
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,7 @@ def test_what_spoils_the_whole_list_leaves_its_device_out(
     other += 'tag = "X"\naddress = "40001"\ntype = "INT16"\n'
     found = read(tmp_path, text, PLANT + other)
     assert [device.name for device in found.devices] == ["b"]
-    assert said in "\n".join(str(one) for one in found.problems)
+    assert said in "\n".join(str(problem) for problem in found.problems)
 
 
 def test_a_list_that_is_not_there_is_said_where_it_is_named(tmp_path: Path) -> None:
@@ -212,6 +212,6 @@ def test_the_plant_file_and_the_command_read_the_list(tmp_path: Path) -> None:
     plant = load_plant(tmp_path / "plant.toml", environment={})
     assert len(plant.devices["plc-1"].registers) == 3
     assert plant.is_live("FIC-101")
-    assert [str(one).split(":")[0] for one in plant.problems] == ["registers.csv, line 5"]
+    assert [str(problem).split(":")[0] for problem in plant.problems] == ["registers.csv, line 5"]
     (device,) = _devices(tmp_path / "plant.toml", "plc-1")
     assert device == plant.devices["plc-1"]

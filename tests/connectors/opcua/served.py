@@ -91,7 +91,7 @@ def serving(
     url = f"opc.tcp://127.0.0.1:{free_port()}/history"
     store = Conforming(
         {
-            f"ns=2;s={name}": [data_value(one) for one in samples]
+            f"ns=2;s={name}": [data_value(sample) for sample in samples]
             for name, samples in history.items()
         },
         most,

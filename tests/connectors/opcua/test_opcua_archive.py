@@ -85,7 +85,7 @@ def test_a_status_that_is_not_good_is_bad_with_its_name(served: tuple[str, Confo
     """The planner reads the server's own word for it."""
     recording = OpcUaAddress(url=served[0]).open().read(made.valve(PREFIX))
     assert recording.op.quality[made.BAD] == Quality.BAD
-    assert any("BadSensorFailure" in one for one in recording.provenance.decisions)
+    assert any("BadSensorFailure" in decision for decision in recording.provenance.decisions)
 
 
 def test_which_statuses_are_good() -> None:
@@ -179,7 +179,9 @@ def test_no_code_names_a_call_that_writes() -> None:
                 node.value if isinstance(node, ast.Constant) else None,
             }
             found += [
-                f"{path.name}: {one}" for one in names if isinstance(one, str) and one in WRITING
+                f"{path.name}: {name}"
+                for name in names
+                if isinstance(name, str) and name in WRITING
             ]
     assert found == []
 

@@ -69,7 +69,7 @@ def test_it_reads_encrypted_and_logged_in(
     monkeypatch.setenv(VARIABLE, "geheim")
     with caplog.at_level(logging.DEBUG):
         assert len(secured.open().read(made.valve(PREFIX))) == made.COUNT
-    told = [one.name for one in caplog.records if "geheim" in one.getMessage()]
+    told = [record.name for record in caplog.records if "geheim" in record.getMessage()]
     assert told == []
 
 

@@ -92,7 +92,7 @@ def test_folders_of_other_days_are_not_opened(archive: Path) -> None:
     torn.parent.mkdir()
     torn.write_bytes(b"nonsense")
     recording = ParquetArchive(archive).read(tags("FIC0"), WINDOW)
-    assert not any("Problem" in one for one in recording.provenance.decisions)
+    assert not any("Problem" in decision for decision in recording.provenance.decisions)
 
 
 def test_one_torn_file_is_a_problem_not_the_end(archive: Path) -> None:
@@ -101,7 +101,7 @@ def test_one_torn_file_is_a_problem_not_the_end(archive: Path) -> None:
     torn.write_bytes(b"nonsense")
     recording = ParquetArchive(archive).read(tags("FIC0"), WINDOW)
     assert len(recording) == 300
-    assert any("part-1.parquet" in one for one in recording.provenance.decisions)
+    assert any("part-1.parquet" in decision for decision in recording.provenance.decisions)
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_dates_in_folders_of_other_forms(tmp_path: Path, folder: str) -> None:
     for name in "AB":
         recording = archive.read(tags(name), WINDOW)
         assert (len(recording), recording.start) == (300, made.START)
-        assert not any("torn" in one for one in recording.provenance.decisions)
+        assert not any("torn" in decision for decision in recording.provenance.decisions)
 
 
 def test_the_folder_of_a_local_date(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.sql.database import Database
-from stemwatch.connectors.sql.query_rows import fault_of
+from stemwatch.connectors.sql.query_rows import mistake_in
 from stemwatch.models.recording import Role
 from tests.connectors import made_archives as made
 from tests.connectors.sql.conftest import QUERY, address
@@ -120,7 +120,7 @@ def test_a_tag_is_bound_and_never_part_of_the_text(history_url: str) -> None:
 )
 def test_which_templates_are_taken(query: str, found: str) -> None:
     """One SELECT with the three parameters; words in quotes and comments are no statement."""
-    fault = fault_of(query)
+    fault = mistake_in(query)
     assert (fault is None) if not found else (fault is not None and found in fault.found)
     if found:
         with pytest.raises(UnreadableSource, match="the query cannot be used"):

@@ -31,7 +31,7 @@ def test_name_and_password_open_a_session(store: Store, ann: User) -> None:
     user, cookie = sign_in(store, "  ann BERG ", PASSWORD, now=NOW, address=HERE)
     assert (user.name, user.role) == ("Ann Berg", UserRole.ENGINEER)
     current_user = user_of_cookie(store, cookie, NOW)
-    assert (current_user.name, current_user.role, current_user.how) == (
+    assert (current_user.name, current_user.role, current_user.signed_in_by) == (
         "Ann Berg",
         UserRole.ENGINEER,
         "session",

@@ -46,8 +46,8 @@ def test_a_higher_role_may_all_that_a_lower_may(
 ) -> None:
     """Signed in by a password."""
     lower, higher = sorted((one, other), key=lambda role: role.rank)
-    if CurrentUser(name="", role=lower, how="").may(what):
-        assert CurrentUser(name="", role=higher, how="").may(what)
+    if CurrentUser(name="", role=lower, signed_in_by="").may(what):
+        assert CurrentUser(name="", role=higher, signed_in_by="").may(what)
 
 
 @given(ROLES, st.frozensets(st.sampled_from(Scope)), OPERATIONS)
@@ -55,9 +55,9 @@ def test_a_token_may_nothing_that_its_user_may_not(
     role: UserRole, scopes: frozenset[Scope], what: Operation
 ) -> None:
     """Whatever its scopes; and without a scope nothing but what is open to all."""
-    token = CurrentUser(name="", role=role, how="", scopes=scopes)
+    token = CurrentUser(name="", role=role, signed_in_by="", scopes=scopes)
     if token.may(what):
-        assert CurrentUser(name="", role=role, how="").may(what)
+        assert CurrentUser(name="", role=role, signed_in_by="").may(what)
         assert scopes or what is Operation.OPEN
 
 
@@ -73,7 +73,9 @@ def test_the_scopes_of_a_role_are_those_it_can_use(role: UserRole) -> None:
 )
 def test_what_is_signed_always_names_who_is_signed_in(said: str, signed: str) -> None:
     """For whomever a program says that it acts."""
-    assert CurrentUser(name="Ann", role=UserRole.ENGINEER, how="").signature(said) == signed
+    assert (
+        CurrentUser(name="Ann", role=UserRole.ENGINEER, signed_in_by="").signature(said) == signed
+    )
 
 
 def test_the_audit_log_is_added_to_and_read_and_nothing_else() -> None:

@@ -32,9 +32,9 @@ def plant(tmp_path: Path) -> Plant:
     text = "[alerts]\nsilent_after_s = 300\n"
     text += '[[devices]]\nname = "plc"\nhost = "192.0.2.1"\nbyte_order = "ABCD"\n'
     for n in range(VALVES):
-        for place, role in enumerate(("OP", "ZT")):
+        for index, role in enumerate(("OP", "ZT")):
             text += f'[[devices.registers]]\ntag = "V{n}.{role}"\nregister = "holding"\n'
-            text += f'address = {4 * n + 2 * place}\ntype = "FLOAT32"\n'
+            text += f'address = {4 * n + 2 * index}\ntype = "FLOAT32"\n'
     for n in range(VALVES):
         text += f'[[valves]]\nid = "V{n}"\ndescription = "Feed {n}"\nsource = "plc"\n'
         text += f'[valves.tags.op]\ntag = "V{n}.OP"\n[valves.tags.mv]\ntag = "V{n}.ZT"\n'

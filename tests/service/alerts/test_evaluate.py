@@ -14,7 +14,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality, Indicator, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.alerts.digest import tell
+from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant, load_plant
@@ -112,8 +112,8 @@ def test_sticky_valves_are_each_an_alert_and_one_message(store: Store, plant: Pl
     assert run(store, plant, 0, sticky) == []
     assert len(run(store, plant, 1, sticky)) == 7
     assert run(store, plant, 2, sticky) == []
-    assert tell(store, plant)
-    assert not tell(store, plant)
+    assert queue_messages(store, plant)
+    assert not queue_messages(store, plant)
     (message,) = store.deliveries.recent()
     assert message.notifier == "all"  # none is urgent enough for the night
     assert len(message.message["alerts"]) == 7
@@ -127,7 +127,7 @@ def test_a_message_links_to_the_pages_where_their_address_is_known(
     service = plant.service.model_copy(update={"address": "https://valves.example/unit/"})
     run(store, plant, 0, ["V1"])
     run(store, plant, 1, ["V1"])
-    assert tell(store, replace(plant, service=service))
+    assert queue_messages(store, replace(plant, service=service))
     (message,) = store.deliveries.recent()
     assert "\nhttps://valves.example/unit/valve?id=V1\n" in message.message["text"]
     assert "https://valves.example/unit/alerts" in message.message["text"]

@@ -61,8 +61,8 @@ def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> Jud
 
 def kinds(*newest_first: Verdict | JudgedScreening, **seen) -> tuple[list, list]:
     screenings = [
-        one if isinstance(one, JudgedScreening) else screening(99 - place, one)
-        for place, one in enumerate(newest_first)
+        one if isinstance(one, JudgedScreening) else screening(99 - index, one)
+        for index, one in enumerate(newest_first)
     ]
     raised, closed = apply_rules(ValveRecord(valve=VALVE, screenings=screenings, **seen), RULES)
     return [one.kind for one in raised], [cause.split(":")[0] for cause in closed]

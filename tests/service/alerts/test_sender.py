@@ -11,7 +11,8 @@ import pytest
 import time_machine
 
 from stemwatch.service.alerts.notifiers import NotSent
-from stemwatch.service.alerts.sender import GIVE_UP_AFTER, LONGEST_WAIT, Sender, wait
+from stemwatch.service.alerts.sender import FEWEST_ATTEMPTS, GIVE_UP_AFTER, Sender, wait
+from stemwatch.service.store.alerts.deliveries import LONGEST_WAIT
 from stemwatch.service.store.store import Store, open_store
 
 START = datetime(2026, 3, 2, tzinfo=UTC)
@@ -75,13 +76,18 @@ def test_an_error_is_kept_without_secrets(store: Store) -> None:
 
 
 def test_what_can_never_arrive_is_given_up(store: Store, clock) -> None:
-    """A refused address and an unknown notifier at once, anything else after some days."""
+    """A refused address and an unknown notifier at once, anything else after some days and many
+    attempts: a clock that leaps does not make one failure the last."""
     never = Mailbox(failures=9, error=NotSent("private", final=True))
     Sender(store, {"b": never}).send_due()
     assert [one.given_up for one in store.deliveries.recent()] == [True, True]
     store.deliveries.put({"a": {"subject": "s"}}, "k2", [])
     clock.shift(GIVE_UP_AFTER + timedelta(seconds=1))
-    Sender(store, {"a": Mailbox(failures=9)}).send_due()
+    away = Sender(store, {"a": Mailbox(failures=FEWEST_ATTEMPTS)})
+    for _ in range(FEWEST_ATTEMPTS):
+        assert not store.deliveries.recent()[0].given_up
+        away.send_due()
+        clock.shift(timedelta(hours=1))
     assert store.deliveries.recent()[0].given_up
 
 

@@ -67,7 +67,7 @@ def test_damage_costs_its_own_record_only(hit: int, data) -> None:
     broken = bytearray(packed[hit])
     broken[place] ^= flip
     whole = b"".join([*packed[:hit], bytes(broken), *packed[hit + 1 :]])
-    found = [int(one.batch.at_us[0]) for one in records(whole)]
+    found = [int(record.batch.at_us[0]) for record in records(whole)]
     assert found == [i for i in range(3) if i != hit]
 
 

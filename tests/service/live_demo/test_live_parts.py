@@ -194,7 +194,7 @@ def test_a_service_that_cannot_start_ends_the_demo_with_a_sentence(tmp_path: Pat
     import socket
 
     async def run(port: int) -> None:
-        made = LiveDemo(tmp_path / "demo", DemoTiming(speed=4.0), port, say=lambda line: None)
+        made = LiveDemo(tmp_path / "demo", DemoTiming(speed=4.0), port, announce=lambda line: None)
         await made.run(asyncio.Event())
 
     with socket.socket() as taken:

@@ -89,7 +89,7 @@ def test_the_map_is_printed_for_people() -> None:
     loops = demo_plant(1)[:2]
     table = map_table(loops)
     cells = [list(column.cells) for column in table.columns]
-    assert cells[0] == [one.tag for one in registers(loops)]
+    assert cells[0] == [register.tag for register in registers(loops)]
     assert cells[1][0] == "0"
     assert cells[2][0] == "40001"
     assert table.row_count == 10

@@ -105,7 +105,7 @@ def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
     the last word of each text is there."""
     screenings, made, background = longest()
     found = work_list_of(screenings, made, background)
-    assert all(height_of(_sheet(TypeSize(SIZES[-1]), one, made)) > ROOM for one in found.sheets)
+    assert all(height_of(_sheet(TypeSize(SIZES[-1]), sheet, made)) > ROOM for sheet in found.sheets)
     pdf = book_pdf(found, compress=False)
     said = text_of(pdf)
     assert said.count("Done, parts used") == 2 * len(screenings)
@@ -230,7 +230,7 @@ def test_a_reference_stays_while_the_finding_goes_on():
     )
     assert rows(book([later]))[0]["reference"] == first
     others = [replace(found, valve="FV-2"), with_effects("FV-1")]
-    assert first not in {rows(book([one]))[0]["reference"] for one in others}
+    assert first not in {rows(book([other]))[0]["reference"] for other in others}
     new = work_list_of([found], context([found]), replace(BACKGROUND, earlier=lambda _: []))
     assert rows(new)[0]["reference"] != first
 

@@ -64,7 +64,7 @@ def test_nothing_is_coloured():
     text = str(svg_of(picture))
     colours = {part[:7] for part in text.split("#")[1:]}
     assert colours
-    assert all(one[:2] == one[2:4] == one[4:6] for one in colours)
+    assert all(colour[:2] == colour[2:4] == colour[4:6] for colour in colours)
 
 
 def test_every_mark_lies_inside_the_picture():

@@ -33,9 +33,9 @@ def store(tmp_path):
 def looked(store, weeks: int, *screenings) -> int:
     """A run over these valves, some weeks later; its number."""
     number = store.begin_run(software_version="1")
-    for one in screenings:
-        moved = replace(one.recording, start=START + weeks * WEEK)
-        store.save(replace(one, recording=moved), number)
+    for earlier in screenings:
+        moved = replace(earlier.recording, start=START + weeks * WEEK)
+        store.save(replace(earlier, recording=moved), number)
     store.finish_run(number)
     return number
 
@@ -70,7 +70,7 @@ def test_the_latest_look_of_each_valve_is_reported(store, weeks, tmp_path):
     assert sheet.valve.trend.direction == "same"
     assert sheet.picture is None
     assert "not kept" in files.html.read_text("utf-8")
-    assert [one.valve for one in files.book.others] == ["FV-2"]
+    assert [other.valve for other in files.book.others] == ["FV-2"]
 
 
 def test_a_run_is_reported_as_it_was(store, weeks, tmp_path):

@@ -98,8 +98,8 @@ def test_the_plant_is_read_with_the_map_it_writes() -> None:
     with running(plant, clock) as server:
         clock[0] = 160.4
         read = values(server)
-    for place, loop in enumerate(loops()):
-        seed = 3 + 100_003 * place
+    for index, loop in enumerate(loops()):
+        seed = 3 + 100_003 * index
         row = simulate_stretch(loop, None, 0.0, 0.0, 300.0, seed).rows[60]
         for number, role in enumerate((Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)):
             if role in signals(loop):

@@ -56,7 +56,7 @@ class Outputs:
         rows = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
         self.rows = {row["valve"]: row for row in rows}
         objects = json.loads(files.json.read_text("utf-8"))
-        self.objects = {one["valve"]: one for one in objects}
+        self.objects = {object["valve"]: object for object in objects}
         orders = csv.DictReader(io.StringIO(orders_csv(self.book).decode("utf-8-sig")))
         self.orders = {row["functional_location"]: row for row in orders}
         sheet = openpyxl.load_workbook(files.xlsx)["Read me"]
@@ -73,7 +73,7 @@ def outputs(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
 def test_the_finding_reads_the_same_everywhere(outputs: Outputs) -> None:
     """Reason and next step of each valve, whichever way it comes."""
     for valve in outputs.ranking:
-        said, name = valve.said, valve.screening.valve
+        said, name = valve.finding, valve.screening.valve
         one, row = outputs.objects[name], outputs.rows[name]
         assert bare(said.reason) == bare(one["reason"]) == bare(row["reason"])
         assert bare(said.next_step) == bare(one["advice"]) == bare(row["advice"])
@@ -100,11 +100,34 @@ def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> No
         assert outputs.objects[name]["severity"] == decision.severity
         assert float(outputs.rows[name]["severity (0 to 100)"]) == decision.severity
         assert outputs.rows[name]["maintenance"] == decision.state.value
+        assert (outputs.objects[name]["ne107"] or "") == outputs.rows[name]["NE 107"]
+        if name in outputs.orders:
+            assert outputs.orders[name]["ne107"] == outputs.rows[name]["NE 107"]
+        if decision.ne107 is not None:
+            assert bare(f"NE 107{decision.ne107}") in outputs.report
     for sheet in outputs.book.sheets:
-        assert f"severity {sheet.said.decision.severity:.0f} of 100" in sheet.priority.reason
+        assert f"severity {sheet.finding.decision.severity:.0f} of 100" in sheet.priority.reason
     needing = {v.screening.valve for v in outputs.ranking if v.decision.needs_work}
     assert needing <= set(outputs.orders)
     assert len(needing) == outputs.ranking.counts.needs_work
+
+
+def test_a_valve_without_a_verdict_has_no_state_of_ne107(outputs: Outputs) -> None:
+    """Nor is anything but a healthy one normal."""
+    states = {one["verdict"]: one["ne107"] for one in outputs.objects.values()}
+    assert states["undetermined"] is None
+    assert states["sticky"] == states["defective"] == "out of specification"
+    assert [verdict for verdict, state in states.items() if state == "normal"] in ([], ["healthy"])
+
+
+def test_response_figures_are_on_the_page_and_in_json_with_S_and_J(outputs: Outputs) -> None:
+    """Dead band is the published S, resolution the published J."""
+    for one in outputs.objects.values():
+        response, known = one["response"], one["stiction"]
+        assert response["dead_band"] == known["S"]
+        assert response["resolution"] == known["J"]
+        assert bool(response["steps"]) == (known["S"]["value"] is not None)
+    assert bare("Response figures of a step of OP") in outputs.report
 
 
 def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) -> None:
@@ -122,7 +145,7 @@ def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) ->
 def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: Outputs) -> None:
     """What was found and each step of what to check."""
     (valve,) = [one for one in outputs.ranking if one.screening.valve == "FIC-9"]
-    effect = valve.said.effects[0]
+    effect = valve.finding.effects[0]
     found = valve.screening.mismatch
     terminal = Console(width=200, file=io.StringIO(), record=True)
     terminal.print(explanation(Explained(source="a.csv", valve="FIC-9", mismatch=found)))
@@ -194,5 +217,5 @@ def test_a_valve_that_follows_but_lags_is_not_told_to_look_elsewhere(tmp_path) -
     every = Outputs(screenings, context(screenings), tmp_path)
     (valve,) = every.ranking
     assert valve.decision.needs_work
-    assert valve.said.next_step == valve.said.effects[0].check
-    assert every.objects["FIC-9"]["advice"] == valve.said.next_step
+    assert valve.finding.next_step == valve.finding.effects[0].check
+    assert every.objects["FIC-9"]["advice"] == valve.finding.next_step

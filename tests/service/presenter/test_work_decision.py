@@ -90,7 +90,7 @@ def test_a_sticking_stem_is_named_by_its_shape(shape):
 def test_an_effect_that_stands_comes_after_stiction_and_before_a_watch():
     """On a sticking valve the packing is the first suspect, on the others the effect is."""
     found = named()
-    slugs = tuple(one.slug for one in found.effects)
+    slugs = tuple(effect.slug for effect in found.effects)
     stuck = sticky(mismatch=found)
     assert kinds_of(stuck, stands=True) == ("stiction_undershoot", *slugs)
     watch = replace(stuck, verdict=Verdict.WATCH)
@@ -124,7 +124,7 @@ def test_what_belongs_to_the_machine_is_named_and_asks_for_no_work():
     assert found[-1] == "Motor drive belongs to such a machine and is no defect."
     assert machine.sentence in " ".join(found)
     both = replace(healthy, mismatch=replace(named(), effects=(machine, *others)))
-    assert k.decide(both, stands=True).kinds == tuple(one.slug for one in others)
+    assert k.decide(both, stands=True).kinds == tuple(other.slug for other in others)
     assert needs_work(both, stands=True)
 
 

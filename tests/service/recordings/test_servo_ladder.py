@@ -29,26 +29,26 @@ def rows(recordings: Path) -> list[Row]:
 def explained(place: Path) -> list[Row]:
     with (place / "conditions.csv").open(encoding="utf-8", newline="") as text:
         conditions = list(csv.DictReader(text))[::EVERY]
-    return [row(place / f"{one['file']}.gz", one) for one in conditions]
+    return [row(place / f"{condition['file']}.gz", condition) for condition in conditions]
 
 
 def test_the_motor_is_named_at_every_gain(rows: list[Row]) -> None:
     """One machine, one name."""
-    assert [one.file for one in rows if "motor_drive" not in one.names] == []
+    assert [row.file for row in rows if "motor_drive" not in row.names] == []
 
 
 def test_a_load_is_named_where_it_is_clear_and_nowhere_where_it_is_slight(rows: list[Row]) -> None:
     """Two percent of a turn and more, and less than half a percent."""
-    assert [one.file for one in rows if one.law_load >= CLEAR_LOAD and not one.loaded] == []
-    assert [one.file for one in rows if one.law_load < NO_LOAD and one.loaded] == []
+    assert [row.file for row in rows if row.law_load >= CLEAR_LOAD and not row.loaded] == []
+    assert [row.file for row in rows if row.law_load < NO_LOAD and row.loaded] == []
 
 
 def test_s_is_near_the_law_and_the_fit_gains_on_unseen_samples(rows: list[Row]) -> None:
     """Within 0.3 % of a turn, the law inside the interval."""
-    assert max(one.error for one in rows) <= 0.3
-    assert all(one.holds for one in rows)
+    assert max(row.error for row in rows) <= 0.3
+    assert all(row.holds for row in rows)
     # Where the encoder misread while the fit was judged, both errors are mostly that reading's.
-    left = [(one.rmse_extended or 0.0) / (one.rmse_naive or 1.0) for one in rows]
+    left = [(row.rmse_extended or 0.0) / (row.rmse_naive or 1.0) for row in rows]
     assert 0.0 < min(left)
     assert max(left) < 1.0
     assert float(np.median(left)) < 0.6

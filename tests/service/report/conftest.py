@@ -229,13 +229,13 @@ def facts(screenings: list[Screening]) -> dict[str, ValveFacts]:
         PreviousFinding(at=EARLIER, run=6, verdict=Verdict.STICKY, S=4.6, J=2.0, severity=55.0),
     )
     return {
-        one.valve: ValveFacts(
+        screening.valve: ValveFacts(
             description=SERVICES[k % 4],
             area=f"Area {100 * (1 + k % 3)}",
             criticality="AB"[k % 2],
             previous=before[k % 3],
         )
-        for k, one in enumerate(screenings)
+        for k, screening in enumerate(screenings)
     }
 
 

@@ -92,7 +92,7 @@ def test_odd_recordings_are_drawn_too(browser, make_screening, make_context, tmp
     signals = {Role.OP: flat, Role.MV: gone}
     still = replace(plain, valve="flat", recording=replace(plain.recording, signals=signals))
     valves = [undated, still]
-    facts = {one.valve: ValveFacts(area="A" * 300, criticality="C" * 300) for one in valves}
+    facts = {valve.valve: ValveFacts(area="A" * 300, criticality="C" * 300) for valve in valves}
     path = write_report(valves, make_context(valves, valves=facts), tmp_path).html
     page = browser.new_page(viewport={"width": 390, "height": 800})
     errors = []

@@ -140,7 +140,7 @@ def test_a_report_of_the_worst_valves_speaks_of_the_whole_run(valves, make_conte
     paths = write_report(valves[:2], context, tmp_path)
     text = words_of(paths.html)
     assert "Hidden physics named on 0 of 100 valves tested. 2 are held back" in text
-    stands = [one["mismatch"]["stands"] for one in json.loads(paths.json.read_text("utf-8"))]
+    stands = [load["mismatch"]["stands"] for load in json.loads(paths.json.read_text("utf-8"))]
     assert stands == [False, False]
 
 

@@ -10,7 +10,7 @@ import pytest
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.finding import beside_friction, without_them
-from stemwatch.service.presenter.wording import beyond
+from stemwatch.service.presenter.wording import not_yet_said
 from stemwatch.service.report.bars import fit_bars, spread_percent
 from stemwatch.service.report.html_page import html_bytes
 from stemwatch.service.report.ranking import rank_valves
@@ -117,7 +117,9 @@ def test_a_residual_that_is_no_number_has_no_bar():
 def test_sentences_already_said_are_left_out():
     """Case and the full stop do not make a sentence new."""
     said = "Cannot tell: the position was frozen for 82 % of the time."
-    found = beyond(["The position was frozen for 82 % of the time.", "One gap of 40 s."], said)
+    found = not_yet_said(
+        ["The position was frozen for 82 % of the time.", "One gap of 40 s."], said
+    )
     assert found == ["One gap of 40 s."]
 
 

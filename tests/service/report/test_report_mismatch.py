@@ -55,7 +55,7 @@ def rows_by_valve(path):
 
 def test_the_contract_holds_it(written):
     """The objects follow the schema; a valve without a fit has null."""
-    objects = {one["valve"]: one for one in json.loads(written.json.read_text("utf-8"))}
+    objects = {load["valve"]: load for load in json.loads(written.json.read_text("utf-8"))}
     jsonschema.validate(list(objects.values()), SCHEMA)
     assert objects["FV-9"]["mismatch"] is None
     assert objects["FV-0"]["mismatch"]["effects"][0]["slug"] == "asymmetric_rate_limit"
@@ -88,7 +88,8 @@ def test_the_page_shows_it_where_there_is_one(written):
     assert "The actuator closes at no more than" in section
     assert "<h4>asymmetric rate limit</h4>" in section
     assert "actuator lag" in section
-    assert section.count("<svg") == 2
+    assert section.count('<svg class="map') == 2
+    assert section.count('<svg class="small-plot"') >= 4
     assert "11.8 %" in section
     assert "69.4 %" in section
     assert 'id="valve-FV-9-mismatch"' not in page
@@ -267,7 +268,7 @@ def test_the_report_says_what_windows_of_weeks_confirm(explained_plant, make_con
     files = write_report(explained_plant, context, tmp_path)
     objects = json.loads(files.json.read_text("utf-8"))
     jsonschema.validate(objects, SCHEMA)
-    (finding,) = next(one["over_weeks"] for one in objects if one["valve"] == "FV-0")
+    (finding,) = next(object["over_weeks"] for object in objects if object["valve"] == "FV-0")
     assert (finding["state"], finding["named"], finding["of"]) == ("standing", 3, 3)
     page = files.html.read_text("utf-8")
     assert page.count("Over the windows of the last weeks") == 1

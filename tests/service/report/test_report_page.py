@@ -87,7 +87,7 @@ def test_every_link_of_the_ranking_leads_to_its_valve(page):
 def test_valves_of_one_name_get_anchors_of_their_own(make_screening, make_context):
     """Two windows of one valve, or tags that differ in case or punctuation, do not collide."""
     valves = [make_screening(tag, samples=20) for tag in ("FV 1", "FV/1", "fv-1", "FV 1", "§")]
-    anchors = [one.anchor for one in rank_valves(valves, make_context(valves))]
+    anchors = [rank_valve.anchor for rank_valve in rank_valves(valves, make_context(valves))]
     assert len({anchor.casefold() for anchor in anchors}) == 5
     assert "valve-unnamed" in anchors
 
@@ -102,7 +102,7 @@ def test_valves_of_one_name_get_anchors_of_their_own(make_screening, make_contex
 )
 def test_the_first_line_counts_the_work(verdicts, headline, make_screening, make_context):
     """The headline is a plain sentence: how many valves, how many need work."""
-    valves = [make_screening(f"FV-{k}", one, samples=20) for k, one in enumerate(verdicts)]
+    valves = [make_screening(f"FV-{k}", verdict, samples=20) for k, verdict in enumerate(verdicts)]
     text = re.sub(r"<[^>]+>", "", render(valves, make_context(valves)))
     assert headline in re.sub(r"\s+", " ", text)
 

@@ -63,11 +63,11 @@ def test_plots_are_kept_of_the_worst(make_screening, severities, plotted) -> Non
     model = make_screening("FV", Verdict.STICKY, S=2.0, J=0.0, samples=30)
     nothing = plots_of(model.without_samples())
     spill = ResultSpill(plotted)
-    for place, severity in enumerate(severities):
-        one = replace(model.without_samples(), valve=f"FV-{place:02}", severity=float(severity))
-        spill.add(place, one, nothing)
-    kept = {place for place in range(len(severities)) if spill.evidence(place) is not None}
-    order = sorted(range(len(severities)), key=lambda place: (-severities[place], place))
+    for index, severity in enumerate(severities):
+        one = replace(model.without_samples(), valve=f"FV-{index:02}", severity=float(severity))
+        spill.add(index, one, nothing)
+    kept = {index for index in range(len(severities)) if spill.evidence(index) is not None}
+    order = sorted(range(len(severities)), key=lambda index: (-severities[index], index))
     assert kept == set(order[:plotted])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,9 @@ from typing import Any
 
 import pytest
 
+from stemwatch.models.narx import training
+from stemwatch.models.narx.example import NarxFit, NarxSettings
+from stemwatch.models.narx.training_record import TrainingRecord
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.executors import Executor, InProcess, LocalProcesses
 from stemwatch.service.executors.dask_cluster import DaskCluster
@@ -35,7 +38,7 @@ class LastFirst:
 
     def hand_out(self, work, batches, stop, *, alone=False) -> Generator[Answer[Any]]:
         for place, batch in reversed(list(enumerate(batches))):
-            yield Answer(place=place, results=work(batch))
+            yield Answer(index=place, results=work(batch))
 
 
 @pytest.fixture
@@ -78,6 +81,27 @@ def test_every_executor_finds_the_same(found, cluster: Cluster) -> None:
     assert alone == together
     assert alone == far
     assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in told)
+
+
+def test_a_run_trains_the_networks_of_a_batch_together_on_a_gpu_that_is_there(
+    found, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The engine hands out batches that are worth a GPU, and the valves that have a fit go to it
+    in one piece. Where the GPU works is put in its place here; all before it is as in a plant."""
+    trained: list[tuple[str, int]] = []
+
+    def on_a_gpu(
+        device: str, valves: Sequence[TrainingRecord], settings: NarxSettings
+    ) -> list[NarxFit]:
+        trained.append((device, len(valves)))
+        return [NarxFit(valve=valve.example.valve, reason="no GPU here") for valve in valves]
+
+    assert execute.CHUNK >= training.LEAST_ON_GPU
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    monkeypatch.setattr(training, "LEAST_ON_GPU", 2)
+    monkeypatch.setattr(training, "_train_on", on_a_gpu)
+    found(InProcess(), "gpu")
+    assert trained == [("cuda", 2)]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")

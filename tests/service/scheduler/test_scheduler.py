@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import pytest
 import time_machine
@@ -105,6 +106,33 @@ def test_a_changed_rhythm_begins_now(store: Store, scheduler: Scheduler, clock) 
     assert scheduler.look() == []
     clock.shift(timedelta(minutes=10))
     assert len(scheduler.look()) == 1
+
+
+@pytest.mark.parametrize(
+    ("night", "hours"),
+    [(datetime(2026, 3, 28, 20, tzinfo=UTC), 23), (datetime(2026, 10, 24, 20, tzinfo=UTC), 25)],
+)
+def test_the_nights_in_which_clocks_change(
+    store: Store, clock, night: datetime, hours: int
+) -> None:
+    """The day of Berlin has 23 or 25 hours, each with its run; the run of 02:30, a time that spring
+    leaves out and autumn repeats, is there once; windows are as long as ever."""
+    clock.move_to(night)
+    nightly = ScreeningSchedule(name="nightly", cron="30 2 * * *", window_s=7200.0)
+    store.schedules.take_from_file([HOURLY, nightly])
+    scheduler = Scheduler(store, "Europe/Berlin")
+    for _ in range(28 * 6):
+        for number in scheduler.look():
+            store.queue.finish(number, RunState.DONE)
+        clock.shift(timedelta(minutes=10))
+    runs = [run for run in store.queue.recent() if run.due > night]
+    sunday = (night + timedelta(hours=12)).date()
+    zone = ZoneInfo("Europe/Berlin")
+    of_day = [run for run in runs if run.due.astimezone(zone).date() == sunday]
+    assert len([run for run in of_day if run.schedule == "hourly"]) == hours
+    assert len([run for run in of_day if run.schedule == "nightly"]) == 1
+    assert {run.reason for run in runs} == {""}
+    assert {run.window[1] - run.window[0] for run in runs} == {timedelta(hours=2)}
 
 
 def test_it_wakes_for_schedules_that_come_and_go(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from stemwatch.service.store.samples.partitions import is_partition
 AT_US = 1_772_344_800_000_000  # 2026-03-01 06:00 UTC
 DAY_US = 86_400_000_000
 TIME = "2026-03-01 06:00:00.000000"
-REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0006")
+REVISIONS = ("0001", "0002", "0003", "0004", "0005", "0006", "0007")
 # What a column holds where its type alone does not say it; a list has a value for each row.
 _SPECIAL: dict[str, Any] = {
     "valves.id": ["FIC-101", "FIC-1ü2"],
@@ -47,6 +47,7 @@ _SPECIAL: dict[str, Any] = {
     "feedback.judgement": ["right", "wrong"],
     "feedback.verdict": "sticky",
     "feedback.effects": "[]",
+    "pictures.screening_id": [1, 2],
     "networks.kind": ["baseline", "fitted"],
     "samples.at_us": [AT_US, AT_US + DAY_US],
     "samples.value": [41.25, None],
@@ -95,7 +96,7 @@ def _contents_of(connection: Connection, name: str) -> dict[str, list[str]]:
     quoted = ", ".join(f'"{column}"' for column in columns)
     order = ", ".join(f'"{column}"' for column in key)
     rows = connection.execute(text(f'SELECT {quoted} FROM "{name}" ORDER BY {order}')).all()
-    return {column: [repr(row[place]) for row in rows] for place, column in enumerate(columns)}
+    return {column: [repr(row[index]) for row in rows] for index, column in enumerate(columns)}
 
 
 def _insert(connection: Connection, name: str) -> None:

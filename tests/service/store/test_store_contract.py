@@ -248,7 +248,9 @@ def test_previous_is_the_last_one_before(store: Store, make_screening: MakeScree
     assert before is not None
     assert (1.0, run, days[1].window[1]) == (before.severity, before.run, before.at)
     assert (days[1].verdict, days[1].S.value) == (before.verdict, before.S)
-    assert [1.0, 0.0] == [one.severity for one in store.previous_findings(days[2], limit=9)]
+    assert [1.0, 0.0] == [
+        previous_finding.severity for previous_finding in store.previous_findings(days[2], limit=9)
+    ]
     assert store.previous_finding(days[0]) is None
     assert store.previous_finding(make_screening(valve="unknown", start=LATER)) is None
 

@@ -71,7 +71,9 @@ def test_the_model_that_made_the_record_is_among_the_best(compared):
 def test_every_model_and_every_network_has_a_row():
     """Fifteen models and three networks, each with marks or a sentence."""
     told = []
-    comparison = compare(made(700), 450, tell=lambda model, done, of: told.append((model, of)))
+    comparison = compare(
+        made(700), 450, on_progress=lambda model, done, of: told.append((model, of))
+    )
     names = [row.model for row in comparison.rows]
     assert names == [*(model.name for model in EVERY), *(one.name for one in NETWORKS)]
     assert told == [(name, 18) for name in names]

@@ -52,7 +52,7 @@ def test_valves_stick_and_do_not_in_turn_and_are_mixed_up_with_the_other_kind():
     drawn = draw_miswired(8, 5)
     assert [valve.sticking for valve in drawn] == [True, False] * 4
     assert [valve.name for valve in draw_miswired(4, 5)] == [valve.name for valve in drawn[:4]]
-    assert len({valve.loop.tag for valve in drawn} | {valve.other.tag for valve in drawn}) > 6
+    assert len({valve.loop.tag for valve in drawn} | {valve.other_loop.tag for valve in drawn}) > 6
 
 
 @pytest.mark.parametrize(

@@ -135,9 +135,12 @@ def test_record_effects_are_found_or_claimed() -> None:
         marked([], [], record_effects=("frozen_signal",)),
         marked([], []),
     ]
-    marks[0] = replace(marks[0], said=replace(marks[0].said, record_effects=("frozen_signal",)))
-    marks[1] = replace(marks[1], said=replace(marks[1].said, record_effects=("quantisation",)))
-    rates = {(one.group, one.name): (one.hits, one.of) for one in record_rates(marks)}
+    marks[0] = replace(marks[0], answer=replace(marks[0].answer, record_effects=("frozen_signal",)))
+    marks[1] = replace(marks[1], answer=replace(marks[1].answer, record_effects=("quantisation",)))
+    rates = {
+        (record_rate.group, record_rate.name): (record_rate.hits, record_rate.of)
+        for record_rate in record_rates(marks)
+    }
     assert (1, 1) == rates["frozen_signal", "found"]
     assert (1, 2) == rates["quantisation", "claimed in error"]
     assert (0, 0) == rates["sampling_jitter", "found"]

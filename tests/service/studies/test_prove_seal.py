@@ -38,7 +38,7 @@ def case(number: int, **changes) -> CaseTruth:
 def test_what_was_sealed_is_what_is_opened() -> None:
     """Every number comes back as it was, sorted by file."""
     truths = [case(2), case(1, effects=(), hidden=()), case(3)]
-    assert sorted(truths, key=lambda one: one.file) == list(seal(truths).open())
+    assert sorted(truths, key=lambda truth: truth.file) == list(seal(truths).open())
 
 
 def test_the_order_of_the_cases_does_not_change_the_digest() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.studies import robustness
 from stemwatch.service.studies.robustness import StudyAnswer, draw_valves, recorded, rows
 
 WAY = "8 hours, stored every 60 s"
@@ -45,3 +46,12 @@ def test_a_bound_of_S_holds_where_S_is_not_below_it() -> None:
     (row,) = rows([answer(4.0), answer(5.5), answer(None, (4.8, 4.0, 5.5))])
     assert (row.S_at_least, row.at_least_held) == (2, 1)
     assert (row.with_numbers, row.S_held) == (1, 1)
+
+
+def test_where_no_valve_has_an_S_the_table_says_so(stemwatch, monkeypatch) -> None:
+    """Not "nan": no S and no J."""
+    monkeypatch.setattr(robustness, "run_robustness", lambda *_: [answer(None), answer(None)])
+    said = stemwatch("robustness", "--valves", 2, "--seed", 8484, "--way", WAY).said
+    assert "no S" in said
+    assert "no J" in said
+    assert "nan" not in said

@@ -16,7 +16,7 @@ from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.service.config import load_plant
 from stemwatch.service.executors import InProcess, LocalProcesses
 from stemwatch.service.run.plan import Request, make_plan
-from stemwatch.service.run.task import _recording
+from stemwatch.service.run.task import recording_of
 from stemwatch.service.studies.simulated_archive import PIECE, ArchivePlan, Format, write_archive
 
 PLAN = ArchivePlan(valves=3, hours=0.5, distinct=2, start=datetime(2026, 3, 1, 23, 45, tzinfo=UTC))
@@ -26,7 +26,7 @@ def written(folder: Path, form: Format):
     """The recordings of the archive, by valve, read through its own plant file."""
     plant = load_plant(write_archive(replace(PLAN, format=form), folder, InProcess()))
     assert not plant.problems
-    return {task.tags.valve: _recording(task) for task in make_plan(Request(plant=plant)).tasks}
+    return {task.tags.valve: recording_of(task) for task in make_plan(Request(plant=plant)).tasks}
 
 
 def test_both_formats_hold_the_same(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
     assert live.store.alerts.count_open(NOW) == len(numbers)
     send("/alerts/settle", alert=numbers, how="acknowledge", text="seen in the meeting")
     assert live.store.alerts.count_open(NOW) == 0
-    assert {one.comment for one in open_alerts(live.store)} == {"seen in the meeting"}
+    assert {open_alert.comment for open_alert in open_alerts(live.store)} == {"seen in the meeting"}
 
 
 @pytest.mark.parametrize(

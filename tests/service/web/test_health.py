@@ -119,7 +119,9 @@ def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
     ended.join()
     scheduler = Scheduler(store, "UTC")
     (found,) = [
-        one for one in health_checks(store, plant, scheduler, [ended]) if one.name == "runner"
+        health_check
+        for health_check in health_checks(store, plant, scheduler, [ended])
+        if health_check.name == "runner"
     ]
     assert (found.ok, found.vital) == (False, True)
 
@@ -135,7 +137,11 @@ def test_a_database_that_cannot_be_written_is_a_reason(store: Store, plant: Plan
     raw.close()
     with pytest.raises(StoreError, match="full"):
         store.add_note("FIC-101", datetime.now(UTC), "x" * 1_000_000)
-    (found,) = [one for one in health_checks(store, plant, scheduler) if one.name == "store"]
+    (found,) = [
+        health_check
+        for health_check in health_checks(store, plant, scheduler)
+        if health_check.name == "store"
+    ]
     assert (found.ok, found.vital) == (False, True)
     assert found.says == "the database cannot be written; the log says why"
     raw = store.transactions.readers.raw_connection()

@@ -159,7 +159,7 @@ def test_half_a_body_is_waited_for_only_so_long(address, monkeypatch, caplog) ->
     with caplog.at_level(logging.INFO), talking(address, head) as link:
         assert closed(link)
     assert "Traceback" not in caplog.text
-    assert not [one for one in caplog.records if one.levelno >= logging.ERROR]
+    assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
 async def _long_answer(scope: Any, receive: Any, send: Any) -> None:
@@ -217,7 +217,7 @@ def test_pages_are_answered_however_many_wait_with_half_a_header(live, monkeypat
                 assert status_of(asking) == 200
         for link in idle[:80]:
             assert status_of(link) in (503, 0)
-        said = [one for one in caplog.messages if "the most that pages may have" in one]
+        said = [message for message in caplog.messages if "the most that pages may have" in message]
         assert len(said) <= 2  # the filter belongs to the process, and a minute may end here
 
 

@@ -74,9 +74,9 @@ def read(site: Site) -> Values:
     """Every value by its name and labels, as Prometheus reads the text."""
     deps = SimpleNamespace(site=site, store=site.store, now=site.clock())
     return {
-        (one.name, frozenset(one.labels.items())): one.value
+        (sample.name, frozenset(sample.labels.items())): sample.value
         for family in text_string_to_metric_families(metrics_text(deps).decode())
-        for one in family.samples
+        for sample in family.samples
     }
 
 

@@ -40,7 +40,7 @@ def batch(*instants: datetime, value: float = 1.0, tag: str = "OP") -> SampleBat
     return SampleBatch(
         source="plc",
         tags=(tag,) * count,
-        at_us=np.array([microseconds(one) for one in instants], np.int64),
+        at_us=np.array([microseconds(instant) for instant in instants], np.int64),
         values=np.full(count, value),
         quality=np.zeros(count, np.uint8),
         reasons=("",) * count,

@@ -18,7 +18,7 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.modbus.sample_batch import SampleBatch
+from stemwatch.connectors.modbus.sample_batch import CAME_TWICE, SampleBatch
 from stemwatch.models.recording import Quality, Role
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.samples.tables import microseconds
@@ -55,6 +55,19 @@ def test_a_batch_that_comes_again_changes_nothing(store: Store) -> None:
     found = store.samples.read("plc", "OP")
     assert found.values.tolist() == [10, 11, 12, 13]
     assert store.samples.read("plc", "OP").at_us.size == 4
+
+
+def test_a_sample_whose_time_came_twice_makes_the_first_one_bad(store: Store) -> None:
+    """The only one that takes another's place, with its reason; those beside it stay, and so does
+    all of it when the batch comes again."""
+    store.samples.write(batch("OP", [0, 1, 2], [10, 11, 12]))
+    again = batch("OP", [1, 3], [np.nan, 13], quality=[Quality.MISSING, 0], reason=CAME_TWICE)
+    for _ in range(2):
+        store.samples.write(again)
+        found = store.samples.read("plc", "OP")
+        assert found.quality.tolist() == [0, Quality.MISSING, 0, 0]
+        assert np.array_equal(found.values, [10, np.nan, 12, 13], equal_nan=True)
+        assert store.samples.reasons("plc", "OP") == {CAME_TWICE: 1}
 
 
 def test_the_same_tag_of_two_sources_is_two(store: Store) -> None:

@@ -38,8 +38,8 @@ def on_day(day: float, mismatch: Mismatch, valve: str = "FIC-1", changed: str = 
 
 def save(store: Store, *screenings: Screening) -> None:
     run = store.begin_run(software_version="1")
-    for one in screenings:
-        store.save(one, run)
+    for window in screenings:
+        store.save(window, run)
 
 
 def test_each_window_comes_back_with_what_it_named_and_scored(store: Store) -> None:

@@ -111,13 +111,27 @@ def test_the_curves_of_the_last_windows_are_known(store: Store, make_screening) 
         recording = replace(first.recording, start=windows[day][0])
         mismatch = replace(MISMATCH, stroke_curve=found)
         store.save(replace(first, recording=recording, mismatch=mismatch), run)
-    assert [(one.start, one.end) for one in store.earlier_curves("FIC-101")] == windows[::-1]
-    assert [one.curve for one in store.earlier_curves("FIC-101")] == [curve, None, curve]
+    assert [
+        (earlier_curve.start, earlier_curve.end)
+        for earlier_curve in store.earlier_curves("FIC-101")
+    ] == windows[::-1]
+    assert [earlier_curve.curve for earlier_curve in store.earlier_curves("FIC-101")] == [
+        curve,
+        None,
+        curve,
+    ]
     (older, *_) = store.screenings("FIC-101")
     with store.transactions.writing("as an older version") as session:
         row = session.get(ScreeningRow, older.id)
-        row.mismatch = {key: one for key, one in row.mismatch.items() if key != "stroke_curve"}
-    assert [one.curve for one in store.earlier_curves("FIC-101")] == [None, curve]
+        row.mismatch = {
+            key: earlier_curve
+            for key, earlier_curve in row.mismatch.items()
+            if key != "stroke_curve"
+        }
+    assert [earlier_curve.curve for earlier_curve in store.earlier_curves("FIC-101")] == [
+        None,
+        curve,
+    ]
 
 
 def test_a_screening_knows_its_baseline(store: Store, make_screening) -> None:

@@ -94,7 +94,7 @@ def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: Us
     """No failure, no undescribed status, no field of another shape; and whoever lacks the right
     is refused whatever is sent."""
     found = api.ask(name, api.bearers[role])
-    allowed = CurrentUser(name="", role=role, how="").may(ROUTE_OPERATIONS[name])
+    allowed = CurrentUser(name="", role=role, signed_in_by="").may(ROUTE_OPERATIONS[name])
     assert (found == {403}) is not allowed
 
 

@@ -98,9 +98,9 @@ def let_in(live, role: UserRole, way: str) -> tuple[CurrentUser | None, dict[str
     if way == "session":
         cookies = cookie_of(live, role)
         mark = form_token_of(*cookies.values())
-        return CurrentUser(name="", role=role, how=""), {"cookies": cookies, "mark": mark}
+        return CurrentUser(name="", role=role, signed_in_by=""), {"cookies": cookies, "mark": mark}
     if way == "token":
-        current_user = CurrentUser(name="", role=role, how="", scopes=frozenset(Scope))
+        current_user = CurrentUser(name="", role=role, signed_in_by="", scopes=frozenset(Scope))
         return current_user, {"headers": bearer_of(live, role), "mark": ""}
     return None, {"mark": ""}
 

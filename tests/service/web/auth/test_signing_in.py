@@ -314,7 +314,7 @@ def test_the_audit_page_filters_and_pages(admin: Browser, live: Site) -> None:
     assert "No entry matches" in admin.client.get("/audit?start=2026-03-31").text
     assert "<b>Eve" not in page
     lines = admin.client.get("/api/v1/audit?limit=5").json()
-    assert [one["who"] for one in lines] == [NAMES[UserRole.ADMIN]] * 5
+    assert [line["who"] for line in lines] == [NAMES[UserRole.ADMIN]] * 5
 
 
 def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of) -> None:

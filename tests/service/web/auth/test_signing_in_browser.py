@@ -69,7 +69,7 @@ def test_somebody_signs_in_by_keyboard_and_out_again(browser, live: Site) -> Non
         page.get_by_role("heading", name="Sign in").wait_for()
         at.close()
     assert at.foreign == []
-    assert [one for one in at.errors if "401" not in one] == []
+    assert [error for error in at.errors if "401" not in error] == []
 
 
 def test_the_first_admin_arrives_by_the_printed_link(browser, store) -> None:

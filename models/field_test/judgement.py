@@ -1,0 +1,188 @@
+"""``judge_test``: which rival model the planned test's own recording speaks for, if any.
+
+Each rival is fitted to what MV did, within what the first recording left open of its numbers; the
+one that follows best is the ``best``. How sure that is, chance says: answers are drawn from each
+other rival over the OP that was really played, and a rival is ruled out where hardly any of its own
+answers speaks for the best as much as the recorded one does. That is the likelihood ratio test by
+simulation (Davison and Hinkley 1997, ch. 4, doi:10.1017/CBO9780511802843).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from stemwatch.models.excitation import swing
+from stemwatch.models.field_test.programme import RESOLUTION
+from stemwatch.models.field_test.rival_runs import SLOW, RivalFit, RivalRuns
+from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
+from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.percent import without_impossible_values
+from stemwatch.models.recording import PERCENT, Floats, Recording, Signal
+from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
+from stemwatch.models.stickslip.stored_range import in_percent
+
+DRAWN = 39  # answers of each rival: with one beyond the recorded one, 2 of 40 are as far
+RULED_OUT = 0.05
+MOST_SAMPLES = 2400  # of a recording; of a longer one every second, third, ... is taken
+FEWEST_SAMPLES = 30
+SHOWS = 0.5  # of the first recording, that a test must last to show what grew over that
+LEAST_USABLE = 0.8
+# How many times more than of half of its own answers the best rival may leave: no stem is exactly
+# the element, and 6 to 8 is usual where the lag's true size lies a little beyond what was known.
+FOLLOWS_WITHIN = 10.0
+
+
+class TestOutcome(StrEnum):
+    """What a recorded test says of the rivals."""
+
+    __test__ = False  # is no test of pytest's
+
+    FOLLOWS = "follows"  # MV follows one of them, and the others are ruled out
+    CANNOT_TELL = "cannot_tell"  # others follow it about as well
+    NONE_FOLLOWS = "none_follows"  # MV follows none of them
+    NOT_TESTABLE = "not_testable"  # the recording is none of a test
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestJudgement:
+    """What a recorded test says.
+
+    ``fits`` has one for each of ``models``, ``best`` is the place of the one that costs least.
+    ``as_far`` (m,): how probable it is that an answer of that rival speaks for the best as much as
+    the recorded one; 1 for the best itself, and where only hours would show the difference.
+    ``leaves`` is the cost of the best over the median of what its own answers cost it. ``op`` and
+    ``mv`` (n,) in percent every ``interval_s`` seconds are what was judged. ``reason`` says why
+    nothing could be.
+    """
+
+    __test__ = False  # is no test of pytest's
+
+    outcome: TestOutcome
+    models: tuple[RivalModel, ...] = ()
+    fits: tuple[RivalFit, ...] = ()
+    best: int = 0
+    as_far: tuple[float, ...] = ()
+    leaves: float = 0.0
+    interval_s: float = 1.0
+    op: Floats | None = None
+    mv: Floats | None = None
+    reason: str = ""
+
+    @property
+    def winner(self) -> str | None:
+        """The slug of the rival that MV follows, the others being ruled out; else ``None``."""
+        return self.models[self.best].slug if self.outcome is TestOutcome.FOLLOWS else None
+
+    @property
+    def left(self) -> tuple[str, ...]:
+        """The slugs of the rivals that are not ruled out, the best first; none where MV follows
+        none of them."""
+        if self.outcome not in (TestOutcome.FOLLOWS, TestOutcome.CANNOT_TELL):
+            return ()
+        order = np.argsort([fit.cost for fit in self.fits], kind="stable")
+        return tuple(self.models[k].slug for k in order if self.as_far[k] > RULED_OUT)
+
+
+def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
+    """What ``recording`` of the test says of the rivals of ``question``.
+
+    The recording holds the test and little else: each cost is of all of it. Never raises for what
+    it holds.
+    """
+    models = question.models
+    recording = without_impossible_values(on_own_clock(in_percent(recording)))
+    recording = brought_forward(recording, find_op_late(recording))
+    if recording.mv is not None and recording.mv.unit != PERCENT:
+        read = as_position(recording)
+        recording = recording if read is None else read[0]
+    reason = _cannot(recording)
+    if reason:
+        return TestJudgement(outcome=TestOutcome.NOT_TESTABLE, models=models, reason=reason)
+    assert recording.mv is not None
+    every = -(-len(recording) // MOST_SAMPLES)
+    op, mv = (_filled(signal)[::every] for signal in (recording.op, recording.mv))
+    interval_s = recording.interval_s * recording.unit_s * every
+    travel = op if question.curve is None else question.curve.command(op)
+    own = interval_s / question.unit_s
+    runs = RivalRuns(question, models, np.ascontiguousarray(travel), own)
+    fits = tuple(runs.fit(model, mv) for model in models)
+    best = int(np.argmin([fit.cost for fit in fits]))
+    # What grows over a whole record is as good as still in a test of minutes.
+    short = op.size * interval_s < SHOWS * question.duration * question.unit_s
+    slow = SLOW if short else frozenset()
+    rng = np.random.default_rng(1970)
+    own_costs = [_own_cost(runs, models[best], rng) for _ in range(DRAWN)]
+    leaves = fits[best].cost / float(np.median(own_costs))
+    costs = np.array([fit.cost for fit in fits])
+    # What no rival explains counts for none of them: a margin in units of what is left over.
+    margins = (costs - costs[best]) / max(leaves, 1.0)
+    as_far = tuple(
+        1.0
+        if k == best or slow & {models[k].slug, models[best].slug}
+        else _as_far(runs, k, best, float(margins[k]), rng)
+        for k in range(len(models))
+    )
+    judgement = TestJudgement(
+        outcome=TestOutcome.FOLLOWS,
+        models=models,
+        fits=fits,
+        best=best,
+        as_far=as_far,
+        leaves=leaves,
+        interval_s=interval_s,
+        op=op,
+        mv=mv,
+    )
+    return replace(judgement, outcome=_outcome(judgement))
+
+
+def _outcome(judgement: TestJudgement) -> TestOutcome:
+    if judgement.leaves > FOLLOWS_WITHIN:
+        return TestOutcome.NONE_FOLLOWS
+    others = [far for k, far in enumerate(judgement.as_far) if k != judgement.best]
+    return TestOutcome.FOLLOWS if max(others, default=0.0) <= RULED_OUT else TestOutcome.CANNOT_TELL
+
+
+def _own_cost(runs: RivalRuns, model: RivalModel, rng: np.random.Generator) -> float:
+    return runs.fit(model, runs.answered(model, rng)).cost
+
+
+def _as_far(
+    runs: RivalRuns, rival: int, best: int, margin: float, rng: np.random.Generator
+) -> float:
+    """How probable it is that an answer of ``rival`` costs it ``margin`` more than it costs the
+    best: the recorded one counts as one of them."""
+    beyond = 1
+    for _ in range(DRAWN):
+        answer = runs.answered(runs.models[rival], rng)
+        apart = runs.fit(runs.models[rival], answer).cost - runs.fit(runs.models[best], answer).cost
+        beyond += apart >= margin
+    return beyond / (DRAWN + 1.0)
+
+
+def _cannot(recording: Recording) -> str:
+    """Why the recording tells nothing, as a sentence without its stop; empty where it may."""
+    if recording.mv is None:
+        return "the position (MV) is not in the recording of the test"
+    if recording.mv.unit != PERCENT:
+        return f"{recording.mv.tag} is in {recording.mv.unit or 'an unknown unit'}, not in percent"
+    samples, usable = len(recording), int(np.count_nonzero(recording.usable))
+    if samples < FEWEST_SAMPLES or usable < LEAST_USABLE * samples:
+        return (
+            f"{usable} of {samples} samples can be used; expected at least {FEWEST_SAMPLES}, and "
+            f"{LEAST_USABLE:.0%} of them"
+        )
+    moved = swing(recording.op.values[recording.usable])
+    if moved < 2.0 * RESOLUTION:
+        return f"OP moves by {moved:.2g} % only: is this the recording of the test?"
+    return ""
+
+
+def _filled(signal: Signal) -> Floats:
+    """(n,) the values, straight lines across samples that cannot be used."""
+    good = np.flatnonzero(signal.usable)
+    return np.interp(np.arange(signal.values.size), good, signal.values[good])

@@ -1,0 +1,164 @@
+"""``stemwatch judge-test``: which rival the planned test's own recording speaks for."""
+
+from __future__ import annotations
+
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from stemwatch.models.mismatch.open_question import OpenQuestion
+    from stemwatch.models.recording import Recording
+    from stemwatch.service.field_test.judged import TestResult
+    from stemwatch.service.run.plan import Request
+
+
+def judge_test(
+    valve: Annotated[
+        str,
+        typer.Argument(help="The valve's id in the store, or the file the test was planned from."),
+    ],
+    result: Annotated[
+        Path | None,
+        typer.Argument(help="Export of the test; else the plant's own source is read."),
+    ] = None,
+    plant: o.PlantFile = None,
+    db: Annotated[str, typer.Option(help="Database URL, instead of the plant's.")] = "",
+    out: Annotated[Path | None, typer.Option(help="Folder for the page of the result.")] = None,
+    json_file: o.JsonFile = None,
+    op: o.OpTag = "",
+    mv: o.MvTag = "",
+    pv: o.PvTag = "",
+    from_: Annotated[str, typer.Option("--from", help="Start of the test, ISO time.")] = "",
+    to: Annotated[str, typer.Option("--to", help="End of the test, ISO time.")] = "",
+    zone: o.Zone = "",
+    interval_s: o.Interval = None,
+) -> None:
+    """Say which of the rivals the recording of a planned test speaks for, or that it cannot tell.
+
+    The rivals are those that `stemwatch plan-test` planned for: of the last screening before the
+    test, or of the file given first. Each is fitted to the test, and ruled out where hardly any
+    answer of its own would speak as much for the one that MV follows best.
+    """
+    from stemwatch.models.field_test.judgement import judge_test
+    from stemwatch.service.cli import views
+    from stemwatch.service.cli.reading import read_options, request_of, tags_of
+    from stemwatch.service.field_test.judged import result_of, to_object
+
+    if result is None and (plant is None or not (from_ and to)):
+        raise typer.BadParameter(
+            "give the export of the test, or --plant with --from and --to to read it there",
+            param_hint="RESULT",
+        )
+    sources = [] if result is None else [str(o.need_file(result, "RESULT"))]
+    options = read_options(zone, "", "", "", None, "", "", interval_s)
+    tags = tags_of(op=op, mv=mv, pv=pv)
+    request = request_of(sources, plant, tags, "", from_, to, options)
+    of_file = Path(valve).is_file()
+    recording = _recorded(request, "" if of_file else valve)
+    if of_file:
+        before = request_of([valve], plant, tags, "", "", "", options)
+        name, question = _of_file(before)
+    else:
+        name, question = valve, _of_store(valve, request, db, recording.start)
+    if len(question.models) < 2:
+        raise ValueError(
+            f"{name}: no effects were left to be told apart before the test; what its recording "
+            "shows say `stemwatch screen` (the verdict, after a bump test) and `stemwatch explain`"
+        )
+    found = result_of(judge_test(question, recording), name, (recording.start, recording.end))
+    views.out.print(_on_terminal(found), highlight=False)
+    if json_file is not None:
+        text = json.dumps(to_object(found), indent=1, ensure_ascii=False, allow_nan=False)
+        json_file.write_text(text + "\n", encoding="utf-8")
+    if out is not None:
+        _write(found, request, out)
+    elif found.rivals:
+        views.say_next("the page with the picture, with --out FOLDER.")
+
+
+def _recorded(request: Request, valve: str) -> Recording:
+    """The recording of the test, of ``valve`` where the source holds several."""
+    from stemwatch.service.cli.reading import say_unused_options
+    from stemwatch.service.explain.to_explain import what_to_explain
+    from stemwatch.service.run.task import recording_of
+
+    wanted = what_to_explain(request).valves
+    named = [one for one in wanted if one.valve == valve] or list(wanted)
+    if len(named) != 1:
+        names = ", ".join(one.valve for one in named[:5]) or "none"
+        raise ValueError(
+            f"one valve is judged; the recording of the test has {len(named)} ({names}): give its "
+            "tags with --op and --mv"
+        )
+    if named[0].task is None or named[0].reason:
+        raise ValueError(named[0].reason or f"{named[0].source}: there is nothing to read")
+    recording = recording_of(named[0].task)
+    say_unused_options([recording.provenance])
+    return recording
+
+
+def _of_store(valve: str, request: Request, db: str, begin: datetime | None) -> OpenQuestion:
+    from stemwatch.service.cli import views
+    from stemwatch.service.cli.plan_test import known_store, not_screened
+    from stemwatch.service.field_test.planned import question_before
+
+    with known_store(valve, request.plant, db) as store:
+        known = question_before(store, valve, begin)
+        if known is None:
+            raise not_screened(valve, store)
+    question, ended = known
+    views.say(f"rivals of the screening that ended {ended:%Y-%m-%d %H:%M} UTC")
+    return question
+
+
+def _of_file(request: Request) -> tuple[str, OpenQuestion]:
+    from stemwatch.models.mismatch.open_question import OpenQuestion
+    from stemwatch.service.cli.plan_test import explained_file
+
+    explained = explained_file(request)
+    return explained.valve, explained.mismatch.open_question or OpenQuestion()
+
+
+def _write(found: TestResult, request: Request, out: Path) -> None:
+    from stemwatch.connectors.secret import masked_command
+    from stemwatch.service.cli import views
+    from stemwatch.service.field_test.sheet_files import write_result
+    from stemwatch.service.report import ReportContext
+
+    plant = request.plant
+    context = ReportContext(
+        started=datetime.now(UTC),
+        title=found.title,
+        plant=plant.name if plant else "",
+        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
+        command=masked_command(("stemwatch", *sys.argv[1:])),
+    )
+    path = write_result(found, context, out).resolve()
+    views.out.print(views.escape(f"Page: {path}"), highlight=False, soft_wrap=True)
+
+
+def _on_terminal(found: TestResult) -> RenderableType:
+    """The result as text: what MV followed, what that means, and each rival."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    parts: list[RenderableType] = [Text(found.title, style="bold"), Text(found.headline)]
+    parts += [Text(f"- {one}") for one in found.remarks]
+    if not found.rivals:
+        return Group(*parts)
+    table = Table(box=None, pad_edge=False)
+    for name in ("rival", "MV off by, % rms", "its own answers as far", ""):
+        table.add_column(name, justify="right" if "%" in name or "as far" in name else "left")
+    for one in found.rivals:
+        table.add_row(Text(one.name), f"{one.rms:.2f}", one.as_far, one.said)
+    return Group(*parts, Text(""), table)

@@ -1,0 +1,58 @@
+"""``PolledTimes``: tells which instants came before, because the computer's clock was set back.
+
+Of two samples of one tag at one time, one was taken at another: either clock may have been wrong,
+the earlier by running ahead or the later by being set back for no reason. Neither is certain, so
+neither stays good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from stemwatch.connectors.modbus.sample_batch import CAME_TWICE, SampleBatch
+from stemwatch.models.recording import Quality
+
+_HOLE_US = 3_600_000_000  # a longer hole in the times parts two stretches
+_STRETCHES = 8  # that are remembered for each device
+
+Stretches = dict[str, list[list[int]]]
+
+
+class PolledTimes:
+    """The stretches of time that were polled, first and last instant in microseconds, by device.
+
+    Each stretch runs forward; a clock that is set back, or ahead by more than an hour, begins
+    another. ``known`` is what an earlier process left.
+    """
+
+    def __init__(self, known: Mapping[str, Sequence[Sequence[int]]] | None = None) -> None:
+        self.stretches: Stretches = {
+            device: [[int(first), int(last)] for first, last in each]
+            for device, each in (known or {}).items()
+        }
+
+    def checked(self, batch: SampleBatch) -> SampleBatch:
+        """``batch``, the samples of one instant; all bad where this instant came before."""
+        if not len(batch) or not self._came_before(batch.source, int(batch.at_us[0])):
+            return batch
+        return SampleBatch(
+            source=batch.source,
+            tags=batch.tags,
+            at_us=batch.at_us,
+            values=np.full(len(batch), np.nan),
+            quality=np.full(len(batch), Quality.MISSING, dtype=np.uint8),
+            reasons=(CAME_TWICE,) * len(batch),
+        )
+
+    def _came_before(self, device: str, at_us: int) -> bool:
+        known = self.stretches.setdefault(device, [])
+        # The last instant again is none that came before: a process that follows another at once
+        # may begin with it, and a batch that a full disk refused is tried again.
+        if known and 0 <= at_us - known[-1][1] <= _HOLE_US:
+            known[-1][1] = at_us
+        else:
+            known.append([at_us, at_us])
+            del known[:-_STRETCHES]
+        return any(first <= at_us <= last for first, last in known[:-1])

@@ -1,0 +1,123 @@
+"""A long recording as windows: which are explained, what they agree on, and what is published."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from stemwatch.models.explained_windows import FEWEST, MOST, explain_windows
+from stemwatch.models.mismatch.findings import Finding, FreeRuns, Mismatch
+from stemwatch.models.recording import Recording, Role, Signal
+from tests.service.made_mismatch import of_every_kind
+
+SAMPLES = 400
+NAMED, CANDIDATES, UNKNOWN, NONE, UNTESTABLE = of_every_kind()
+
+
+def long_recording(windows: float, start: datetime | None = None) -> Recording:
+    """OP that moves all the time, more with every sample."""
+    time = np.arange(round(windows * SAMPLES))
+    op = 50.0 + (1.0 + time / 400.0) * np.sin(time / 8.0)
+    signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(op, "MV")}
+    return Recording(valve="FV", signals=signals, interval_s=1.0, start=start)
+
+
+@dataclass
+class Said:
+    """Says in turn what is given, and remembers what it was asked for."""
+
+    answers: list[Mismatch]
+    asked: list[Recording] = field(default_factory=list)
+
+    def __call__(self, part: Recording) -> Mismatch:
+        answer = self.answers[len(self.asked) % len(self.answers)]
+        self.asked.append(part)
+        run = np.asarray(part.op.values)
+        return replace(answer, seconds=1.0, runs=FreeRuns(naive=run, extended=run, heldout_from=9))
+
+
+@pytest.mark.parametrize(("windows", "explained"), [(3.9, 0), (4.0, 4), (7.5, 7), (20.0, MOST)])
+def test_cost_is_bounded_and_a_short_recording_stays_in_one_piece(windows, explained):
+    """From four windows on; never more than eight, and these without a common sample."""
+    said = Said([NONE])
+    told = explain_windows(long_recording(windows), SAMPLES, said)
+    assert len(said.asked) == explained
+    assert (told is None) == (explained < FEWEST)
+    if told is not None:
+        ends = [(window.start, window.at) for window in told.windows]
+        assert all(a[1] <= b[0] for a, b in pairwise(ends))
+        assert all(len(part) >= SAMPLES for part in said.asked)
+        assert told.mismatch.seconds == explained
+
+
+def test_windows_are_those_in_which_op_moves_most():
+    """Of twenty windows whose movement grows, the last eight."""
+    said = Said([NONE])
+    explain_windows(long_recording(20.0), SAMPLES, said)
+    first = long_recording(20.0).op.values
+    assert np.array_equal(said.asked[0].op.values, first[12 * SAMPLES : 13 * SAMPLES])
+    assert np.array_equal(said.asked[-1].op.values, first[19 * SAMPLES :])
+
+
+def test_what_two_windows_name_is_confirmed_and_shown():
+    """The window that is shown names it, on the clock of the whole; S and J are pooled."""
+    start = datetime(2026, 3, 2, 6, tzinfo=UTC)
+    told = explain_windows(long_recording(4.0, start), SAMPLES, Said([NONE, NAMED, NONE, NAMED]))
+    assert told is not None
+    holding = [finding.slug for finding in told.findings if finding.holds]
+    assert holding == [effect.slug for effect in NAMED.effects]
+    assert told.mismatch.finding is Finding.NAMED
+    assert told.shown.first == SAMPLES
+    assert told.began == start
+    assert told.mismatch.runs.naive.size == 4 * SAMPLES
+    assert np.isfinite(told.mismatch.runs.naive[SAMPLES : 2 * SAMPLES]).all()
+    assert np.isnan(told.mismatch.runs.naive[:SAMPLES]).all()
+    assert told.mismatch.runs.heldout_from == SAMPLES + 9
+    assert told.pooled is not None
+    assert told.mismatch.restated == told.pooled
+    assert told.mismatch.p_value == min(finding.p_value for finding in told.findings)
+
+
+def test_what_one_window_alone_names_is_not_published():
+    """The window that is shown names nothing, and the finding is first seen only."""
+    told = explain_windows(long_recording(5.0), SAMPLES, Said([NAMED, NONE, NONE, NONE, NONE]))
+    assert told is not None
+    assert told.mismatch.effects == ()
+    assert told.mismatch.finding is Finding.NONE
+    assert told.mismatch.p_value is None
+    assert [finding.holds for finding in told.findings] == [False] * len(told.findings)
+    assert len(told.findings) == len(NAMED.effects)
+
+
+def test_unknown_is_said_where_most_windows_say_it_and_restates_nothing():
+    """S and J of windows in which something is left are not pooled with the others."""
+    told = explain_windows(
+        long_recording(5.0), SAMPLES, Said([NONE, UNKNOWN, UNKNOWN, UNKNOWN, NONE])
+    )
+    assert told is not None
+    assert told.mismatch.finding is Finding.UNKNOWN
+    assert told.mismatch.restated == UNKNOWN.restated
+    assert told.pooled is not None
+
+
+def test_the_shown_window_is_explained_again_where_that_may_cost_more():
+    """Once, and the same part."""
+    said, again = Said([NONE]), Said([NAMED])
+    told = explain_windows(long_recording(4.0), SAMPLES, said, again)
+    assert told is not None
+    assert len(again.asked) == 1
+    assert again.asked[0].op.values[0] == said.asked[0].op.values[0]
+    assert told.mismatch.seconds == 5.0
+
+
+def test_windows_that_could_show_nothing_leave_it_untestable():
+    """Nothing is followed, nothing is pooled."""
+    told = explain_windows(long_recording(4.0), SAMPLES, Said([UNTESTABLE]))
+    assert told is not None
+    assert told.mismatch.finding is Finding.NOT_TESTABLE
+    assert told.findings == ()
+    assert told.pooled is None

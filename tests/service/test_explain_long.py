@@ -1,0 +1,86 @@
+"""A long recording, explained as windows: sentence, JSON, page and terminal agree."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from importlib.resources import files
+
+import jsonschema
+import pytest
+from rich.console import Console
+
+from stemwatch.models.limits import Limits
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.studies.simulator.loop import PlantLoop, Transmitters
+from stemwatch.models.studies.simulator.simulate import simulate_loop
+from stemwatch.models.studies.simulator.valve import Actuator, SimulatedValve
+from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.explain.explain_json import to_json
+from stemwatch.service.explain.explained import Explained, explain_recording
+from stemwatch.service.explain.write_explanation import write_pages
+from stemwatch.service.report import ReportContext
+
+SCHEMA = json.loads(
+    files("stemwatch.service.explain").joinpath("explain.schema.json").read_text("utf-8")
+)
+WINDOWS, SAMPLES = 5, 700
+
+
+@pytest.fixture(scope="module")
+def found() -> Explained:
+    """A valve whose air is slow, over five windows."""
+    moves = tuple((60.0 + 110.0 * k, 50.0 + (-1) ** k * (6.0 + k % 5)) for k in range(32))
+    loop = PlantLoop(
+        tag="FIC-1",
+        valve=SimulatedValve(S=3.0, J=1.0, actuator=Actuator(air_lag_s=4.0)),
+        transmitters=Transmitters(position_noise=0.05),
+        setpoints=moves,
+        duration_s=float(WINDOWS * SAMPLES),
+    )
+    recording = simulate_loop(loop, 3).recording
+    limits = Limits(fitted_samples=float(SAMPLES))
+    return explain_recording(recording, "long.csv", narx=False, limits=limits)
+
+
+def test_windows_that_agree_name_the_effect_and_pool_s_and_j(found):
+    """The sentence counts the windows, and S lies near the truth with an interval that holds it."""
+    evidence = found.by_window
+    assert evidence is not None
+    assert len(evidence.windows) == WINDOWS
+    assert found.mismatch.finding in (Finding.NAMED, Finding.CANDIDATES)
+    assert [finding.slug for finding in evidence.confirmed] == ["actuator_lag"]
+    assert f"of {WINDOWS} windows of the recording, which confirms it." in found.mismatch.sentence
+    assert evidence.pooled_sentence in found.mismatch.sentence
+    assert "What follows is of the window of 0.194 h" in found.mismatch.sentence
+    S = found.mismatch.restated.S
+    assert S == evidence.pooled.S
+    assert S.low < 3.0 < S.high
+
+
+def test_json_says_what_each_window_named(found):
+    """Seconds from the beginning, by the schema; a short recording has null."""
+    objects = json.loads(to_json([found, Explained(source="", valve="", mismatch=found.mismatch)]))
+    jsonschema.validate(objects, SCHEMA)
+    told = objects[0]["by_window"]
+    assert [one["begin_s"] for one in told["windows"]] == [SAMPLES * k for k in range(WINDOWS)]
+    assert [one["end_s"] for one in told["windows"]] == [SAMPLES * (k + 1) for k in range(WINDOWS)]
+    named = sum(["actuator_lag"] in [row[:1] for row in one["named"]] for one in told["windows"])
+    assert told["findings"][0]["named"] == named
+    assert told["findings"][0]["confirmed"] is True
+    assert told["S"]["value"] == objects[0]["stiction"]["restated"]["S"]["value"]
+    assert objects[1]["by_window"] is None
+
+
+def test_page_and_terminal_show_the_evidence_by_window(found, tmp_path):
+    """The picture has hours into the recording below it; the traces are of all of it."""
+    started = datetime(2026, 3, 2, tzinfo=UTC)
+    page = write_pages([found], ReportContext(started=started, zone="UTC"), tmp_path).html
+    text = page.read_text("utf-8")
+    assert "Over the windows of this recording" in text
+    assert ">0 h</text>" in text
+    assert "with its beginning below" in text
+    assert len(found.recording) == WINDOWS * SAMPLES
+    console = Console(width=300, record=True)
+    console.print(explanation(found))
+    assert "windows of the recording, which confirms it." in console.export_text()
