@@ -185,6 +185,8 @@ def _doubt(recording: Recording) -> tuple[str, str] | None:
     if pv is None:
         return "PV is not in this recording", "Export PV beside OP."
     _, op, known, _ = _longest(recording)
+    if not op.size:
+        return "OP and PV have no usable values at the same times", "Check both tags."
     if op.size < FEWEST_SAMPLES:
         return f"only {op.size} samples follow each other without a hole", _FASTER
     if np.ptp(known) <= 0.0:

@@ -24,7 +24,7 @@ from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.presenter.response_table import response_table
-from stemwatch.service.presenter.worth_a_test import suspected_sentence, suspicion_title
+from stemwatch.service.presenter.worth_a_test import HOW_SURE, suspected_sentence, suspicion_title
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
@@ -225,6 +225,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "instant": lambda when: words.instant(when, context.tz),
         "window": lambda ends: words.window(ends[0], ends[1], context.tz, context.zone),
         "suspicion_title": suspicion_title,
+        "how_sure": lambda _: HOW_SURE,
         "symbol": lambda verdict: words.VERDICT_SYMBOL[verdict],
         "verdict_meaning": lambda verdict: words.VERDICT_MEANING[verdict],
     }

@@ -21,7 +21,7 @@ from stemwatch.service.presenter.work_decision import (
     count_valves,
     decide,
 )
-from stemwatch.service.presenter.worth_a_test import worth_a_test
+from stemwatch.service.presenter.worth_a_test import loops_to_test, worth_a_test
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
@@ -92,9 +92,7 @@ class Ranking(Sequence[RankedValve]):
         self.counts = count_valves(
             (note.valve, of_it) for note, of_it in zip(notes, decided, strict=True)
         )
-        self.suspected = tuple(
-            notes[place].valve for place in self._order if worth_a_test(notes[place])
-        )
+        self.suspected = loops_to_test(notes[place] for place in self._order)
         taken: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[place].valve, taken) for place in self._order]
 
@@ -189,7 +187,7 @@ def suspected(ranked: Sequence[RankedValve]) -> Sequence[str]:
     """The valves that deserve a position transmitter or a test first, in their order."""
     if isinstance(ranked, Ranking):
         return ranked.suspected
-    return [v.screening.valve for v in ranked if worth_a_test(v.screening)]
+    return loops_to_test(valve.screening for valve in ranked)
 
 
 def anchor_of(valve: str, used_anchors: Counter[str]) -> str:

@@ -137,5 +137,14 @@ def test_json_and_tables_say_it_too(make_screening, make_context):
 def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
-    assert suspected_sentence(["A", "A"]).startswith("1 loop deserves a position transmitter")
-    assert suspected_sentence(["A", "B"]).endswith("suspected there: A, B.")
+    assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
+    assert "suspected there: A, B. Of 68" in suspected_sentence(["A", "B"])
+
+
+def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening, make_context):
+    """One of three is chance; two of three are not."""
+    told = {"A": (suspected(), no_sign(), no_sign()), "B": (suspected(), suspected(), no_sign())}
+    valves = [
+        without_mv(make_screening, valve, one) for valve, several in told.items() for one in several
+    ]
+    assert list(rank_valves(valves, make_context(valves)).suspected) == ["B"]
