@@ -60,35 +60,41 @@ def explain_windows(
     ``explain`` explains a part of it, and ``shown_by`` once more the one that is shown, where that
     may cost more.
     """
-    places = telling_windows(recording, samples, MOST)
-    if len(places) < FEWEST:
+    windows = telling_windows(recording, samples, MOST)
+    if len(windows) < FEWEST:
         return None
-    said = [explain(recording.part(place.first, place.last)) for place in places]
-    told = [_evidence(recording, place, one) for place, one in zip(places, said, strict=True)]
-    findings = lasting_findings(told)
+    explanations = [explain(recording.part(window.first, window.last)) for window in windows]
+    evidence = [
+        _evidence(recording, window, one) for window, one in zip(windows, explanations, strict=True)
+    ]
+    findings = lasting_findings(evidence)
     holding = [finding.slug for finding in findings if finding.holds]
-    best = _shown(said, told, holding)
+    best = _shown(explanations, evidence, holding)
     # What is left unexplained bends S and J in each window its own way.
-    known = [one for one, of in zip(told, said, strict=True) if of.finding is not Finding.UNKNOWN]
+    known = [
+        one
+        for one, mismatch_of_window in zip(evidence, explanations, strict=True)
+        if mismatch_of_window.finding is not Finding.UNKNOWN
+    ]
     pooled = pooled_stiction(known, findings)
-    shown = places[best]
-    mismatch = said[best]
+    shown_window = windows[best]
+    mismatch = explanations[best]
     if shown_by is not None:
-        mismatch = shown_by(recording.part(shown.first, shown.last))
+        mismatch = shown_by(recording.part(shown_window.first, shown_window.last))
     if pooled is not None and mismatch.finding is not Finding.UNKNOWN:
         mismatch = replace(mismatch, restated=pooled)
     runs = mismatch.runs
     mismatch = replace(
         mismatch,
-        runs=None if runs is None else runs.within(shown.first, len(recording)),
+        runs=None if runs is None else runs.within(shown_window.first, len(recording)),
         p_value=min((one.p_value for one in findings if one.holds), default=mismatch.p_value),
-        seconds=sum(one.seconds for one in said) + (mismatch.seconds if shown_by else 0.0),
+        seconds=sum(one.seconds for one in explanations) + (mismatch.seconds if shown_by else 0.0),
     )
     return ExplainedWindows(
         mismatch=mismatch,
         began=_began(recording),
-        shown=shown,
-        windows=tuple(told),
+        shown=shown_window,
+        windows=tuple(evidence),
         findings=findings,
         pooled=pooled,
     )
@@ -98,24 +104,29 @@ def _began(recording: Recording) -> datetime:
     return recording.start or NO_DATE
 
 
-def _evidence(recording: Recording, place: FitWindow, said: Mismatch) -> WindowEvidence:
+def _evidence(recording: Recording, window: FitWindow, mismatch: Mismatch) -> WindowEvidence:
     start, at = (
         _began(recording) + timedelta(seconds=sample * recording.interval_s)
-        for sample in (place.first, place.last)
+        for sample in (window.first, window.last)
     )
-    return WindowEvidence.of(said, at, start=start)
+    return WindowEvidence.of(mismatch, at, start=start)
 
 
-def _shown(said: Sequence[Mismatch], told: Sequence[WindowEvidence], holding: Sequence[str]) -> int:
+def _shown(
+    mismatches: Sequence[Mismatch], evidence: Sequence[WindowEvidence], holding: Sequence[str]
+) -> int:
     """The window whose defects are most nearly those that hold, and whose finding most others of
     these share; the first of equals."""
 
     def apart(place: int) -> int:
-        missing = sum(not told[place].names(slug) for slug in holding)
-        beyond = sum(not set(members) & set(holding) for members in told[place].named)
+        missing = sum(not evidence[place].names(slug) for slug in holding)
+        beyond = sum(not set(members) & set(holding) for members in evidence[place].named)
         return missing + 2 * beyond
 
-    nearest = min(map(apart, range(len(said))))
-    alike = [place for place in range(len(said)) if apart(place) == nearest]
-    counts = [sum(said[other].finding is said[place].finding for other in alike) for place in alike]
+    nearest = min(map(apart, range(len(mismatches))))
+    alike = [index for index in range(len(mismatches)) if apart(index) == nearest]
+    counts = [
+        sum(mismatches[other].finding is mismatches[index].finding for other in alike)
+        for index in alike
+    ]
     return alike[counts.index(max(counts))]

@@ -170,7 +170,7 @@ def _link(
     from stemwatch.service.access.links import address_of, make_link
 
     now = datetime.now(UTC)
-    secret, _ = make_link(store, kind, role, by="command line", now=now, user=user, note=note)
+    secret, _ = make_link(store, kind, role, made_by="command line", now=now, user=user, note=note)
     return address_of(secret, address)
 
 

@@ -135,14 +135,14 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
     views.out.print(modbus_views.meanings_table(at, words))
 
 
-def _try_maps(file: Path, wanted: str) -> None:
+def _try_maps(file: Path, name: str) -> None:
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.connectors.modbus.commissioning import try_map
     from stemwatch.connectors.modbus.read_fault import ReadFault
     from stemwatch.service.cli import modbus_views, views
 
     failed = []
-    for device in _devices(file, wanted):
+    for device in _devices(file, name):
         try:
             tried = asyncio.run(try_map(device))
         except ReadFault as fault:
@@ -155,7 +155,7 @@ def _try_maps(file: Path, wanted: str) -> None:
         raise ConnectorError("; ".join(failed))
 
 
-def _devices(file: Path, wanted: str) -> list[Device]:
+def _devices(file: Path, name: str) -> list[Device]:
     """The devices of a plant file; what is wrong with the others is said on standard error."""
     from stemwatch.connectors.modbus.read_devices import read_devices
     from stemwatch.service.cli import options, views
@@ -167,9 +167,9 @@ def _devices(file: Path, wanted: str) -> list[Device]:
     devices = read_devices(tables, lines.of, file.name, folder=file.absolute().parent)
     for problem in devices.problems:
         views.say_error(str(problem))
-    chosen = [device for device in devices.devices if wanted in ("", device.name)]
+    chosen = [device for device in devices.devices if name in ("", device.name)]
     if not chosen:
         names = ", ".join(device.name for device in devices.devices) or "none that can be read"
-        what = f"no device {wanted!r}" if wanted else "no [[devices]] to try"
+        what = f"no device {name!r}" if name else "no [[devices]] to try"
         raise typer.BadParameter(f"{what} in {file.name}; it has {names}", param_hint="--map")
     return chosen

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from stemwatch.service.studies.position_free import FamilyRow
 
 
 def study_without_position(
@@ -39,7 +45,6 @@ def study_without_position(
 
     from stemwatch.models.without_position.suspicion import trained_judge
     from stemwatch.service.cli import views
-    from stemwatch.service.cli.prove_tables import plain_table
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.position_free import (
         FAMILIES,
@@ -69,6 +74,17 @@ def study_without_position(
         answers = run_position_free(
             judge, loops, seed, executor, lambda n: progress.update(bar, completed=n)
         )
+    views.out.print(_table(seed, family_rows(answers)))
+    if json_file is not None:
+        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
+        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("without-position.md")
+
+
+def _table(seed: int, rows: Iterable[FamilyRow]) -> Table:
+    """A row for each family."""
+    from stemwatch.service.cli.prove_tables import plain_table
+
     columns = (
         "suspected",
         "no sign",
@@ -80,7 +96,7 @@ def study_without_position(
     )
     title = f"Valves without a position, seed {seed}: sticking + sound loops"
     table = plain_table(title, ("family",), columns)
-    for row in family_rows(answers):
+    for row in rows:
         table.add_row(
             f"{row.family}, {row.sticking} + {row.sound}",
             *(f"{a} + {b}" for a, b in (row.suspected, row.no_sign, row.cannot_tell)),
@@ -89,8 +105,4 @@ def study_without_position(
             f"{row.error:.2f} %",
             f"{row.held[0]} of {row.held[1]}",
         )
-    views.out.print(table)
-    if json_file is not None:
-        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
-        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
-    views.say_read_on("without-position.md")
+    return table

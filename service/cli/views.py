@@ -138,11 +138,13 @@ def verdict_line(screening: Screening) -> str:
 
 
 @contextmanager
-def progress(what: str, total: int, *, transient: bool = False) -> Iterator[Callable[[int], None]]:
+def progress(
+    description: str, total: int, *, transient: bool = False
+) -> Iterator[Callable[[int], None]]:
     """A progress bar; gives what is told how many of ``total`` are done. A transient one leaves no
     line."""
     with Progress(console=err, transient=transient) as shown:
-        bar = shown.add_task(what, total=total)
+        bar = shown.add_task(description, total=total)
         yield lambda done: shown.update(bar, completed=done)
 
 

@@ -12,6 +12,7 @@ from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
+from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
 from stemwatch.service.presenter.false_discoveries import tested
@@ -46,7 +47,8 @@ def facts_of(
     """What plant file and store say of the valves, and what was found of them before."""
     known = {valve.id: valve for valve in store.valves()}
     valves = [screening.valve for screening in screenings]
-    weeks, by_window = store.trends(valves), store.evidence(valves)
+    limits = limits_in_force(plant, store.browser_settings.limits())
+    weeks, by_window = store.trends(valves, limits), store.evidence(valves)
     return {
         screening.valve: replace(
             _facts(
@@ -137,7 +139,9 @@ def report_of_store(
     return write_maintenance(chosen, context, out_dir, background, everything=everything)
 
 
-def _p_elsewhere(every: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
+def _p_elsewhere(restored: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
     """The p values of the valves that were tested and are not in the report."""
-    others = [screening.mismatch for screening in every if valves and screening.valve not in valves]
+    others = [
+        screening.mismatch for screening in restored if valves and screening.valve not in valves
+    ]
     return tuple(other.p_value for other in others if tested(other))

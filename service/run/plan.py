@@ -294,9 +294,9 @@ def _not_readable(path: str, valve: str, reason: str) -> Task:
     return Task(path=path, tags=tags, reason=reason)
 
 
-def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
+def header_tags(path: str, tags_wanted: Set[str]) -> set[str] | None:
     """The names in the header of the text file ``path``; ``None`` where no line near its top names
-    two of the ``wanted`` tags, so that the whole file has to be parsed.
+    two of the ``tags_wanted`` tags, so that the whole file has to be parsed.
 
     Each name is given as written and without a trailing unit in brackets.
     """
@@ -310,6 +310,6 @@ def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
     for line in head.decode("utf-8-sig", "replace").splitlines()[:HEADER_LINES]:
         cells = {cell.strip().strip("\"'").strip() for cell in _SEPARATORS.split(line)}
         named = cells | {_UNIT.sub("", cell) for cell in cells}
-        if len(named & wanted) >= FEWEST_TAGS:
+        if len(named & tags_wanted) >= FEWEST_TAGS:
             return named
     return None

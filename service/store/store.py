@@ -12,6 +12,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
+from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
@@ -340,10 +341,11 @@ class Store:
         with self.transactions.reading() as session:
             return recent.read_recent(session, valves, depth, indicator)
 
-    def trends(self, valves: Sequence[str]) -> dict[str, TrendOverWeeks]:
-        """How S of each of ``valves`` changes over weeks, where that is known."""
+    def trends(self, valves: Sequence[str], limits: Limits) -> dict[str, TrendOverWeeks]:
+        """How S of each of ``valves`` changes over weeks, where that is known, and when it will
+        reach the limit of sticky."""
         with self.transactions.reading() as session:
-            return daily_stiction.read_trends(session, valves)
+            return daily_stiction.read_trends(session, valves, limits.sticky_S_percent)
 
     def evidence(self, valves: Sequence[str]) -> dict[str, EvidenceOfWeeks]:
         """What the windows of the last weeks say together of those of ``valves`` on which one of

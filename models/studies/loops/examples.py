@@ -30,9 +30,9 @@ class WindowsExample:
     sticky: bool
 
 
-def example(seed: int, place: int) -> LoopExample | None:
+def example(seed: int, index: int) -> LoopExample | None:
     """The example of a drawn loop; ``None`` where it holds nothing that can be compared."""
-    loop = draw_loop(seed, place)
+    loop = draw_loop(seed, index)
     try:
         shown = evidence(loop.op, loop.pv)
     except ValueError:
@@ -45,9 +45,9 @@ def example(seed: int, place: int) -> LoopExample | None:
     )
 
 
-def windows_example(seed: int, place: int) -> WindowsExample | None:
+def windows_example(seed: int, index: int) -> WindowsExample | None:
     """The windows of a drawn loop; ``None`` where OP or PV stands still or it is too short."""
-    loop = draw_loop(seed, place)
+    loop = draw_loop(seed, index)
     if loop.op.size < LENGTH // 2 or np.ptp(loop.op) <= 0.0 or np.ptp(loop.pv) <= 0.0:
         return None
     cut = windows(loop.op, loop.pv, loop.sp, dominant_period(loop.op))

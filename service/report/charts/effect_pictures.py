@@ -158,7 +158,8 @@ def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
     strokes, said = next(one for one in found if len(one[0]) == most)
     for number, stroke in enumerate(strokes, start=1):
         plot = _stroke(seen, stroke, limit)
-        yield Picture(title=f"Stroke {number}", plot=plot, says=f"One of {most} {said}")
+        one = "The only stroke" if most == 1 else f"One of {most} strokes"
+        yield Picture(title=f"Stroke {number}", plot=plot, says=f"{one} {said}")
 
 
 def _largest(seen: _Seen, way: int, begin: int) -> list[_Stroke]:

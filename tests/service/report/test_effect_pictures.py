@@ -10,7 +10,7 @@ import numpy as np
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
-from tests.service.made_mismatch import named
+from tests.service.example_mismatches import named
 
 FALLS_AT = 2.9  # %/s, as ``named`` has it
 
@@ -73,5 +73,5 @@ def test_a_gap_is_in_no_stroke() -> None:
     found = pictures(op, mv)
     assert len(found) == 1
     drawn = found[0].plot.drawn[0]
-    assert re.match("One of 1 ", found[0].says)
+    assert re.match("The only stroke on which ", found[0].says)
     assert drawn.y.max() <= 60.0

@@ -17,8 +17,8 @@ from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.session_cookie import BROWSER_NAME, NAME, SECURE_NAME
 from stemwatch.service.web.pages.login_page import safe_place
 from stemwatch.service.web.site import Site
-from tests.service.made_user import make_user
-from tests.service.web.made_plant import NOW, STICKY, serving
+from tests.service.example_user import make_user
+from tests.service.web.example_plant import NOW, STICKY, serving
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, user_of
 
 
@@ -293,7 +293,12 @@ def test_what_cannot_be_done_with_users_is_refused(admin: Browser, path, fields,
 def test_a_link_can_be_withdrawn_from_the_page(admin: Browser, live: Site) -> None:
     """It stands in the list until then, without its secret."""
     secret, link = make_link(
-        live.store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="A", now=NOW, note="for Bob"
+        live.store,
+        OneTimeLinkKind.INVITATION,
+        UserRole.VIEWER,
+        made_by="A",
+        now=NOW,
+        note="for Bob",
     )
     page = admin.client.get("/users").text
     assert "for Bob" in page

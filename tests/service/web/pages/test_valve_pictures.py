@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 from datetime import timedelta
 
+import pytest
+
 from stemwatch.service.report.charts.window_pictures import pack_pictures, window_pictures
-from tests.service.maintenance.made_book import with_effects
+from tests.service.maintenance.example_book import with_effects
 from tests.service.report.conftest import screening as with_samples
-from tests.service.web.made_plant import NOW, STICKY, screening
+from tests.service.web.example_plant import NOW, STICKY, screening, serving
+from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened
+from tests.service.web.signed_in import cookie_of
 
 
 def test_the_page_has_the_pictures_of_its_screening(live, client) -> None:
@@ -44,3 +48,28 @@ def test_the_page_lays_the_loops_before_and_after_work_over_each_other(live, cli
     assert "J 2.00 → 0.00 %" in text
     assert part.count('class="small-plot"') == 1
     assert 'href="#work"' in page
+
+
+@pytest.mark.browser
+def test_on_a_phone_the_pictures_unfold_when_asked(browser, live) -> None:
+    """At a desk they are open, on a phone folded, without scripts open; nothing runs out of the
+    window once they are."""
+    found = with_effects(STICKY)
+    run = live.store.begin_run(software_version="1")
+    stored = screening(STICKY, at=NOW + timedelta(hours=1), mismatch=found.mismatch)
+    packed = pack_pictures(window_pictures(found))
+    live.store.save(stored.without_samples(), run, packed_pictures=packed)
+    with serving(live) as base:
+        opened = Opened(browser, base, cookie_of(live))
+        path = f"/valve?id={STICKY}"
+        assert opened.page(path, viewport=DESK).locator(".small-plot").first.is_visible()
+        bare = opened.page(path, viewport=PHONE, java_script_enabled=False)
+        assert bare.locator(".small-plot").first.is_visible()
+        page = opened.page(path, viewport=PHONE)
+        assert not page.locator(".small-plot").first.is_visible()
+        page.get_by_text("What the recording itself shows").focus()
+        page.keyboard.press("Enter")
+        assert page.locator(".small-plot").first.is_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        assert (opened.errors, opened.foreign) == ([], [])
+        opened.close()
