@@ -22,7 +22,7 @@ from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.sql.database import Database
 from stemwatch.connectors.sql.query_rows import mistake_in
 from stemwatch.models.recording import Role
-from tests.connectors import made_archives as made
+from tests.connectors import example_archives as made
 from tests.connectors.sql.conftest import QUERY, address
 
 HOUR = Window(start=made.START, stop=made.START + timedelta(hours=1))
