@@ -46,7 +46,8 @@ from stemwatch.service.report.ranking import (
 from stemwatch.service.report.report_context import ReportContext
 
 # Valves with these verdicts are plotted, and the next ones up to 60, but never more than 150: the
-# plots of one are 60 to 90 KB, and the page must open on a phone.
+# plots of one are 60 to 90 KB, with pictures of what was named up to 150, and the page must open on
+# a phone.
 ALWAYS_WITH_PLOTS = (Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH)
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150

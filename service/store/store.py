@@ -82,8 +82,9 @@ from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, R
 _GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
 
 
-def open_store(url: str | DatabaseUrl) -> Store:
-    """Open the store at ``url``; its schema is created or upgraded where needed.
+def open_store(url: str | DatabaseUrl, *, synced: bool = False) -> Store:
+    """Open the store at ``url``; its schema is created or upgraded where needed. ``synced``: a
+    power cut loses nothing that was committed, in SQLite too, at the cost of waiting for the disk.
 
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
     version of the program.
@@ -91,7 +92,7 @@ def open_store(url: str | DatabaseUrl) -> Store:
     from stemwatch.service.store.migrations.migrate import upgrade
 
     address = url if isinstance(url, DatabaseUrl) else DatabaseUrl(url)
-    engine = make_engine(address)
+    engine = make_engine(address, synced=synced)
     try:
         upgrade(engine, address)
     except BaseException:
