@@ -6,11 +6,11 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.without_position.features import evidence
 
 
-def non_linearity(op: Floats, pv: Floats, sp: Floats | None) -> float:
+def non_linearity(op: Floats, pv: Floats) -> float:
     """The gain in held-out error of a sticking element between OP and PV (n,) over a linear loop,
     in standard deviations of surrogates that have the phases of both in common; its inverse
     hyperbolic sine. 0 where it cannot be told."""
     try:
-        return evidence(op, pv, sp).beyond
+        return evidence(op, pv).beyond
     except ValueError:
         return 0.0

@@ -193,7 +193,7 @@ def _groups_of(loops: Sequence[LoopWaves]) -> list[OscillationGroup]:
             spectra,
             outputs,
             group,
-            lambda i: _non_linearity(op[i], pv[i], sp[i]),
+            lambda i: _non_linearity(op[i], pv[i]),
             lambda i: _as_number(loops[i].sticks),
         )
         names = {i: loops[i].loop for i in group.members}
@@ -213,14 +213,13 @@ def _on_clock(values: Floats, loop: LoopWaves, start: datetime | None, interval_
     return np.asarray(values[np.minimum(at, values.size - 1)])
 
 
-def _non_linearity(op: Floats, pv: Floats, sp: Floats) -> float:
+def _non_linearity(op: Floats, pv: Floats) -> float:
     known = np.isfinite(op) & np.isfinite(pv)
     if known.mean() < 0.9:
         return 0.0
     at = np.arange(op.size)
     filled = [np.interp(at, at[known], values[known]) for values in (op, pv)]
-    moved = sp if bool(np.isfinite(sp).all()) else None
-    return non_linearity(filled[0], filled[1], moved)
+    return non_linearity(filled[0], filled[1])
 
 
 def _told(

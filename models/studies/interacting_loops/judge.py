@@ -61,7 +61,7 @@ def judge_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> JudgedPlant:
             errors,
             outputs,
             group,
-            lambda i: non_linearity(plant.op[i], plant.pv[i], plant.sp[i]),
+            lambda i: non_linearity(plant.op[i], plant.pv[i]),
         )
         judged.append(_judged(plant, evidence))
     label = np.array(plant.label)
