@@ -54,9 +54,9 @@ def run_training(
 
     items = [LoopToDraw(seed, place) for place in range(loops)]
     items += [LoopToDraw(seed + 1, place) for place in range(loops // 2)]
-    shown = map_in_order(executor, example_item, items, on_progress)
-    network = train([one for one in shown[:loops] if one is not None], seed=seed)
-    judged = [one for one in shown[loops:] if one is not None]
+    examples = map_in_order(executor, example_item, items, on_progress)
+    network = train([one for one in examples[:loops] if one is not None], seed=seed)
+    judged = [one for one in examples[loops:] if one is not None]
     answers = [network.answer(one.values, one.windows.astype(np.float64)) for one in judged]
     return Judge(network=network, limits=_limits(judged, answers))
 
