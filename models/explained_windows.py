@@ -3,9 +3,13 @@
     recording -> at most MOST windows in which OP moves most -> each explained alone
               -> what two of them agree on, or one names and the others gain by -> S, J pooled
 
-One search over eight hours costs as much and finds less than eight over one hour each (see
-``docs/explain.md``): a poor optimum spoils one window, not the record. A record of so many samples
-that it has fewer than ``FEWEST`` windows is explained in one piece.
+One search over eight hours costs as much as eight over one hour each, and a poor optimum spoils one
+window, not the record. A record of so many samples that it has fewer than ``FEWEST`` windows is
+explained in one piece.
+
+What shows in few places of each hour, as play does, eight hours tell better. Where the windows
+agree on nothing and yet gain by some effect together, the record is therefore also explained as a
+whole, if it is no longer than they are; what that names counts where they gain by it.
 """
 
 from __future__ import annotations
@@ -15,9 +19,12 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from stemwatch.models.evidence_over_windows import (
+    AGREE,
     MEMORY,
+    FindingState,
     LastingFinding,
     WindowEvidence,
+    gain_together,
     lasting_findings,
     pooled_stiction,
 )
@@ -37,22 +44,25 @@ class ExplainedWindows:
     ``mismatch`` is that of window ``shown``, the first that names just what they agree on, on the
     clock of the whole recording and with the ``pooled`` S and J, where at least two name just that.
     Its p value is the smallest of what holds. ``findings`` are those that hold first; ``windows``
-    what each said, on a clock that ``began`` with the recording.
+    what each said, on a clock that ``began`` with the recording. ``by_whole`` are the effects that
+    hold because the recording as a whole names them and the windows gain by them: ``mismatch`` is
+    then that of the whole, and ``shown`` is ``None``.
     """
 
     mismatch: Mismatch
     began: datetime
-    shown: FitWindow
+    shown: FitWindow | None
     windows: tuple[WindowEvidence, ...]
     findings: tuple[LastingFinding, ...]
-    pooled: Stiction | None
+    pooled: Stiction | None = None
+    by_whole: tuple[str, ...] = ()
+
+
+Explain = Callable[[Recording], Mismatch]
 
 
 def explain_windows(
-    recording: Recording,
-    samples: int,
-    explain: Callable[[Recording], Mismatch],
-    shown_by: Callable[[Recording], Mismatch] | None = None,
+    recording: Recording, samples: int, explain: Explain, shown_by: Explain | None = None
 ) -> ExplainedWindows | None:
     """The windows of ``recording``, of ``samples`` samples and a little more, explained and taken
     together; ``None`` where it has fewer than ``FEWEST``.
@@ -64,17 +74,24 @@ def explain_windows(
     if len(places) < FEWEST:
         return None
     said = [explain(recording.part(place.first, place.last)) for place in places]
-    told = [_evidence(recording, place, one) for place, one in zip(places, said, strict=True)]
+    told = tuple(_evidence(recording, place, one) for place, one in zip(places, said, strict=True))
     findings = lasting_findings(told)
     holding = [finding.slug for finding in findings if finding.holds]
+    seconds = sum(one.seconds for one in said)
+    suspected = _suspected(told)
+    if suspected and not holding and len(recording) // samples <= MOST:
+        whole = explain(recording)
+        seconds += whole.seconds
+        if whole.defects and all(set(one.members) & suspected for one in whole.defects):
+            return _as_whole(replace(whole, seconds=seconds), _began(recording), told, findings)
     best = _shown(said, told, holding)
-    # What is left unexplained bends S and J in each window its own way.
-    known = [one for one, of in zip(told, said, strict=True) if of.finding is not Finding.UNKNOWN]
-    pooled = pooled_stiction(known, findings)
-    shown = places[best]
-    mismatch = said[best]
+    # With nothing named, a window that is not free of something bends S and J its own way.
+    clear = bool(holding) or all(one.finding is Finding.NONE for one in said)
+    pooled = pooled_stiction(told, findings) if clear else None
+    shown, mismatch = places[best], said[best]
     if shown_by is not None:
         mismatch = shown_by(recording.part(shown.first, shown.last))
+        seconds += mismatch.seconds
     if pooled is not None and mismatch.finding is not Finding.UNKNOWN:
         mismatch = replace(mismatch, restated=pooled)
     runs = mismatch.runs
@@ -82,15 +99,56 @@ def explain_windows(
         mismatch,
         runs=None if runs is None else runs.within(shown.first, len(recording)),
         p_value=min((one.p_value for one in findings if one.holds), default=mismatch.p_value),
-        seconds=sum(one.seconds for one in said) + (mismatch.seconds if shown_by else 0.0),
+        seconds=seconds,
     )
     return ExplainedWindows(
         mismatch=mismatch,
         began=_began(recording),
         shown=shown,
-        windows=tuple(told),
+        windows=told,
         findings=findings,
         pooled=pooled,
+    )
+
+
+def _suspected(told: Sequence[WindowEvidence]) -> set[str]:
+    """The effects that windows gain by together, or that two of them name."""
+    known = {score.slug for window in told for score in window.scores}
+    named = {slug: sum(window.names(slug) for window in told) for slug in known}
+    return {slug for slug in known if named[slug] >= AGREE or gain_together(slug, told)}
+
+
+def _as_whole(
+    whole: Mismatch,
+    began: datetime,
+    told: tuple[WindowEvidence, ...],
+    findings: Sequence[LastingFinding],
+) -> ExplainedWindows:
+    """What the recording as a whole names, and the windows gain by."""
+    slugs = tuple(effect.slug for effect in whole.defects)
+    confirmed = tuple(_by_whole(slug, whole, told) for slug in slugs)
+    others = tuple(one for one in findings if one.slug not in slugs)
+    return ExplainedWindows(
+        mismatch=whole,
+        began=began,
+        shown=None,
+        windows=told,
+        findings=(*confirmed, *others),
+        by_whole=slugs,
+    )
+
+
+def _by_whole(slug: str, whole: Mismatch, told: Sequence[WindowEvidence]) -> LastingFinding:
+    looked = [window for window in told if window.looked_for(slug)]
+    return LastingFinding(
+        slug=slug,
+        state=FindingState.CONFIRMED,
+        first_seen=looked[0].at,
+        last_seen=looked[-1].at,
+        confirmed=looked[-1].at,
+        named=sum(window.names(slug) for window in looked),
+        of=len(looked),
+        p_value=1.0 if whole.p_value is None else whole.p_value,
     )
 
 
